@@ -1,0 +1,59 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a geared drive is: the numbers that turn current into torque and counts into angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from friction_comp.errors import InputError
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A motor with gears, described at the joint (the gear's output).
+
+    Parameters
+    ----------
+    torque_constant : float
+        k_t of Eq. 1 in N·m/A.
+    gear_ratio : float
+        n, motor turns per joint turn.
+    encoder_counts : int, optional
+        Counts of the motor encoder per motor turn; None where unknown.
+    current_limit : float
+        Largest motor current in A that may ever be commanded.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite or not positive.
+    """
+
+    torque_constant: float
+    gear_ratio: float
+    encoder_counts: int | None = None
+    current_limit: float = 3.0
+
+    def __post_init__(self):
+        for name in ('torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'):
+            value = getattr(self, name)
+            if name == 'encoder_counts' and value is None:
+                continue
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                raise InputError(f'drive.{name} must be a number, not {value!r}')
+            if not math.isfinite(value) or value <= 0:
+                raise InputError(f'drive.{name} must be a positive finite number, not {value!r}')
+
+    @property
+    def torque_per_current(self):
+        """Joint torque per motor current, k_t · n, in N·m/A."""
+        return self.torque_constant * self.gear_ratio
+
+    @property
+    def position_resolution(self):
+        """Joint angle of one encoder count in rad; None where the encoder is unknown."""
+        if self.encoder_counts is None:
+            return None
+        return 2.0 * math.pi / (self.encoder_counts * self.gear_ratio)

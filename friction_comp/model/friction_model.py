@@ -1,0 +1,231 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The drive's current as a sum of effects, and the model file that holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import math
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.files import write_atomically
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.sigmoid import Sigmoid
+
+FORMAT = 'friction_comp_model'
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Breakaway:
+    """Breakaway currents of Eq. 9 and 10 in A; the negative direction's mean is negative."""
+
+    positive_mean: float
+    negative_mean: float
+    positive_std: float = 0.0
+    negative_std: float = 0.0
+
+    def __post_init__(self):
+        for name in ('positive_mean', 'negative_mean', 'positive_std', 'negative_std'):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f'breakaway.{name} must be finite')
+        if self.positive_mean < 0 or self.negative_mean > 0:
+            raise InputError(
+                'breakaway currents must have the sign of their direction, not '
+                f'{self.positive_mean} and {self.negative_mean}')
+        if self.positive_std < 0 or self.negative_std < 0:
+            raise InputError('breakaway standard deviations must not be negative')
+
+
+@dataclass
+class FrictionModel:
+    """Sigmoid of Eq. 6, breakaway currents and further effects of one drive.
+
+    Parameters
+    ----------
+    drive : Drive
+    sigmoid : Sigmoid
+    breakaway : Breakaway, optional
+    effects : list of Effect
+    joint : str
+    lookup_table : dict, optional
+        ``speeds`` rad/s, ``currents`` A, ``standard_deviations`` A: the table the sigmoid was
+        fitted to (note, section 2.3).
+    differentiation : dict
+        How velocity and acceleration are to be had of position when the model is applied to a
+        recording; written by refinement, empty otherwise.
+    simulation : dict
+        What only the simulated plant reads; never used by identification or compensation.
+    notes : dict
+        Where the model comes from.
+    """
+
+    drive: Drive
+    sigmoid: Sigmoid
+    breakaway: Breakaway | None = None
+    effects: list = field(default_factory=list)
+    joint: str = ''
+    lookup_table: dict | None = None
+    differentiation: dict = field(default_factory=dict)
+    simulation: dict = field(default_factory=dict)
+    notes: dict = field(default_factory=dict)
+
+    def predict(self, samples):
+        """Return the motor current in A, shape (N,), that the model expects.
+
+        Parameters
+        ----------
+        samples : Samples
+            With velocity, and with what the effects ask for.
+        """
+        current = np.asarray(self.sigmoid(samples.velocity), dtype=float)
+        for effect in self.effects:
+            current = current + effect.current(samples)
+        return current
+
+    def to_dict(self):
+        """Return the model as the plain values of its file."""
+        document = {'format': FORMAT, 'version': VERSION, 'joint': self.joint}
+        drive = {
+            'torque_constant': self.drive.torque_constant,
+            'gear_ratio': self.drive.gear_ratio,
+            'current_limit': self.drive.current_limit,
+        }
+        if self.drive.encoder_counts is not None:
+            drive['encoder_counts'] = self.drive.encoder_counts
+        document['drive'] = drive
+        document['sigmoid'] = {
+            'coefficients': list(self.sigmoid.coefficients()), 'velocity_unit': 'rad/s'}
+        if self.breakaway is not None:
+            document['breakaway'] = {
+                'positive': {'mean': self.breakaway.positive_mean,
+                             'std': self.breakaway.positive_std},
+                'negative': {'mean': self.breakaway.negative_mean,
+                             'std': self.breakaway.negative_std}}
+        document['effects'] = [effect.to_dict() for effect in self.effects]
+        for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
+            if getattr(self, name):
+                document[name] = getattr(self, name)
+        return _plain(document)
+
+    def save(self, path):
+        """Write the model file; the old file stays whole until the new one is complete."""
+        text = yaml.safe_dump(self.to_dict(), sort_keys=False, allow_unicode=True, width=96)
+        write_atomically(path, text)
+
+    @classmethod
+    def load(cls, path):
+        """Read a model file.
+
+        Raises
+        ------
+        InputError
+            Naming the file and what is wrong with it.
+        """
+        path = Path(path)
+        try:
+            document = yaml.safe_load(path.read_text(encoding='utf-8'))
+        except OSError as error:
+            raise InputError(f'{path}: {error.strerror or error}') from None
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            reason = ' '.join(str(error).split())
+            raise InputError(f'{path}: not a YAML document: {reason}') from None
+        try:
+            return cls.from_dict(document)
+        except InputError as error:
+            raise InputError(f'{path}: {error}') from None
+
+    @classmethod
+    def from_dict(cls, document):
+        """Make a model of the plain values of its file."""
+        if not isinstance(document, dict):
+            raise InputError('not a model file: a mapping is expected')
+        if document.get('format') != FORMAT:
+            raise InputError(f"not a model file: 'format: {FORMAT}' is missing")
+        if document.get('version') != VERSION:
+            raise InputError(f"model version {document.get('version')!r} is not {VERSION}")
+        drive = _section(document, 'drive')
+        unknown = set(drive) - {
+            'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'}
+        if unknown:
+            raise InputError(f'drive has unknown entries: {sorted(map(str, unknown))}')
+        for name in ('torque_constant', 'gear_ratio'):
+            if name not in drive:
+                raise InputError(f'drive.{name} is missing')
+        sigmoid = _section(document, 'sigmoid')
+        if 'coefficients' not in sigmoid or not isinstance(sigmoid['coefficients'], list):
+            raise InputError('sigmoid.coefficients is missing or not a list')
+        breakaway = None
+        if document.get('breakaway') is not None:
+            section = _section(document, 'breakaway')
+            values = {}
+            for side in ('positive', 'negative'):
+                entry = _section(section, side)
+                values[f'{side}_mean'] = _number(entry, 'mean', f'breakaway.{side}')
+                values[f'{side}_std'] = _number(entry, 'std', f'breakaway.{side}', 0.0)
+            breakaway = Breakaway(**values)
+        optional = {}
+        for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
+            if document.get(name) is not None:
+                optional[name] = _section(document, name)
+        return cls(
+            drive=Drive(**drive),
+            sigmoid=Sigmoid.from_coefficients(
+                sigmoid['coefficients'], sigmoid.get('velocity_unit', 'rad/s')),
+            breakaway=breakaway,
+            effects=[_effect(entry) for entry in _list(document, 'effects')],
+            joint=str(document.get('joint') or ''), **optional)
+
+
+def _effect(entry):
+    if not isinstance(entry, dict) or 'name' not in entry:
+        raise InputError(f'an effect needs a name: {entry!r}')
+    kind = EFFECTS.get(entry['name'])
+    if kind is None:
+        raise InputError(f"unknown effect '{entry['name']}'; known: {', '.join(EFFECTS)}")
+    parameters = entry.get('parameters') or {}
+    if not isinstance(parameters, dict):
+        raise InputError(f"parameters of effect '{entry['name']}' are not a mapping")
+    try:
+        return kind(parameters)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"effect '{entry['name']}': {error}") from None
+
+
+def _section(document, name):
+    value = document.get(name)
+    if not isinstance(value, dict):
+        raise InputError(f'{name} is missing or not a mapping')
+    return value
+
+
+def _list(document, name):
+    value = document.get(name) or []
+    if not isinstance(value, list):
+        raise InputError(f'{name} is not a list')
+    return value
+
+
+def _number(entry, name, where, default=None):
+    value = entry.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise InputError(f'{where}.{name} must be a number, not {value!r}')
+    return float(value)
+
+
+def _plain(value):
+    """Turn numpy values and tuples into what YAML and JSON can write."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return value.item()
+    return value

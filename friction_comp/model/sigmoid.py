@@ -1,0 +1,116 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The note's kinetic friction model, Eq. 6."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from scipy.special import expit
+
+from friction_comp.errors import InputError
+
+VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
+
+
+@dataclass(frozen=True)
+class Sigmoid:
+    """Current that overcomes kinetic friction, as a function of joint velocity (Eq. 6).
+
+    Eq. 6 has six coefficients but five degrees of freedom: c1, c3, c4 and c5 may be multiplied
+    by any number. Here they are held as what they mean,
+
+    ``i(ω) = viscous·ω + lower + (upper - lower) / (1 + exp(-steepness·(ω - shift)))``
+
+    with ``upper = c1/c4``, ``lower = -c3/c5``, ``steepness = c2``,
+    ``shift = -ln(c4/c5)/c2`` and ``viscous = c6``.
+
+    Parameters
+    ----------
+    upper, lower : float
+        Current in A that the transition tends to at high positive and negative velocity.
+    steepness : float
+        s/rad.
+    shift : float
+        Velocity of the transition's middle in rad/s.
+    viscous : float
+        A·s/rad.
+    """
+
+    upper: float
+    lower: float
+    steepness: float
+    shift: float = 0.0
+    viscous: float = 0.0
+
+    def __post_init__(self):
+        for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
+            if not math.isfinite(getattr(self, name)):
+                raise InputError(f'sigmoid.{name} must be finite, not {getattr(self, name)!r}')
+        if self.steepness <= 0:
+            raise InputError(f'sigmoid.steepness must be positive, not {self.steepness!r}')
+
+    def __call__(self, velocity):
+        """Return the current in A at joint velocity in rad/s, of the same shape."""
+        velocity = np.asarray(velocity, dtype=float)
+        share = expit(self.steepness * (velocity - self.shift))
+        return self.viscous * velocity + self.lower + (self.upper - self.lower) * share
+
+    @classmethod
+    def from_coefficients(cls, coefficients, velocity_unit='rad/s'):
+        """Make a sigmoid of c1..c6 of Eq. 6.
+
+        Parameters
+        ----------
+        coefficients : sequence of float, shape (6,)
+        velocity_unit : {'rad/s', 'deg/s'}
+            Unit of ω in which c2 and c6 are given; Eq. 11 of the note uses deg/s.
+
+        Raises
+        ------
+        InputError
+            If there are not six finite numbers with c2, c4 and c5 positive.
+        """
+        unit = _unit(velocity_unit)
+        try:
+            values = [float(value) for value in coefficients]
+        except (TypeError, ValueError):
+            raise InputError(f'sigmoid coefficients must be numbers: {coefficients!r}') from None
+        if len(values) != 6 or not all(map(math.isfinite, values)):
+            raise InputError(f'sigmoid needs six finite coefficients, not {coefficients!r}')
+        c1, c2, c3, c4, c5, c6 = values
+        if c2 <= 0 or c4 <= 0 or c5 <= 0:
+            raise InputError('sigmoid coefficients c2, c4 and c5 must be positive')
+        return cls(
+            upper=c1 / c4, lower=-c3 / c5, steepness=c2 / unit,
+            shift=-math.log(c4 / c5) / c2 * unit, viscous=c6 / unit)
+
+    def coefficients(self, velocity_unit='rad/s', scale=None):
+        """Return c1..c6 of Eq. 6.
+
+        Parameters
+        ----------
+        velocity_unit : {'rad/s', 'deg/s'}
+        scale : float, optional
+            The sum c4 + c5, which Eq. 6 leaves free; 2 when omitted.
+
+        Returns
+        -------
+        tuple of float, length 6
+        """
+        unit = _unit(velocity_unit)
+        total = 2.0 if scale is None else scale
+        c4 = total * float(expit(-self.steepness * self.shift))
+        c5 = total - c4
+        tiny = 1e-12 * total
+        c4, c5 = max(c4, tiny), max(c5, tiny)
+        return (self.upper * c4, self.steepness * unit, -self.lower * c5, c4, c5,
+                self.viscous * unit)
+
+
+def _unit(name):
+    if name not in VELOCITY_UNITS:
+        raise InputError(f'velocity unit must be one of {sorted(VELOCITY_UNITS)}, not {name!r}')
+    return VELOCITY_UNITS[name]
