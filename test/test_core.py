@@ -1,0 +1,129 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Drive, samples, sigmoid and atomic files."""
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.files import write_atomically
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.samples import Samples
+
+# Eq. 11 with the rows of configurations 2 and 3 in the order its own text asks for.
+EQUATION_11 = {
+    1: (0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),
+    2: (0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027),
+    3: (0.8896, 3.0735, 0.3082, 2.4381, 0.8727, 0.0032),
+}
+BREAKAWAY = {1: 0.0995, 2: 0.1377, 3: 0.3357}
+
+
+def as_printed(coefficients, omega):
+    c1, c2, c3, c4, c5, c6 = coefficients
+    growth = np.exp(c2 * omega)
+    return c6 * omega + (c1 * growth - c3) / (c4 * growth + c5)
+
+
+@pytest.mark.parametrize('number', EQUATION_11)
+def test_sigmoid_is_equation_6_as_printed(number):
+    degrees = np.linspace(-100, 100, 401)
+    sigmoid = Sigmoid.from_coefficients(EQUATION_11[number], 'deg/s')
+    assert sigmoid(np.radians(degrees)) == pytest.approx(
+        as_printed(EQUATION_11[number], degrees), abs=1e-12)
+
+
+@pytest.mark.parametrize('number', EQUATION_11)
+def test_plateau_agrees_with_breakaway_only_when_the_rows_are_swapped(number):
+    """The note's text: i_b corresponded closely to the kinetic friction near zero velocity."""
+    def plateau(row):
+        return (row.upper - row.lower) / 2
+    own = plateau(Sigmoid.from_coefficients(EQUATION_11[number], 'deg/s'))
+    assert own == pytest.approx(BREAKAWAY[number], rel=0.2)
+    if number != 1:
+        other = plateau(Sigmoid.from_coefficients(EQUATION_11[5 - number], 'deg/s'))
+        assert abs(other - BREAKAWAY[number]) > 0.5 * min(other, BREAKAWAY[number])
+
+
+@given(upper=st.floats(0.01, 1), lower=st.floats(-1, -0.01), steepness=st.floats(0.5, 300),
+       shift=st.floats(-0.02, 0.02), viscous=st.floats(0, 0.5), scale=st.floats(0.1, 10))
+def test_coefficients_give_the_same_curve_back_at_any_scale(
+        upper, lower, steepness, shift, viscous, scale):
+    sigmoid = Sigmoid(upper, lower, steepness, shift, viscous)
+    for unit in ('rad/s', 'deg/s'):
+        back = Sigmoid.from_coefficients(sigmoid.coefficients(unit, scale), unit)
+        velocity = np.linspace(-2, 2, 41)
+        assert back(velocity) == pytest.approx(sigmoid(velocity), rel=1e-6, abs=1e-9)
+
+
+def test_sigmoid_stays_finite_at_absurd_velocity():
+    sigmoid = Sigmoid.from_coefficients(EQUATION_11[3], 'deg/s')
+    assert np.all(np.isfinite(sigmoid(np.array([-1e6, 1e6]))))
+
+
+@pytest.mark.parametrize('coefficients', [
+    (1, 2, 3), (1, 2, 3, 4, 5, float('nan')), ('a',) * 6, (1, 0, 1, 1, 1, 0), (1, 1, 1, -1, 1, 0)])
+def test_sigmoid_refuses_what_is_not_equation_6(coefficients):
+    with pytest.raises(InputError):
+        Sigmoid.from_coefficients(coefficients)
+    with pytest.raises(InputError, match='deg/s'):
+        Sigmoid.from_coefficients(EQUATION_11[1], 'rpm')
+
+
+def test_drive_turns_counts_and_current_into_joint_units():
+    drive = Drive(torque_constant=0.119, gear_ratio=435.0, encoder_counts=4000)
+    assert drive.torque_per_current == pytest.approx(51.765)
+    assert np.degrees(drive.position_resolution) == pytest.approx(360 / 4000 / 435)
+
+
+@pytest.mark.parametrize('name, value', [
+    ('torque_constant', 0.0), ('gear_ratio', -1.0), ('torque_constant', float('inf')),
+    ('gear_ratio', 'hundred'), ('encoder_counts', 0), ('current_limit', True)])
+def test_drive_names_the_number_that_is_wrong(name, value):
+    numbers = {'torque_constant': 0.119, 'gear_ratio': 100.0} | {name: value}
+    with pytest.raises(InputError, match=name):
+        Drive(**numbers)
+
+
+def stretch(start, count, **signals):
+    time = start + 0.001 * np.arange(count)
+    return Samples(time=time, position=np.zeros(count), current=np.ones(count), **signals)
+
+
+def test_segments_break_at_gaps_and_at_recordings():
+    parts = [stretch(0.0, 10), stretch(1.0, 20), stretch(0.5, 5)]
+    joined = Samples.concatenate(parts)
+    assert [s.stop - s.start for s in joined.segments()] == [10, 20, 5]
+    assert joined.sample_time == pytest.approx(0.001)
+    assert list(np.unique(joined.recording)) == [0, 1, 2]
+
+
+def test_a_signal_that_one_part_lacks_is_dropped():
+    joined = Samples.concatenate([stretch(0, 3, load=np.ones(3)), stretch(1, 3)])
+    assert joined.load is None
+
+
+@settings(max_examples=25)
+@given(mask=st.lists(st.booleans(), min_size=12, max_size=12))
+def test_take_keeps_signals_together(mask):
+    samples = stretch(0, 12, velocity=np.arange(12.0))
+    taken = samples.take(np.array(mask))
+    assert len(taken) == sum(mask)
+    assert taken.time == pytest.approx(0.001 * taken.velocity)
+
+
+def test_samples_name_the_signal_of_wrong_shape():
+    with pytest.raises(InputError, match='velocity'):
+        stretch(0, 3, velocity=np.zeros(4))
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
+    target = tmp_path / 'model.yaml'
+    write_atomically(target, 'old')
+    monkeypatch.setattr('os.replace', lambda *_: (_ for _ in ()).throw(OSError(28, 'disk full')))
+    with pytest.raises(InputError, match='model.yaml'):
+        write_atomically(target, 'new')
+    assert target.read_text() == 'old'
+    assert [entry.name for entry in tmp_path.iterdir()] == ['model.yaml']
