@@ -1,0 +1,322 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Effects that a simulated joint has beside its model file, and that no other part may read.
+
+The plant alone is given them. Whoever wants to know them has to find them in the recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import math
+from pathlib import Path
+
+from numba import njit
+import numpy as np
+import yaml
+
+from friction_comp.errors import InputError
+
+FORMAT = 'friction_comp_undeclared'
+VERSION = 1
+COLUMNS = 10
+
+(STRIBECK, VISCOUS_SHAPE, DIRECTION, OFFSET, GRAVITY, COGGING, FRICTION_RIPPLE, BUMP, LOAD,
+ TEMPERATURE, WARM_UP, HYSTERESIS, REST) = range(13)
+
+# name: (code, {parameter: (default or None where it must be given, lowest, highest)}), in the
+# order of the kernel's columns. Torques N·m at the joint, angles rad, times s, the rest as said.
+_ANY = (-math.inf, math.inf)
+_POSITIVE = (1e-9, math.inf)
+EFFECTS = {
+    # level + amplitude·exp(-(|v|/velocity)^exponent)
+    'stribeck': (STRIBECK, {'amplitude': (None, *_ANY), 'velocity': (None, *_POSITIVE),
+                            'exponent': (1.0, 0.1, 5.0)}),
+    # level + amplitude·|v/velocity|^exponent; exponent below 1 sub-linear, above 1 super-linear
+    'viscous_shape': (VISCOUS_SHAPE, {'amplitude': (None, *_ANY), 'velocity': (1.0, *_POSITIVE),
+                                      'exponent': (None, 0.05, 5.0)}),
+    # level ± (coulomb + viscous·|v|): plus in positive, minus in negative direction
+    'direction': (DIRECTION, {'coulomb': (0.0, *_ANY), 'viscous': (0.0, *_ANY)}),
+    # constant torque that the motor has to hold
+    'offset': (OFFSET, {'torque': (None, *_ANY)}),
+    # torque amplitude·sin(x + phase)
+    'gravity': (GRAVITY, {'amplitude': (None, *_ANY), 'phase': (0.0, *_ANY)}),
+    # torque amplitude·(1 + slope·|v|)·sin(frequency·x + phase); frequency in rad per rad, that is
+    # periods per joint turn
+    'cogging': (COGGING, {'amplitude': (None, *_ANY), 'frequency': (None, *_POSITIVE),
+                          'phase': (0.0, *_ANY), 'slope': (0.0, *_ANY)}),
+    # the same, added to the level of friction
+    'friction_ripple': (FRICTION_RIPPLE, {
+        'amplitude': (None, *_ANY), 'frequency': (None, *_POSITIVE), 'phase': (0.0, *_ANY),
+        'slope': (0.0, *_ANY)}),
+    # level + amplitude·exp(-(x - position)²/(2·width²))
+    'bump': (BUMP, {'amplitude': (None, *_ANY), 'position': (None, *_ANY),
+                    'width': (None, *_POSITIVE)}),
+    # level + coefficient·|load|
+    'load': (LOAD, {'coefficient': (None, *_ANY)}),
+    # level·(1 + coefficient·(temperature - reference)), coefficient 1/K
+    'temperature': (TEMPERATURE, {'coefficient': (None, *_ANY), 'reference': (25.0, *_ANY)}),
+    # level·(1 + share·exp(-t/time_constant))
+    'warm_up': (WARM_UP, {'share': (None, *_ANY), 'time_constant': (None, *_POSITIVE)}),
+    # a second Dahl element: torque z, dz/dx = stiffness·(1 - z·sgn(dx)/torque)
+    'hysteresis': (HYSTERESIS, {'torque': (None, *_POSITIVE), 'stiffness': (None, *_POSITIVE)}),
+    # level·(1 + share·s); s grows to 1 with the time at rest, is lost over a distance of sliding
+    'rest': (REST, {'share': (None, *_ANY), 'time_constant': (None, *_POSITIVE),
+                    'distance': (0.05, *_POSITIVE)}),
+}
+
+# Effects of the joint itself rather than of its friction; the joint reads them as attributes.
+JOINT_EFFECTS = {
+    'inertia': {'inertia': (None, 0.0, math.inf)},
+    'actuation_lag': {'lag': (None, 0.0, 1.0)},
+    'torque_constant': {'factor': (None, 0.1, 10.0)},
+}
+
+THERMAL = {
+    'ambient': (25.0, -273.15, math.inf), 'initial': (None, -273.15, math.inf),
+    'heating': (0.0, 0.0, math.inf), 'time_constant': (600.0, *_POSITIVE),
+}
+
+_MEMORY = {HYSTERESIS: 3, REST: 4}
+
+
+@dataclass
+class Undeclared:
+    """Undeclared effects of one joint.
+
+    Attributes
+    ----------
+    table : ndarray, shape (n, 10)
+        Rows of `undeclared_torque`: code and up to nine parameters. The last column is the place
+        of the row's own state in the memory.
+    memory_size : int
+        Floats of state that the effects need; they start as zeros.
+    inertia : float
+        Inertia in kg·m² to add to the joint's own.
+    actuation_lag : float
+        Time constant in s of a first-order lag between current and torque.
+    torque_constant_factor : float
+        True over declared torque constant.
+    thermal : ndarray, shape (4,)
+        Ambient and initial temperature in degrees Celsius, heating in K/A², time constant in s:
+        see `heated`.
+    """
+
+    table: np.ndarray = field(default_factory=lambda: np.zeros((0, COLUMNS)))
+    memory_size: int = 0
+    inertia: float = 0.0
+    actuation_lag: float = 0.0
+    torque_constant_factor: float = 1.0
+    thermal: np.ndarray = field(default_factory=lambda: np.array([25.0, 25.0, 0.0, 600.0]))
+
+    @classmethod
+    def from_effects(cls, effects, thermal=None):
+        """Make them of a list of mappings with `name` and `parameters`.
+
+        Parameters
+        ----------
+        effects : list of dict
+            Names and parameters as in `EFFECTS` and `JOINT_EFFECTS`.
+        thermal : dict, optional
+            As in `THERMAL`; `initial` is the ambient temperature when omitted.
+
+        Raises
+        ------
+        InputError
+            If a name or parameter is unknown, missing or out of range.
+        """
+        rows, result = [], cls()
+        for entry in effects:
+            if not isinstance(entry, dict) or 'name' not in entry:
+                raise InputError(f'an undeclared effect needs a name: {entry!r}')
+            name = entry['name']
+            extra = set(entry) - {'name', 'parameters'}
+            if extra:
+                raise InputError(f"undeclared effect '{name}' has unknown entries: "
+                                 f'{sorted(map(str, extra))}')
+            given = entry.get('parameters') or {}
+            where = f"undeclared effect '{name}'"
+            if name in EFFECTS:
+                code, wanted = EFFECTS[name]
+                row = np.zeros(COLUMNS)
+                row[0] = code
+                values = list(_read(given, wanted, where).values())
+                row[1:1 + len(values)] = values
+                row[-1] = result.memory_size
+                result.memory_size += _MEMORY.get(code, 0)
+                rows.append(row)
+            elif name == 'inertia':
+                result.inertia += _read(given, JOINT_EFFECTS[name], where)['inertia']
+            elif name == 'actuation_lag':
+                result.actuation_lag += _read(given, JOINT_EFFECTS[name], where)['lag']
+            elif name == 'torque_constant':
+                result.torque_constant_factor *= _read(
+                    given, JOINT_EFFECTS[name], where)['factor']
+            else:
+                raise InputError(f"unknown undeclared effect '{name}'; known: "
+                                 f"{', '.join([*EFFECTS, *JOINT_EFFECTS])}")
+        if rows:
+            result.table = np.array(rows)
+        if thermal is not None:
+            thermal = dict(thermal) if isinstance(thermal, dict) else thermal
+            if isinstance(thermal, dict):
+                thermal.setdefault('initial', thermal.get('ambient', THERMAL['ambient'][0]))
+            result.thermal = np.array(list(_read(thermal, THERMAL, 'thermal').values()))
+        return result
+
+    @classmethod
+    def from_file(cls, path):
+        """Read a YAML file.
+
+        Raises
+        ------
+        InputError
+            Naming the file and what is wrong with it.
+        """
+        path = Path(path)
+        try:
+            document = yaml.safe_load(path.read_text(encoding='utf-8'))
+        except OSError as error:
+            raise InputError(f'{path}: {error.strerror or error}') from None
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            reason = ' '.join(str(error).split())
+            raise InputError(f'{path}: not a YAML document: {reason}') from None
+        try:
+            return cls.from_dict(document)
+        except InputError as error:
+            raise InputError(f'{path}: {error}') from None
+
+    @classmethod
+    def from_dict(cls, document):
+        """Make them of the plain values of their file."""
+        if not isinstance(document, dict) or document.get('format') != FORMAT:
+            raise InputError(f"not a file of undeclared effects: 'format: {FORMAT}' is missing")
+        if document.get('version') != VERSION:
+            raise InputError(f'version {document.get("version")!r} is not {VERSION}')
+        unknown = set(document) - {'format', 'version', 'effects', 'thermal', 'notes'}
+        if unknown:
+            raise InputError(f'unknown entries: {sorted(map(str, unknown))}')
+        effects = document.get('effects') or []
+        if not isinstance(effects, list):
+            raise InputError('effects is not a list')
+        return cls.from_effects(effects, document.get('thermal'))
+
+
+def _read(given, wanted, where):
+    if not isinstance(given, dict):
+        raise InputError(f'parameters of {where} are not a mapping')
+    unknown = set(given) - set(wanted)
+    if unknown:
+        raise InputError(f'{where} has unknown parameters {sorted(map(str, unknown))}; '
+                         f"known: {', '.join(wanted)}")
+    values = {}
+    for name, (default, lowest, highest) in wanted.items():
+        value = given.get(name, default)
+        if value is None:
+            raise InputError(f'{where} needs {name}')
+        if (isinstance(value, bool) or not isinstance(value, (int, float))
+                or not math.isfinite(value) or not lowest <= value <= highest):
+            raise InputError(f'{where}: {name} must be a finite number from {lowest} to '
+                             f'{highest}, not {value!r}')
+        values[name] = float(value)
+    return values
+
+
+@njit(cache=True)
+def undeclared_torque(table, memory, t, x, v, load, temperature, rest_time, base_level):
+    """Return what the undeclared effects add at one instant; to be called in time order.
+
+    Parameters
+    ----------
+    table, memory : ndarray
+        `Undeclared.table` and `memory_size` zeros of the run's own, changed in place.
+    t, x, v : float
+        Time, joint position and velocity: s, rad, rad/s.
+    load : float
+        Torque that the person applies, N·m.
+    temperature : float
+        Of the motor, degrees Celsius.
+    rest_time : float
+        How long the joint has been sticking, s; 0 while it slides.
+    base_level : float
+        Friction level that the declared model has at this velocity, N·m, positive.
+
+    Returns
+    -------
+    load_torque : float
+        N·m to add to the joint's right-hand side (driving torques count positive).
+    level : float
+        N·m to add to the level of friction.
+    """
+    resisting = 0.0
+    level = 0.0
+    speed = abs(v)
+    sign = 1.0 if v > 0 else (-1.0 if v < 0 else 0.0)
+    for k in range(table.shape[0]):
+        code = int(table[k, 0])
+        a, b, c, d = table[k, 1], table[k, 2], table[k, 3], table[k, 4]
+        m = int(table[k, 9])
+        if code == STRIBECK:
+            level += a * math.exp(-(speed / b) ** c)
+        elif code == VISCOUS_SHAPE:
+            level += a * (speed / b) ** c
+        elif code == DIRECTION:
+            level += sign * (a + b * speed)
+        elif code == OFFSET:
+            resisting += a
+        elif code == GRAVITY:
+            resisting += a * math.sin(x + b)
+        elif code == COGGING:
+            resisting += a * max(0.0, 1.0 + d * speed) * math.sin(b * x + c)
+        elif code == FRICTION_RIPPLE:
+            level += a * max(0.0, 1.0 + d * speed) * math.sin(b * x + c)
+        elif code == BUMP:
+            level += a * math.exp(-0.5 * ((x - b) / c) ** 2)
+        elif code == LOAD:
+            level += a * abs(load)
+        elif code == TEMPERATURE:
+            level += base_level * a * (temperature - b)
+        elif code == WARM_UP:
+            level += base_level * a * math.exp(-t / b)
+        elif code == HYSTERESIS:
+            # Dahl's equation is exact over a monotone step dx: z tends to ±torque exponentially.
+            if memory[m + 2] == 0.0:
+                memory[m] = x
+                memory[m + 2] = 1.0
+            step = x - memory[m]
+            memory[m] = x
+            if step != 0.0:
+                goal = a if step > 0 else -a
+                memory[m + 1] = goal + (memory[m + 1] - goal) * math.exp(-abs(step) * b / a)
+            resisting += memory[m + 1]
+        elif code == REST:
+            # memory: s now, s when the rest began, last position, started
+            if memory[m + 3] == 0.0:
+                memory[m + 2] = x
+                memory[m + 3] = 1.0
+            if rest_time > 0.0:
+                memory[m] = 1.0 - (1.0 - memory[m + 1]) * math.exp(-rest_time / b)
+            else:
+                memory[m] *= math.exp(-abs(x - memory[m + 2]) / c)
+                memory[m + 1] = memory[m]
+            memory[m + 2] = x
+            level += base_level * a * memory[m]
+    return -resisting, level
+
+
+@njit(cache=True)
+def heated(temperature, current, step, thermal):
+    """Return the motor temperature a time step later, degrees Celsius.
+
+    First order: the motor tends to ambient + heating·current² with its time constant, as the
+    windings lose heat in proportion to how much warmer they are than the air.
+
+    Parameters
+    ----------
+    temperature, current, step : float
+        Degrees Celsius, A, s.
+    thermal : ndarray, shape (4,)
+        `Undeclared.thermal`.
+    """
+    goal = thermal[0] + thermal[2] * current * current
+    return goal + (temperature - goal) * math.exp(-step / thermal[3])
