@@ -1,2 +1,14 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
+"""Recordings in and out: rosbag2 folders and mcap files as samples, and the other way round."""
+
+from friction_comp.recordings.reader import (
+    inspect_recording, read_recording, read_recording_with_info, RecordingInfo,
+)
+from friction_comp.recordings.scan import find_recordings
+from friction_comp.recordings.writer import RecordingWriter, write_samples
+
+__all__ = [
+    'RecordingInfo', 'RecordingWriter', 'find_recordings', 'inspect_recording', 'read_recording',
+    'read_recording_with_info', 'write_samples',
+]

@@ -1,0 +1,166 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many CDR messages of one type decoded at once.
+
+A recording holds up to millions of messages whose layout hardly ever changes: the same joint
+names, the same array lengths. The layout is worked out on one message, and every message with
+the same length, counts and strings is then cut out of one block of memory with numpy. Messages
+with another layout form another group, so nothing depends on the layouts being equal.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
+INT8_ARRAY = 'std_msgs/msg/Int8MultiArray'
+WRENCH = 'geometry_msgs/msg/WrenchStamped'
+TEMPERATURE = 'sensor_msgs/msg/Temperature'
+
+
+class _Cursor:
+    """Walks through one message and notes where what lies.
+
+    Attributes
+    ----------
+    fixed : list of int
+        Byte positions whose content decides the layout: byte order, counts and strings. Padding
+        is left out, since serialisers may leave anything in it.
+    fields : dict
+        Name to (numpy type, byte position, number of values).
+    """
+
+    def __init__(self, data):
+        if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
+            raise ValueError('unknown CDR encapsulation')
+        self.data = data
+        self.order = '<' if data[1] == 1 else '>'
+        self.at = 4
+        self.fixed = [0, 1]
+        self.fields = {}
+
+    def _advance(self, size, alignment):
+        start = self.at + -(self.at - 4) % alignment
+        if start + size > len(self.data):
+            raise ValueError('message is shorter than its fields')
+        self.at = start + size
+        return start
+
+    def count(self):
+        """Read a length and pin it."""
+        start = self._advance(4, 4)
+        self.fixed.extend(range(start, start + 4))
+        return struct.unpack_from(self.order + 'I', self.data, start)[0]
+
+    def string(self):
+        """Read a string and pin it."""
+        size = self.count()
+        start = self._advance(size, 1)
+        self.fixed.extend(range(start, start + size))
+        return self.data[start:start + size].rstrip(b'\0').decode('utf-8', 'replace')
+
+    def values(self, name, code, number=1):
+        """Note where a field's values are; None reads their number first."""
+        if number is None:
+            number = self.count()
+        size = np.dtype(code).itemsize
+        start = self._advance(size * number, size) if number else self.at
+        self.fields[name] = (self.order + code, start, number)
+
+
+def _header(cursor):
+    cursor.values('sec', 'i4')
+    cursor.values('nanosec', 'u4')
+    return cursor.string()
+
+
+def _joint_state(cursor):
+    _header(cursor)
+    names = tuple(cursor.string() for _ in range(cursor.count()))
+    for name in ('position', 'velocity', 'effort'):
+        cursor.values(name, 'f8', None)
+    return names
+
+
+def _multi_array(code):
+    def walk(cursor):
+        for _ in range(cursor.count()):
+            cursor.string()
+            cursor.values('size', 'u4')
+            cursor.values('stride', 'u4')
+        cursor.values('data_offset', 'u4')
+        cursor.values('data', code, None)
+        return ()
+    return walk
+
+
+def _stamped(name, number):
+    def walk(cursor):
+        frame = _header(cursor)
+        cursor.values(name, 'f8', number)
+        return (frame,)
+    return walk
+
+
+_WALKS = {
+    JOINT_STATE: _joint_state,
+    FLOAT_ARRAY: _multi_array('f8'),
+    INT8_ARRAY: _multi_array('i1'),
+    WRENCH: _stamped('wrench', 6),
+    TEMPERATURE: _stamped('temperature', 2),
+}
+
+
+def decode(type_name, payloads):
+    """Decode serialised messages of one type.
+
+    Parameters
+    ----------
+    type_name : str
+        One of the five message types named in this module.
+    payloads : list of bytes
+        The messages with their four-byte encapsulation header.
+
+    Yields
+    ------
+    index : ndarray of int
+        Which messages belong to this group, shape (K,).
+    names : tuple of str
+        Joint names, or the frame of a stamped message; the same throughout the group.
+    fields : dict of ndarray
+        Each field's values, shape (K, number of values). Stamped messages have ``stamp`` in
+        nanoseconds, shape (K,).
+
+    Raises
+    ------
+    ValueError
+        If a message is too short for its fields or not CDR.
+    """
+    walk = _WALKS[type_name]
+    lengths = np.fromiter(map(len, payloads), dtype=np.int64, count=len(payloads))
+    for length in np.unique(lengths):
+        index = np.nonzero(lengths == length)[0]
+        block = np.frombuffer(b''.join([payloads[i] for i in index]), dtype=np.uint8)
+        block = block.reshape(len(index), length)
+        while len(index):
+            cursor = _Cursor(bytes(block[0]))
+            names = walk(cursor)
+            pinned = block[:, cursor.fixed]
+            same = (pinned == pinned[0]).all(axis=1)
+            yield index[same], names, _cut(block if same.all() else block[same], cursor.fields)
+            index, block = index[~same], block[~same]
+
+
+def _cut(block, fields):
+    values = {}
+    for name, (code, start, number) in fields.items():
+        stop = start + np.dtype(code).itemsize * number
+        values[name] = np.ascontiguousarray(block[:, start:stop]).view(code) if number else \
+            np.empty((len(block), 0), dtype=code)
+    if 'sec' in values:
+        values['stamp'] = (values['sec'][:, 0].astype(np.int64) * 1_000_000_000
+                           + values['nanosec'][:, 0])
+    return values
