@@ -1,0 +1,120 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The one way in: ``python3 -m friction_comp NAME …`` and ``ros2 run friction_comp NAME …``."""
+
+from __future__ import annotations
+
+from functools import partial
+import importlib
+import os
+import sys
+
+from friction_comp import __version__
+from friction_comp.errors import InputError
+
+NODES = {
+    'plant': 'simulates geared joints and the person who moves them',
+    'identification': 'measures the friction of a joint, as an action server',
+    'compensator': 'feeds the friction forward to the motor',
+    'exercise': 'publishes the reference movement and its direction',
+    'recorder': 'records topics into a rosbag2 folder',
+}
+TOOLS = {
+    'demo': 'runs the whole loop on this machine, with a report at the end',
+    'reproduce': "repeats the technical note's experiments in simulation",
+    'evaluate': 'measures the backdriving torque in recordings',
+    'refine': 'finds the effects that a model misses in recordings',
+    'predict': "writes a model's current for a recording beside the measured one",
+}
+USAGE = '\n'.join([
+    'usage: python3 -m friction_comp [--help] [--version] NAME [ARGUMENT ...]',
+    '',
+    'nodes (they take ROS arguments after --ros-args):',
+    *(f'  {name:<15} {text}' for name, text in NODES.items()),
+    '',
+    'tools (each tells its arguments with --help):',
+    *(f'  {name:<15} {text}' for name, text in TOOLS.items()),
+])
+
+
+def run(name, argv=None):
+    """Run a node or tool and turn the ways in which it may end into an exit code.
+
+    Parameters
+    ----------
+    name : str
+        A key of NODES or TOOLS.
+    argv : list of str, optional
+        Its arguments; those of the process by default.
+
+    Returns
+    -------
+    int
+        0 when it did its work, 1 when ROS 2 is missing, 2 when its input cannot be used (one line
+        on standard error says why), 130 when it was interrupted from the keyboard.
+    """
+    argv = sys.argv[1:] if argv is None else argv
+    if name in TOOLS:
+        # Tools write figures to files, also where there is no display.
+        os.environ.setdefault('MPLBACKEND', 'Agg')
+    room = 'nodes' if name in NODES else 'tools'
+    try:
+        # Only now: a tool that needs no ROS 2 runs without it, and none waits for what it needs not.
+        module = importlib.import_module(f'friction_comp.{room}.{name}')
+        return module.main(argv) or 0
+    except InputError as error:
+        print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        if (error.name or '').partition('.')[0] not in ('rclpy', 'friction_comp_interfaces'):
+            raise
+        print(f'{name}: no module {error.name}: source a ROS 2 workspace that holds friction_comp, '
+              'or use the environment that `make setup` makes', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def main(argv=None):
+    """Read the name and hand its arguments on.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The name and its arguments; those of the process by default.
+
+    Returns
+    -------
+    int
+        The exit code: that of :func:`run`, or 2 without a known name.
+    """
+    argv = sys.argv[1:] if argv is None else argv
+    first = argv[0] if argv else None
+    if first in ('-h', '--help'):
+        print(USAGE)
+        return 0
+    if first == '--version':
+        print(f'friction_comp {__version__}')
+        return 0
+    if first in NODES or first in TOOLS:
+        return run(first, argv[1:])
+    if first is not None:
+        print(f'friction_comp: there is no node or tool named {first!r}', file=sys.stderr)
+    print(USAGE, file=sys.stderr)
+    return 2
+
+
+# What setup.py installs for `ros2 run`, one function a name.
+plant = partial(run, 'plant')
+identification = partial(run, 'identification')
+compensator = partial(run, 'compensator')
+exercise = partial(run, 'exercise')
+recorder = partial(run, 'recorder')
+demo = partial(run, 'demo')
+reproduce = partial(run, 'reproduce')
+evaluate = partial(run, 'evaluate')
+refine = partial(run, 'refine')
+predict = partial(run, 'predict')
+
+if __name__ == '__main__':
+    sys.exit(main())
