@@ -164,7 +164,7 @@ class Build(build):
 
 
 class Develop(develop):
-    """What ``colcon build --symlink-install`` runs; it has no build step to hang the interfaces on."""
+    """What ``colcon build --symlink-install`` runs; it has no build step for the interfaces."""
 
     def run(self):
         """Build the interfaces, all of them as data files, then develop as ever."""

@@ -59,7 +59,7 @@ def run(name, argv=None):
         os.environ.setdefault('MPLBACKEND', 'Agg')
     room = 'nodes' if name in NODES else 'tools'
     try:
-        # Only now: a tool that needs no ROS 2 runs without it, and none waits for what it needs not.
+        # Only now, so that a tool that needs no ROS 2 runs without it.
         module = importlib.import_module(f'friction_comp.{room}.{name}')
         return module.main(argv) or 0
     except InputError as error:
