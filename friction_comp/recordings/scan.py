@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from rosbags.rosbag2 import Reader
-from rosbags.typesys import get_typestore, Stores
+from rosbags.typesys import Stores, get_typestore
 
 from friction_comp.errors import InputError
 from friction_comp.recordings import cdr
@@ -155,7 +155,7 @@ def scan_recording(path, signals=tuple(SIGNALS), progress=None):
     except (InputError, MemoryError):
         raise
     # Broken files fail in many ways inside the storage libraries: each is the file's fault.
-    except Exception as error:  # noqa: BLE001
+    except Exception as error:
         reason = ' '.join(str(error).split()) or type(error).__name__
         raise InputError(
             f'{path}: not a readable recording, perhaps truncated or still being written: '

@@ -9,10 +9,16 @@ from pathlib import Path
 import shutil
 
 import numpy as np
-from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, \
-    QosTime
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import get_typestore, Stores
+from rosbags.typesys import Stores, get_typestore
 
 from friction_comp.errors import InputError
 
@@ -175,7 +181,7 @@ def write_samples(path, samples, torque_constant=1.0, gear_ratio=1.0, joint=None
     prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
     with RecordingWriter(path, custom_data, compression) as recording:
         for k, time in enumerate(np.asarray(first.time, dtype=float)):
-            stamp = start_ns + int(round(time * 1e9))
+            stamp = start_ns + round(time * 1e9)
             for topic, type_name, message in messages.at(k, stamp):
                 recording.write(f'{prefix}/{topic}', type_name, stamp,
                                 bytes(store.serialize_cdr(message, type_name)))
