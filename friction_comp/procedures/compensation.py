@@ -1,0 +1,246 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The note's friction compensation (section 2.5), as printed and without its gap at breakaway."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.procedures import law_kernel as kernel
+
+LAWS = {'none': kernel.NONE, 'kinetic': kernel.KINETIC, 'paper': kernel.PAPER,
+        'continuous': kernel.CONTINUOUS}
+
+# What the continuous law needs beyond the model. One encoder count a millisecond is 0.9 deg/s at
+# a gear ratio of 100: the velocity is smoothed over a few milliseconds before it enters.
+FILTER_TIME = 0.005
+RISE_TIME = 0.15
+FADE_BEGIN = math.radians(3.0)
+FADE_END = math.radians(12.0)
+BACK_SPEED = math.radians(1.0)
+
+
+def law_parameters(model, law='continuous', breakaway_gain=0.9, current_limit=None,
+                   sample_time=1e-3):
+    """Return the kernel's parameters of one joint.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    law : {'continuous', 'paper', 'kinetic', 'none'}
+        The last two never apply the breakaway term, or no current at all: the note's case 1, and
+        the bare drive.
+    breakaway_gain : float
+        Share of the mean breakaway current that is applied; 0.9 in the note.
+    current_limit : float, optional
+        A; the drive's own when omitted or larger.
+    sample_time : float
+        Expected s between samples, used for the first one.
+
+    Returns
+    -------
+    ndarray, shape (law_kernel.PARAMETERS,)
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+    """
+    if law not in LAWS:
+        raise InputError(f'law must be one of {", ".join(LAWS)}, not {law!r}')
+    if not (math.isfinite(breakaway_gain) and 0.0 <= breakaway_gain <= 2.0):
+        raise InputError(f'breakaway_gain must be between 0 and 2, not {breakaway_gain!r}')
+    limit = model.drive.current_limit
+    if current_limit is not None:
+        if not (math.isfinite(current_limit) and current_limit >= 0.0):
+            raise InputError(f'current_limit must not be negative, not {current_limit!r}')
+        limit = min(limit, float(current_limit))
+    if not (math.isfinite(sample_time) and sample_time > 0.0):
+        raise InputError(f'sample_time must be positive, not {sample_time!r}')
+    p = np.zeros(kernel.PARAMETERS)
+    p[kernel.LAW] = LAWS[law]
+    sigmoid = model.sigmoid
+    p[kernel.UPPER], p[kernel.LOWER] = sigmoid.upper, sigmoid.lower
+    p[kernel.STEEPNESS], p[kernel.SHIFT] = sigmoid.steepness, sigmoid.shift
+    p[kernel.VISCOUS] = sigmoid.viscous
+    if model.breakaway is not None:
+        p[kernel.BREAK_POSITIVE] = breakaway_gain * model.breakaway.positive_mean
+        p[kernel.BREAK_NEGATIVE] = -breakaway_gain * model.breakaway.negative_mean
+    p[kernel.LIMIT] = limit
+    p[kernel.SAMPLE_TIME] = sample_time
+    p[kernel.FILTER_TIME] = FILTER_TIME
+    p[kernel.RISE_TIME] = RISE_TIME
+    p[kernel.FADE_BEGIN], p[kernel.FADE_END] = FADE_BEGIN, FADE_END
+    p[kernel.BACK_SPEED] = BACK_SPEED
+    return p
+
+
+class CompensationLaw:
+    """Current that makes geared joints easy to move in a direction known beforehand.
+
+    Call `update` with every sample; the terms of the last one are open to inspection in `terms`.
+
+    Parameters
+    ----------
+    models : list of FrictionModel
+        One per joint. Without breakaway currents only the kinetic term is applied.
+    law : {'continuous', 'paper', 'kinetic', 'none'}
+        See `law_parameters`.
+    breakaway_gain : float
+        Share of the mean breakaway current.
+    current_limit : float or array_like of shape (J,), optional
+        A.
+    sample_time : float
+        s.
+
+    Attributes
+    ----------
+    terms : dict of str to ndarray, shape (J,)
+        ``kinetic``, ``breakaway`` and ``effects`` of the last sample in A.
+    left_out : list of (int, str, str)
+        Joint, effect and reason for every effect of the models that is not applied.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+    """
+
+    def __init__(self, models, law='continuous', breakaway_gain=0.9, current_limit=None,
+                 sample_time=1e-3):
+        self.models = list(models)
+        if not self.models:
+            raise InputError('the compensation law needs at least one model')
+        self.joints = len(self.models)
+        limits = [None] * self.joints
+        if current_limit is not None:
+            limits = np.broadcast_to(np.asarray(current_limit, dtype=float), self.joints)
+        self._options = [
+            {'law': law, 'breakaway_gain': float(breakaway_gain), 'sample_time': sample_time,
+             'current_limit': None if limit is None else float(limit)} for limit in limits]
+        self._parameters = np.array([
+            law_parameters(model, **options)
+            for model, options in zip(self.models, self._options)])
+        self._states = np.zeros((self.joints, kernel.STATES))
+        self._usable = np.zeros(self.joints, dtype=bool)
+        self._effects = [_online(model) for model in self.models]
+        self._collect_left_out()
+        self._clear_terms()
+
+    def update(self, time, position, velocity, direction, temperature=None, load=None):
+        """Return the current for one sample.
+
+        Parameters
+        ----------
+        time : float
+            s, not decreasing.
+        position : array_like, shape (J,)
+            rad.
+        velocity : array_like, shape (J,), or None
+            rad/s; None has the position differentiated.
+        direction : array_like, shape (J,)
+            d of the coming movement: -1, 0 or +1. Anything else counts as 0.
+        temperature, load : array_like, shape (J,), optional
+            Degrees Celsius and N·m, for effects that need them.
+
+        Returns
+        -------
+        ndarray, shape (J,)
+            Motor current in A; 0 for a joint whose sample is not finite.
+        """
+        position = self._row(position, 'position')
+        known = velocity is not None
+        velocity = self._row(velocity if known else 0.0, 'velocity')
+        direction = self._row(direction, 'direction')
+        kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
+                            known, self._usable)
+        effects, friction = np.zeros(self.joints), np.zeros(self.joints)
+        for j, terms in enumerate(self._effects):
+            if terms and self._usable[j] and self._parameters[j, kernel.LAW] != kernel.NONE:
+                effects[j], friction[j] = self._apply(
+                    terms, j, time, position[j], _entry(temperature, j), _entry(load, j))
+        current = np.empty(self.joints)
+        kernel.decide_bank(self._parameters, self._states, self._usable, direction, effects,
+                           friction, current)
+        self.terms = {
+            'kinetic': self._states[:, kernel.KINETIC_TERM].copy(),
+            'breakaway': self._states[:, kernel.BREAKAWAY_TERM].copy(),
+            'effects': effects}
+        return current
+
+    def reset(self):
+        """Forget all history, as after a pause."""
+        self._states[:] = 0.0
+        self._effects = [_online(model) for model in self.models]
+        self._clear_terms()
+
+    def set_model(self, joint, model):
+        """Exchange a joint's model while the law runs.
+
+        The current does not jump: the difference between the old and the new model's current
+        fades within a few 0.05 s.
+
+        Parameters
+        ----------
+        joint : int
+        model : FrictionModel
+        """
+        if not 0 <= joint < self.joints:
+            raise InputError(f'there is no joint number {joint!r}')
+        parameters = law_parameters(model, **self._options[joint])
+        effects = _online(model)
+        self.models[joint] = model
+        self._parameters[joint] = parameters
+        self._effects[joint] = effects
+        self._states[joint, kernel.CHANGED] = self._states[joint, kernel.STARTED]
+        self._collect_left_out()
+
+    def _apply(self, terms, joint, time, position, temperature, load):
+        """Return the sum of the joint's effects, and of those that are friction, in A."""
+        signals = {'temperature': temperature, 'load': load}
+        speed = float(self._states[joint, kernel.SPEED])
+        total = friction = 0.0
+        for effect, term in terms:
+            if any(signals[name] is None for name in term.needs):
+                continue
+            value = float(term.update(float(time), float(position), speed, **signals))
+            if not math.isfinite(value):
+                continue
+            total += value
+            if effect.variable in ('velocity', 'direction'):
+                friction += value
+        return total, friction
+
+    def _collect_left_out(self):
+        self.left_out = [
+            (j, effect.name, effect.why_left_out() or 'cannot be computed from the live signals')
+            for j, model in enumerate(self.models) for effect in model.effects
+            if effect.online() is None]
+
+    def _clear_terms(self):
+        self.terms = {
+            name: np.zeros(self.joints) for name in ('kinetic', 'breakaway', 'effects')}
+
+    def _row(self, values, name):
+        row = np.asarray(values, dtype=float)
+        if row.ndim and row.shape != (self.joints,):
+            raise InputError(
+                f'{name} needs {self.joints} values, one a joint, not shape {row.shape}')
+        return np.broadcast_to(row, self.joints).astype(float)
+
+
+def _online(model):
+    pairs = [(effect, effect.online()) for effect in model.effects]
+    return [(effect, term) for effect, term in pairs if term is not None]
+
+
+def _entry(values, joint):
+    """Return one joint's finite value of an optional signal, else None."""
+    if values is None:
+        return None
+    value = float(np.broadcast_to(np.asarray(values, dtype=float), joint + 1)[joint]
+                  if np.ndim(values) == 0 else np.asarray(values, dtype=float)[joint])
+    return value if math.isfinite(value) else None
