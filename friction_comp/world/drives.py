@@ -1,0 +1,245 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Random drives with undeclared effects, and recordings of them, to try refinement on.
+
+A drive is drawn from one seed, each recording of it from another. What is drawn is kept in the
+`SimulatedDrive`; of a recording, refinement gets `Trial.samples` and nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+import math
+
+from numba import njit
+import numpy as np
+
+from friction_comp.drive import Drive
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.samples import Samples
+from friction_comp.world.drive_cases import CASES, Scale
+from friction_comp.world.motion import mixed_motion, smooth_noise
+from friction_comp.world.undeclared import Undeclared, heated, undeclared_torque
+
+STEP = 1e-3
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What a recording of a simulated drive goes through.
+
+    Parameters
+    ----------
+    duration : float
+        s, of each recording.
+    rate : float
+        Samples a second; must divide 1000.
+    position_range, speed : float
+        rad and rad/s.
+    rests : bool
+    load : float
+        Standard deviation of the torque that a person applies, in parts of the friction level;
+        0 leaves the load out of the recording.
+    temperature : bool
+        Whether the motor's temperature varies, from one recording to the next and within.
+    recordings : int
+        How many recordings are made, each from a cold start of the clock.
+    """
+
+    duration: float = 150.0
+    rate: float = 500.0
+    position_range: float = 4.0
+    speed: float = 1.2
+    rests: bool = True
+    load: float = 0.0
+    temperature: bool = False
+    recordings: int = 1
+
+
+@dataclass(frozen=True)
+class SimulatedDrive:
+    """A drive as it was drawn.
+
+    Parameters
+    ----------
+    model : FrictionModel
+        Drive and sigmoid: the declared part.
+    effects : list of dict
+        The undeclared part, as in a file of undeclared effects.
+    variables : list of str
+        What each undeclared effect depends on, in the order of `effects`.
+    noise : float
+        Standard deviation of the current's white noise in A.
+    wander : float
+        Standard deviation of slow noise in A that no effect explains.
+    presliding : float
+        Way in rad over which friction turns round after a reversal.
+    thermal : dict
+        As in `undeclared.THERMAL`.
+    """
+
+    model: FrictionModel
+    effects: list = field(default_factory=list)
+    variables: list = field(default_factory=list)
+    noise: float = 0.003
+    wander: float = 0.0
+    presliding: float = 2e-4
+    thermal: dict = field(default_factory=dict)
+
+    @property
+    def noise_floor(self):
+        """Error in A that a perfect model would have."""
+        return math.hypot(self.noise, self.wander)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A recording and its truth: the current in A before noise, shape (N,)."""
+
+    samples: Samples
+    noise_free: np.ndarray
+
+
+def random_drive(seed, cases=()):
+    """Draw a drive.
+
+    Parameters
+    ----------
+    seed : int
+    cases : sequence of str
+        Names out of `drive_cases.CASES`; empty for a drive with nothing undeclared.
+
+    Returns
+    -------
+    SimulatedDrive
+    """
+    rng = np.random.default_rng([seed, 1])
+    drive = Drive(
+        torque_constant=float(rng.uniform(0.05, 0.15)), gear_ratio=float(rng.integers(50, 200)),
+        encoder_counts=int(rng.choice([2000, 4000, 8192])), current_limit=5.0)
+    level = math.exp(rng.uniform(math.log(0.08), math.log(0.6)))
+    asymmetry = rng.uniform(-0.1, 0.1)
+    sigmoid = Sigmoid(
+        upper=level * (1 + asymmetry), lower=-level * (1 - asymmetry),
+        steepness=math.exp(rng.uniform(math.log(60.0), math.log(400.0))),
+        shift=0.0, viscous=level * rng.uniform(0.1, 0.6))
+    scale = Scale(level=level * drive.torque_per_current)
+    # Of a generator of their own, so that the same seed is the same drive with any effects.
+    own = np.random.default_rng([seed, 3])
+    effects, variables = [], []
+    for name in cases:
+        case = CASES[name]
+        effects += case.draw(own, scale)
+        variables.append(case.variable)
+    # Heating: 15 to 25 K above ambient for the current's usual size.
+    thermal = {'ambient': float(rng.uniform(20.0, 26.0)), 'time_constant':
+               float(rng.uniform(40.0, 120.0)),
+               'heating': float(rng.uniform(15.0, 25.0) / (1.3 * level) ** 2)}
+    return SimulatedDrive(
+        model=FrictionModel(drive=drive, sigmoid=sigmoid, joint='joint'), effects=effects,
+        variables=variables, noise=level * float(rng.uniform(0.015, 0.04)),
+        wander=level * float(rng.uniform(0.0, 0.01)),
+        presliding=math.exp(rng.uniform(math.log(5e-5), math.log(5e-4))), thermal=thermal)
+
+
+def excitation_for(cases, **changes):
+    """Return an `Excitation` under which the cases can be seen."""
+    wanted = {}
+    for name in cases:
+        wanted.update(CASES[name].needs)
+    return replace(Excitation(), **{**wanted, **changes})
+
+
+def record(drive, seed, excitation=None):
+    """Return recordings of a drive that a servo moves along a random path.
+
+    The servo is perfect, so the current is what the drive's parts ask for along the path: the
+    sigmoid, the undeclared torques, and inertia where an effect of that name adds it. The drive
+    behaves as one whose own inertia torque is negligible.
+
+    Parameters
+    ----------
+    drive : SimulatedDrive
+    seed : int
+        Of path, load, temperature and noise.
+    excitation : Excitation, optional
+
+    Returns
+    -------
+    list of Trial
+    """
+    excitation = excitation or Excitation()
+    rng = np.random.default_rng([seed, 2])
+    trials, start = [], float(rng.uniform(1e3, 1e5))
+    for _ in range(excitation.recordings):
+        trials.append(_one_recording(drive, rng, excitation, start))
+        start += excitation.duration + float(rng.uniform(600.0, 6000.0))
+    return trials
+
+
+def _one_recording(drive, rng, excitation, start):
+    position = mixed_motion(
+        excitation.duration, STEP, rng, excitation.position_range, excitation.speed,
+        excitation.rests)
+    size = len(position)
+    ratio = drive.model.drive.torque_per_current
+    level = 0.5 * (drive.model.sigmoid.upper - drive.model.sigmoid.lower) * ratio
+    load = np.zeros(size)
+    if excitation.load > 0:
+        load = excitation.load * level * smooth_noise(size, STEP, rng)
+    thermal = dict(drive.thermal)
+    if excitation.temperature:
+        thermal['initial'] = float(thermal['ambient'] + rng.uniform(0.0, 30.0))
+    else:
+        thermal['heating'] = 0.0
+    undeclared = Undeclared.from_effects(drive.effects, thermal)
+    velocity = np.gradient(position, STEP)
+    current, temperature = _required_current(
+        position, velocity, np.gradient(velocity, STEP), load, undeclared.table,
+        np.zeros(undeclared.memory_size), undeclared.thermal, undeclared.inertia,
+        ratio * undeclared.torque_constant_factor, drive.model.sigmoid(velocity) * ratio,
+        np.where(velocity >= 0, drive.model.sigmoid.upper, -drive.model.sigmoid.lower) * ratio
+        + drive.model.sigmoid.viscous * ratio * np.abs(velocity), drive.presliding)
+    # With torque late by the lag, the current has to be early by it.
+    early = round(undeclared.actuation_lag / STEP)
+    if early:
+        current = np.concatenate((current[early:], np.full(early, current[-1])))
+    keep = slice(None, None, round(1.0 / (STEP * excitation.rate)))
+    truth = current[keep]
+    time = np.arange(size)[keep] * STEP
+    count = drive.model.drive.position_resolution
+    measured = truth + drive.noise * rng.standard_normal(truth.size)
+    measured += drive.wander * smooth_noise(truth.size, 1.0 / excitation.rate, rng, 5.0)
+    optional = {'temperature': temperature[keep] + 0.1 * rng.standard_normal(truth.size)}
+    if excitation.load > 0:
+        optional['load'] = load[keep] + 0.005 * level * rng.standard_normal(truth.size)
+    samples = Samples(
+        time=start + time, position=np.round(position[keep] / count) * count, current=measured,
+        joint=drive.model.joint, **optional)
+    return Trial(samples=samples, noise_free=truth)
+
+
+@njit(cache=True)
+def _required_current(x, v, a, load, table, memory, thermal, inertia, ratio, base, base_level,
+                      presliding):
+    """Return current and temperature along a path: torque balance, solved for the current."""
+    size = len(x)
+    current = np.empty(size)
+    temperature = np.empty(size)
+    warm, side, rest = thermal[1], 0.0, 0.0
+    for k in range(size):
+        # A path at rest still carries rounding noise.
+        resting = abs(v[k]) < 1e-9
+        rest = rest + STEP if resting else 0.0
+        driving, level = undeclared_torque(
+            table, memory, k * STEP, x[k], v[k], load[k], warm, rest, base_level[k])
+        if not resting and k > 0:
+            goal = 1.0 if v[k] > 0 else -1.0
+            side = goal + (side - goal) * math.exp(-abs(x[k] - x[k - 1]) / presliding)
+        level = max(level, -0.95 * base_level[k])
+        torque = base[k] + side * level - driving - load[k] + inertia * a[k]
+        current[k] = torque / ratio
+        warm = heated(warm, current[k], STEP, thermal)
+        temperature[k] = warm
+    return current, temperature
