@@ -1,0 +1,132 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""One look for all figures, on paper, on a light page and on a dark one."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+import io
+import re
+
+from cycler import cycler
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+import numpy as np
+
+# Told apart with any colour vision, and legible on white as on near-black.
+COLOURS = {
+    'blue': '#2a86c8', 'orange': '#dd6b12', 'green': '#0f9d76', 'pink': '#c96ba6',
+    'violet': '#8474d6', 'grey': '#87909a', 'red': '#d2454f', 'yellow': '#c39b12',
+}
+# Stands for the page's own text colour and is replaced by it in the SVG.
+_INK = '#1a2b3d'
+_GRID = '#87909a'
+# An SVG larger than this is better drawn as a picture.
+_LARGEST_SVG = 700_000
+
+_STYLE = {
+    'axes.prop_cycle': cycler(color=list(COLOURS.values())),
+    'axes.edgecolor': _INK, 'axes.labelcolor': _INK, 'axes.titlecolor': _INK,
+    'text.color': _INK, 'xtick.color': _INK, 'ytick.color': _INK,
+    'axes.facecolor': 'none', 'figure.facecolor': 'none', 'savefig.facecolor': 'none',
+    'axes.spines.top': False, 'axes.spines.right': False, 'axes.linewidth': 0.8,
+    'axes.titlesize': 10.5, 'axes.titleweight': 'bold', 'axes.titlelocation': 'left',
+    'axes.labelsize': 9.5, 'xtick.labelsize': 8.5, 'ytick.labelsize': 8.5, 'font.size': 9.5,
+    'axes.grid': True, 'grid.color': _GRID, 'grid.alpha': 0.25, 'grid.linewidth': 0.6,
+    'axes.axisbelow': True, 'lines.linewidth': 1.5, 'legend.frameon': False,
+    'legend.fontsize': 8.5, 'font.family': ['DejaVu Sans'], 'svg.fonttype': 'path',
+    'figure.dpi': 100, 'mathtext.default': 'regular', 'axes.formatter.useoffset': False,
+    'axes.formatter.limits': (-4, 5),
+}
+
+
+@contextmanager
+def style():
+    """Apply the look to whatever is drawn inside the block."""
+    with mpl.rc_context(_STYLE):
+        yield
+
+
+def new_figure(rows=1, columns=1, width=8.0, height=3.0, **options):
+    """Make a figure with a grid of axes.
+
+    Parameters
+    ----------
+    rows, columns : int
+    width, height : float
+        Inches; height is that of one row.
+    **options
+        Further arguments of ``Figure.subplots``, such as ``sharex=True``.
+
+    Returns
+    -------
+    figure : matplotlib.figure.Figure
+    axes : Axes, or ndarray of Axes where there are several
+    """
+    with style():
+        figure = Figure(figsize=(width, height * rows), layout='constrained')
+        FigureCanvasAgg(figure)
+        axes = figure.subplots(rows, columns, **options)
+    return figure, axes
+
+
+def band(axes, x, mean, spread, colour, label):
+    """Draw a mean and the band of one standard deviation around it.
+
+    Parameters
+    ----------
+    axes : Axes
+    x, mean, spread : ndarray
+        All of shape (N,).
+    colour : str
+        A key of COLOURS.
+    label : str
+    """
+    x, mean, spread = thin(x, mean, spread)
+    axes.fill_between(
+        x, mean - spread, mean + spread, color=COLOURS[colour], alpha=0.22, linewidth=0)
+    axes.plot(x, mean, color=COLOURS[colour], label=label)
+
+
+def thin(x, *curves, points=1500):
+    """Return every so manyth point of curves that hold more points than a page can show."""
+    step = max(len(x) // points, 1)
+    return tuple(np.asarray(values)[::step] for values in (x, *curves))
+
+
+def scatter(axes, x, y, colour, label=None, points=6000, size=3.0, seed=0):
+    """Draw measured points as small dots, a fair share of them where there are very many."""
+    x, y = np.asarray(x), np.asarray(y)
+    if len(x) > points:
+        chosen = np.sort(np.random.default_rng(seed).choice(len(x), points, replace=False))
+        x, y = x[chosen], y[chosen]
+    axes.plot(x, y, '.', color=COLOURS[colour], markersize=size, alpha=0.45, label=label,
+              markeredgewidth=0, rasterized=True)
+
+
+def to_svg(figure):
+    """Return a figure as SVG that takes the page's text colour; no file, no network, no script."""
+    stream = io.StringIO()
+    with style(), mpl.rc_context({'svg.hashsalt': 'friction_comp'}):
+        figure.savefig(stream, format='svg', dpi=160, metadata={'Date': None, 'Creator': None})
+    text = stream.getvalue()
+    text = text[text.index('<svg'):]
+    text = re.sub(r'<metadata>.*?</metadata>\s*', '', text, flags=re.DOTALL)
+    return text.replace(_INK, 'currentColor')
+
+
+def to_png(figure, resolution=160):
+    """Return a figure as PNG on white."""
+    stream = io.BytesIO()
+    with style():
+        figure.savefig(stream, format='png', dpi=resolution, facecolor='white')
+    return stream.getvalue()
+
+
+def for_page(figure):
+    """Return ('svg', text) or ('png', bytes), whichever suits the figure's size."""
+    text = to_svg(figure)
+    if len(text) <= _LARGEST_SVG:
+        return 'svg', text
+    return 'png', to_png(figure)

@@ -1,0 +1,256 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reports as one HTML file that needs nothing else: no network, no script, no second file."""
+
+from __future__ import annotations
+
+import base64
+from html import escape
+import math
+from pathlib import Path
+import re
+
+import numpy as np
+
+from friction_comp import __version__
+from friction_comp.errors import InputError
+from friction_comp.files import write_atomically
+from friction_comp.reports.figures import for_page
+
+
+class Report:
+    """A page that grows from top to bottom.
+
+    Parameters
+    ----------
+    title : str
+    subtitle : str
+        One line under the title.
+
+    Examples
+    --------
+    >>> report = Report('Backdrivability of the elbow')
+    >>> report.text('The joint was **much** easier to move.')
+    >>> report.table(['condition', 'peak [N·m]'], [['d = 0', 1.28], ['d = ±1', 0.44]])
+    >>> '<h1>Backdrivability of the elbow</h1>' in report.html()
+    True
+    """
+
+    def __init__(self, title, subtitle=''):
+        self.title = title
+        self.subtitle = subtitle
+        self._parts = []
+        self._sections = []
+        self._figures = 0
+
+    def heading(self, text, level=2):
+        """Begin a section (level 2) or a part of one (level 3)."""
+        if level not in (2, 3):
+            raise InputError(f'heading level must be 2 or 3, not {level}')
+        anchor = ''
+        if level == 2:
+            self._sections.append(text)
+            anchor = f' id="section-{len(self._sections)}"'
+        self._parts.append(f'<h{level}{anchor}>{_inline(text)}</h{level}>')
+
+    def text(self, text):
+        """Add plain words.
+
+        Parameters
+        ----------
+        text : str
+            Paragraphs parted by blank lines. ``## `` and ``### `` begin headings, ``- `` list
+            items, ``> `` a remark that is set apart; ``**bold**``, ``*emphasis*`` and
+            ```code``` work inside them.
+        """
+        for block in re.split(r'\n\s*\n', text.strip()):
+            lines = [line.strip() for line in block.strip().splitlines()]
+            if not lines:
+                continue
+            heading = re.match(r'(#{2,3}) (.+)', lines[0])
+            if heading:
+                self.heading(heading[2], len(heading[1]))
+                lines = lines[1:]
+            if not lines:
+                continue
+            if lines[0].startswith('- '):
+                self._parts.append(_items(lines))
+            elif all(line.startswith('>') for line in lines):
+                words = ' '.join(line[1:].strip() for line in lines)
+                self._parts.append(f'<blockquote><p>{_inline(words)}</p></blockquote>')
+            else:
+                self._parts.append(f'<p>{_inline(" ".join(lines))}</p>')
+
+    def numbers(self, tiles):
+        """Show a few figures large.
+
+        Parameters
+        ----------
+        tiles : list of (str, str)
+            Value with its unit, and what it is.
+        """
+        cells = ''.join(
+            f'<div class="tile"><b>{escape(str(value))}</b><span>{_inline(label)}</span></div>'
+            for value, label in tiles)
+        self._parts.append(f'<div class="tiles">{cells}</div>')
+
+    def table(self, header, rows, caption=''):
+        """Add a table.
+
+        Parameters
+        ----------
+        header : list of str
+        rows : list of list
+            Strings, numbers (three significant digits are shown) or None. Columns of numbers are
+            aligned to the right.
+        caption : str
+
+        Raises
+        ------
+        InputError
+            If a row has another length than the header.
+        """
+        rows = [list(row) for row in rows]
+        for row in rows:
+            if len(row) != len(header):
+                raise InputError(
+                    f'table row has {len(row)} cells, but the header {len(header)}: {row}')
+        numeric = [
+            any(_is_number(row[k]) for row in rows)
+            and all(row[k] is None or _is_number(row[k]) for row in rows)
+            for k in range(len(header))]
+        kinds = [' class="number"' if number else '' for number in numeric]
+        head = ''.join(
+            f'<th scope="col"{kind}>{_inline(str(name))}</th>'
+            for kind, name in zip(kinds, header))
+        body = ''.join(
+            '<tr>' + ''.join(
+                f'<td{kind}>{_cell(value)}</td>' for kind, value in zip(kinds, row)) + '</tr>'
+            for row in rows)
+        title = f'<caption>{_inline(caption)}</caption>' if caption else ''
+        # A region that scrolls must be reachable from the keyboard.
+        self._parts.append(
+            f'<div class="wide" tabindex="0"><table>{title}<thead><tr>{head}</tr></thead>'
+            f'<tbody>{body}</tbody></table></div>')
+
+    def figure(self, figure, caption, alternative=None):
+        """Add a matplotlib figure.
+
+        Parameters
+        ----------
+        figure : matplotlib.figure.Figure
+        caption : str
+            Printed below.
+        alternative : str, optional
+            What the figure shows, for those who cannot see it; the caption by default.
+        """
+        self._figures += 1
+        words = escape(_plain(alternative or caption), quote=True)
+        kind, content = for_page(figure)
+        if kind == 'svg':
+            # Ids inside the drawing must differ from those of the page's other drawings.
+            content = re.sub(r'\b(id="|#)(?=[A-Za-z_])(?![0-9a-fA-F]{6}\b)',
+                             rf'\g<1>f{self._figures}-', content)
+            content = content.replace('<svg ', f'<svg role="img" aria-label="{words}" ', 1)
+        else:
+            data = base64.b64encode(content).decode('ascii')
+            content = f'<img alt="{words}" src="data:image/png;base64,{data}">'
+        self._parts.append(
+            f'<figure>{content}<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}'
+            '</figcaption></figure>')
+
+    def code(self, text):
+        """Add a block of commands or file content."""
+        self._parts.append(
+            f'<pre tabindex="0"><code>{escape(text.strip(chr(10)))}</code></pre>')
+
+    def html(self):
+        """Return the whole page."""
+        style = Path(__file__).with_name('page.css').read_text(encoding='utf-8')
+        subtitle = f'<p class="subtitle">{_inline(self.subtitle)}</p>' if self.subtitle else ''
+        links = ''.join(
+            f'<a href="#section-{k}">{escape(_plain(name))}</a>'
+            for k, name in enumerate(self._sections, 1))
+        contents = f'<nav aria-label="Sections">{links}</nav>' if len(self._sections) > 2 else ''
+        parts = '\n'.join(self._parts)
+        return (
+            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+            f'<title>{escape(_plain(self.title))}</title>\n<style>\n{style}</style>\n</head>\n'
+            f'<body>\n<main>\n<header>\n<h1>{_inline(self.title)}</h1>\n{subtitle}{contents}\n'
+            f'</header>\n{parts}\n<footer>Made by friction_comp {__version__}.</footer>\n'
+            '</main>\n</body>\n</html>\n')
+
+    def save(self, path):
+        """Write the page, whole or not at all.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        write_atomically(path, self.html())
+
+
+def number(value, digits=3):
+    """Return a number in few digits: three significant ones, thousands in full, a dash for None.
+
+    Parameters
+    ----------
+    value : float, int or None
+    digits : int
+        Significant digits.
+
+    Returns
+    -------
+    str
+    """
+    if value is None or (isinstance(value, (float, np.floating)) and math.isnan(value)):
+        return '–'
+    if isinstance(value, (int, np.integer)):
+        return str(value)
+    if value == 0 or math.isinf(value):
+        return f'{value:g}'
+    magnitude = math.floor(math.log10(abs(value)))
+    if -4 <= magnitude < 6:
+        return f'{value:.{max(digits - 1 - magnitude, 0)}f}'.replace('-', '\u2212')
+    return f'{value:.{digits - 1}e}'.replace('-', '\u2212')
+
+
+def _is_number(value):
+    return isinstance(value, (int, float, np.integer, np.floating)) \
+        and not isinstance(value, bool)
+
+
+def _cell(value):
+    if value is None or _is_number(value):
+        return number(value)
+    return _inline(str(value))
+
+
+def _items(lines):
+    items = []
+    for line in lines:
+        if line.startswith('- '):
+            items.append(line[2:])
+        else:
+            items[-1] += ' ' + line
+    return '<ul>' + ''.join(f'<li>{_inline(item)}</li>' for item in items) + '</ul>'
+
+
+def _inline(text):
+    """Return text with its marks turned into tags and everything else escaped."""
+    pieces = re.split(r'(`[^`]+`)', str(text))
+    for k, piece in enumerate(pieces):
+        if k % 2:
+            pieces[k] = f'<code>{escape(piece[1:-1])}</code>'
+            continue
+        piece = escape(piece)
+        piece = re.sub(r'\*\*(.+?)\*\*', r'<b>\1</b>', piece)
+        pieces[k] = re.sub(r'(?<![\w*])\*(?!\s)([^*]+?)(?<!\s)\*(?![\w*])', r'<em>\1</em>', piece)
+    return ''.join(pieces)
+
+
+def _plain(text):
+    """Return text without its marks."""
+    return re.sub(r'\*\*|`|(?<!\w)\*(?=\w)|(?<=\w)\*(?!\w)', '', str(text))

@@ -1,0 +1,200 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the command-line tools share: arguments, progress, and output that is whole or absent."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import contextmanager, suppress
+import json
+import math
+import os
+from pathlib import Path
+import shutil
+import sys
+import tempfile
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from friction_comp.errors import InputError
+
+
+class Arguments(argparse.ArgumentParser):
+    """An argument parser that says what is wrong in one line and exits with 2.
+
+    ROS arguments (after ``--ros-args``) are accepted and left alone, so that a tool can be started
+    with `ros2 run` from a launch file.
+    """
+
+    def __init__(self, name, description, **options):
+        super().__init__(
+            prog=f'python3 -m friction_comp {name}', description=description,
+            allow_abbrev=False, **options)
+        self._name = name
+
+    def error(self, message):
+        """Exit with status 2 and one line on standard error."""
+        self.exit(2, f'{self._name}: {message} (try --help)\n')
+
+    def parse(self, argv=None):
+        """Return the parsed arguments.
+
+        Parameters
+        ----------
+        argv : list of str, optional
+            The process's own by default.
+        """
+        arguments = list(sys.argv[1:] if argv is None else argv)
+        if '--ros-args' in arguments:
+            arguments = arguments[:arguments.index('--ros-args')]
+        return self.parse_args(arguments)
+
+    def add_recordings(self, several=True):
+        """Add what tools that read recordings take: RECORDING, --joint and the drive's numbers."""
+        self.add_argument(
+            'recordings' if several else 'recording', metavar='RECORDING',
+            type=Path, **({'nargs': '+'} if several else {}),
+            help='rosbag2 folder, .mcap file' + (', or folder of such' if several else ''))
+        self.add_argument('--joint', help='name of the joint, where a recording has several')
+        return self
+
+    def add_drive(self):
+        """Add --torque-constant and --gear-ratio, None where they are not given."""
+        self.add_argument(
+            '--torque-constant', metavar='KT', type=positive,
+            help='k_t in N·m/A: current is effort / (k_t · n)')
+        self.add_argument('--gear-ratio', metavar='N', type=positive, help='n, motor turns per '
+                          'joint turn')
+        return self
+
+    def add_output(self, what='folder for the results, made where it is missing'):
+        """Add --output."""
+        self.add_argument('--output', metavar='DIR', type=Path, required=True, help=what)
+        return self
+
+
+def positive(text):
+    """Return a positive finite number from an argument."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise argparse.ArgumentTypeError(f'must be a positive number, not {text!r}')
+    return value
+
+
+def whole_number(least=1):
+    """Return a type for an argument that is an integer not below `least`."""
+    def read(text):
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if value < least:
+            raise argparse.ArgumentTypeError(f'must be a whole number from {least}, not {text!r}')
+        return value
+    return read
+
+
+@contextmanager
+def output_folder(path):
+    """Give a folder to write results into; they appear in `path` when the block ends well.
+
+    Until then they are in a hidden folder beside it, which goes away if the block raises. Files of
+    the same names in `path` are replaced, others are left alone.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Yields
+    ------
+    Path
+        Where to write.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise InputError(f'{path}: exists and is not a folder')
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    room = None
+    done = False
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        room = Path(tempfile.mkdtemp(prefix='.unfinished.', dir=path))
+        yield room
+        for source in sorted(room.rglob('*')):
+            target = path / source.relative_to(room)
+            if source.is_dir():
+                target.mkdir(exist_ok=True)
+            else:
+                os.replace(source, target)
+        done = True
+    except OSError as error:
+        name = error.filename if error.filename and room is None else path
+        raise InputError(f'{name}: cannot be written: {error.strerror or error}') from None
+    finally:
+        if room is not None:
+            shutil.rmtree(room, ignore_errors=True)
+        if not done:
+            # Folders that were made for nothing go as well, the innermost first.
+            for folder in made:
+                with suppress(OSError):
+                    folder.rmdir()
+
+
+@contextmanager
+def progress(description):
+    """Show a progress bar on standard error while the block runs, if a person is watching.
+
+    Parameters
+    ----------
+    description : str
+
+    Yields
+    ------
+    callable
+        ``report(share, description=None)`` with the share 0..1 that is done.
+    """
+    console = Console(stderr=True)
+    columns = (TextColumn('{task.description}'), BarColumn(), TextColumn(
+        '{task.percentage:>3.0f} %'), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True,
+                  disable=not console.is_terminal) as bar:
+        task = bar.add_task(description, total=1.0)
+
+        def report(share, description=None):
+            changes = {} if description is None else {'description': description}
+            bar.update(task, completed=min(max(float(share), 0.0), 1.0), **changes)
+
+        yield report
+
+
+def to_json(content):
+    """Return content as JSON text; numpy values become plain ones, NaN and infinity null."""
+    return json.dumps(_plain(content), indent=2, ensure_ascii=False, allow_nan=False) + '\n'
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, Path):
+        return str(value)
+    return value
