@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 import io
 import re
 
@@ -41,11 +40,9 @@ _STYLE = {
 }
 
 
-@contextmanager
-def style():
-    """Apply the look to whatever is drawn inside the block."""
-    with mpl.rc_context(_STYLE):
-        yield
+# Set once for the whole process: legends, titles and labels take their look from here whenever they
+# are made, and only the tools that draw import this module.
+mpl.rcParams.update(_STYLE)
 
 
 def new_figure(rows=1, columns=1, width=8.0, height=3.0, **options):
@@ -64,11 +61,9 @@ def new_figure(rows=1, columns=1, width=8.0, height=3.0, **options):
     figure : matplotlib.figure.Figure
     axes : Axes, or ndarray of Axes where there are several
     """
-    with style():
-        figure = Figure(figsize=(width, height * rows), layout='constrained')
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(rows, columns, **options)
-    return figure, axes
+    figure = Figure(figsize=(width, height * rows), layout='constrained')
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, **options)
 
 
 def band(axes, x, mean, spread, colour, label):
@@ -108,7 +103,7 @@ def scatter(axes, x, y, colour, label=None, points=6000, size=3.0, seed=0):
 def to_svg(figure):
     """Return a figure as SVG that takes the page's text colour; no file, no network, no script."""
     stream = io.StringIO()
-    with style(), mpl.rc_context({'svg.hashsalt': 'friction_comp'}):
+    with mpl.rc_context({'svg.hashsalt': 'friction_comp'}):
         figure.savefig(stream, format='svg', dpi=160, metadata={'Date': None, 'Creator': None})
     text = stream.getvalue()
     text = text[text.index('<svg'):]
@@ -119,8 +114,7 @@ def to_svg(figure):
 def to_png(figure, resolution=160):
     """Return a figure as PNG on white."""
     stream = io.BytesIO()
-    with style():
-        figure.savefig(stream, format='png', dpi=resolution, facecolor='white')
+    figure.savefig(stream, format='png', dpi=resolution, facecolor='white')
     return stream.getvalue()
 
 

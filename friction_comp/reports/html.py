@@ -149,8 +149,7 @@ class Report:
         kind, content = for_page(figure)
         if kind == 'svg':
             # Ids inside the drawing must differ from those of the page's other drawings.
-            content = re.sub(r'\b(id="|#)(?=[A-Za-z_])(?![0-9a-fA-F]{6}\b)',
-                             rf'\g<1>f{self._figures}-', content)
+            content = re.sub(r'( id="|href="#|url\(#)', rf'\g<1>f{self._figures}-', content)
             content = content.replace('<svg ', f'<svg role="img" aria-label="{words}" ', 1)
         else:
             data = base64.b64encode(content).decode('ascii')
