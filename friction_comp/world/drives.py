@@ -17,8 +17,11 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.procedures import velocity_control
 from friction_comp.samples import Samples
+from friction_comp.world import kernel
 from friction_comp.world.drive_cases import CASES, Scale
+from friction_comp.world.joint import plant_parameters, random_states
 from friction_comp.world.motion import mixed_motion, smooth_noise
 from friction_comp.world.undeclared import Undeclared, heated, undeclared_torque
 
@@ -45,6 +48,10 @@ class Excitation:
         Whether the motor's temperature varies, from one recording to the next and within.
     recordings : int
         How many recordings are made, each from a cold start of the clock.
+    servo : bool
+        False: the joint follows its path exactly and its own inertia torque is negligible, so
+        that the current is the sum of sigmoid and undeclared effects. True: the simulated joint,
+        with inertia, stiction and presliding, under the velocity controller of identification.
     """
 
     duration: float = 150.0
@@ -55,6 +62,7 @@ class Excitation:
     load: float = 0.0
     temperature: bool = False
     recordings: int = 1
+    servo: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,6 +83,8 @@ class SimulatedDrive:
         Standard deviation of slow noise in A that no effect explains.
     presliding : float
         Way in rad over which friction turns round after a reversal.
+    relative_inertia : float
+        Inertia over friction level in s²/rad, for recordings under the servo.
     thermal : dict
         As in `undeclared.THERMAL`.
     """
@@ -85,6 +95,7 @@ class SimulatedDrive:
     noise: float = 0.003
     wander: float = 0.0
     presliding: float = 2e-4
+    relative_inertia: float = 0.1
     thermal: dict = field(default_factory=dict)
 
     @property
@@ -140,7 +151,8 @@ def random_drive(seed, cases=()):
         model=FrictionModel(drive=drive, sigmoid=sigmoid, joint='joint'), effects=effects,
         variables=variables, noise=level * float(rng.uniform(0.015, 0.04)),
         wander=level * float(rng.uniform(0.0, 0.01)),
-        presliding=math.exp(rng.uniform(math.log(5e-5), math.log(5e-4))), thermal=thermal)
+        presliding=math.exp(rng.uniform(math.log(5e-5), math.log(5e-4))),
+        relative_inertia=float(rng.uniform(0.05, 0.15)), thermal=thermal)
 
 
 def excitation_for(cases, **changes):
@@ -152,11 +164,7 @@ def excitation_for(cases, **changes):
 
 
 def record(drive, seed, excitation=None):
-    """Return recordings of a drive that a servo moves along a random path.
-
-    The servo is perfect, so the current is what the drive's parts ask for along the path: the
-    sigmoid, the undeclared torques, and inertia where an effect of that name adds it. The drive
-    behaves as one whose own inertia torque is negligible.
+    """Return recordings of a drive that is moved along a random path.
 
     Parameters
     ----------
@@ -194,20 +202,10 @@ def _one_recording(drive, rng, excitation, start):
     else:
         thermal['heating'] = 0.0
     undeclared = Undeclared.from_effects(drive.effects, thermal)
-    velocity = np.gradient(position, STEP)
-    current, temperature = _required_current(
-        position, velocity, np.gradient(velocity, STEP), load, undeclared.table,
-        np.zeros(undeclared.memory_size), undeclared.thermal, undeclared.inertia,
-        ratio * undeclared.torque_constant_factor, drive.model.sigmoid(velocity) * ratio,
-        np.where(velocity >= 0, drive.model.sigmoid.upper, -drive.model.sigmoid.lower) * ratio
-        + drive.model.sigmoid.viscous * ratio * np.abs(velocity), drive.presliding)
-    # With torque late by the lag, the current has to be early by it.
-    early = round(undeclared.actuation_lag / STEP)
-    if early:
-        current = np.concatenate((current[early:], np.full(early, current[-1])))
+    run = _driven if excitation.servo else _tracked
+    position, current, load, temperature = run(drive, undeclared, position, load, rng)
     keep = slice(None, None, round(1.0 / (STEP * excitation.rate)))
     truth = current[keep]
-    time = np.arange(size)[keep] * STEP
     count = drive.model.drive.position_resolution
     measured = truth + drive.noise * rng.standard_normal(truth.size)
     measured += drive.wander * smooth_noise(truth.size, 1.0 / excitation.rate, rng, 5.0)
@@ -215,9 +213,68 @@ def _one_recording(drive, rng, excitation, start):
     if excitation.load > 0:
         optional['load'] = load[keep] + 0.005 * level * rng.standard_normal(truth.size)
     samples = Samples(
-        time=start + time, position=np.round(position[keep] / count) * count, current=measured,
+        time=start + np.arange(size)[keep] * STEP,
+        position=np.round(position[keep] / count) * count, current=measured,
         joint=drive.model.joint, **optional)
     return Trial(samples=samples, noise_free=truth)
+
+
+def _tracked(drive, undeclared, position, load, rng):
+    """Return position, current, load and temperature of a joint that follows the path exactly."""
+    sigmoid, ratio = drive.model.sigmoid, drive.model.drive.torque_per_current
+    velocity = np.gradient(position, STEP)
+    plateau = np.where(velocity >= 0, sigmoid.upper, -sigmoid.lower)
+    current, temperature = _required_current(
+        position, velocity, np.gradient(velocity, STEP), load, undeclared.table,
+        np.zeros(undeclared.memory_size), undeclared.thermal, undeclared.inertia,
+        ratio * undeclared.torque_constant_factor, sigmoid(velocity) * ratio,
+        (plateau + sigmoid.viscous * np.abs(velocity)) * ratio, drive.presliding)
+    # With torque late by the lag, the current has to be early by it.
+    early = round(undeclared.actuation_lag / STEP)
+    if early:
+        current = np.concatenate((current[early:], np.full(early, current[-1])))
+    return position, current, load, temperature
+
+
+def _driven(drive, undeclared, path, load, rng):
+    """Return position, current, load and temperature of the simulated joint under its servo."""
+    model = drive.model
+    level = 0.5 * (model.sigmoid.upper - model.sigmoid.lower) * model.drive.torque_per_current
+    inertia = level * drive.relative_inertia
+    # The person is soft enough to push with the load wanted wherever the joint is on its path.
+    softness = 2.0 * level
+    parameters = plant_parameters(replace(model, simulation={
+        'inertia': inertia, 'presliding_stiffness': level / drive.presliding,
+        'current_noise': 0.0,
+        'human': {'stiffness': softness, 'damping': 0.0, 'response_time': 0.0}}), undeclared)
+    control = velocity_control.velocity_controller_parameters(
+        model.drive.torque_per_current / inertia, model.drive.current_limit,
+        model.sigmoid.upper, model.sigmoid.lower)
+    state = np.zeros(kernel.STATES)
+    random = random_states(int(rng.integers(2 ** 31)), 1)[0]
+    kernel.start_state(parameters, state, random)
+    return _servo_run(
+        parameters, state, random, undeclared.table, np.zeros(max(1, undeclared.memory_size)),
+        control, velocity_control.velocity_controller_state(), path, np.gradient(path, STEP),
+        path + load / softness, bool(np.any(load != 0)))
+
+
+@njit(cache=True)
+def _servo_run(parameters, state, random, table, memory, control, control_state, path, speed,
+               person, active):
+    size = len(path)
+    log = np.zeros((4, size))
+    out = np.zeros(kernel.OUTPUTS)
+    for k in range(size):
+        command = velocity_control.velocity_controller_step(
+            control, control_state, path[k], speed[k], out[kernel.OUT_POSITION], STEP)
+        kernel.joint_sample(parameters, state, random, table, memory, STEP, command, person[k],
+                            0.0, active, out)
+        log[0, k] = out[kernel.OUT_POSITION]
+        log[1, k] = out[kernel.OUT_CURRENT]
+        log[2, k] = out[kernel.OUT_TORQUE]
+        log[3, k] = out[kernel.OUT_TEMPERATURE]
+    return log[0], log[1], log[2], log[3]
 
 
 @njit(cache=True)
