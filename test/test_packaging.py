@@ -1,0 +1,312 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The package as pip, colcon and `ros2 run` see it, and the rules its files keep."""
+
+import ast
+import importlib.util
+import os
+from pathlib import Path
+import re
+import shutil
+import subprocess
+import sys
+from types import ModuleType
+from xml.etree import ElementTree
+
+import pytest
+
+import friction_comp
+from friction_comp import __main__ as entry
+from friction_comp.errors import InputError
+from friction_comp.share import share_path
+
+ROOT = Path(__file__).resolve().parent.parent
+NAMES = {**entry.NODES, **entry.TOOLS}
+MODULES = sorted((ROOT / 'friction_comp').rglob('*.py'))
+LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+INTERFACES = 'friction_comp_interfaces'
+# What rosdep calls the packages from which other modules come.
+ROSDEP_KEYS = {
+    'ament_index_python': 'ament_index_python',
+    'matplotlib': 'python3-matplotlib',
+    'numba': 'python3-numba',
+    'numpy': 'python3-numpy',
+    'rich': 'python3-rich',
+    'scipy': 'python3-scipy',
+    'yaml': 'python3-yaml',
+}
+
+
+def imported(path):
+    """Names of the top-level packages that a file imports anywhere."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name.partition('.')[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names.add(node.module.partition('.')[0])
+    return names
+
+
+def is_ros(name):
+    return name.startswith(('rclpy', 'ament_', 'launch', 'rosidl_', INTERFACES)) or name.endswith(
+        ('_msgs', '_interfaces'))
+
+
+def tracked_files():
+    listing = subprocess.run(
+        ['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listing.returncode:
+        pytest.skip('not a git checkout')
+    return [ROOT / name for name in listing.stdout.split('\0') if name]
+
+
+@pytest.fixture
+def build_tools(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / 'build_tools')
+    import interfaces
+
+    return interfaces
+
+
+def test_the_version_is_the_same_everywhere():
+    versions = {
+        ElementTree.parse(ROOT / folder / 'package.xml').findtext('version')
+        for folder in ('.', INTERFACES)}
+    setup = subprocess.run(
+        [sys.executable, 'setup.py', '--version'], cwd=ROOT, capture_output=True, text=True,
+        check=True)
+    assert versions == {friction_comp.__version__}
+    assert setup.stdout.split()[-1] == friction_comp.__version__
+
+
+@pytest.mark.parametrize('folder', ['.', INTERFACES])
+def test_package_xml_is_valid(folder):
+    package = pytest.importorskip('catkin_pkg.package')
+    manifest = package.parse_package(str(ROOT / folder))
+    problems = []
+    manifest.validate(problems)
+    assert not problems
+    assert manifest.package_format == 3
+    assert manifest.licenses == ['Apache-2.0']
+
+
+def test_package_xml_names_what_the_modules_import():
+    manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
+    declared = {e.text for e in manifest if e.tag in ('depend', 'exec_depend')}
+    needed = set()
+    for path in MODULES + LAUNCH_FILES:
+        for name in imported(path) - set(sys.stdlib_module_names):
+            if name not in ('friction_comp', INTERFACES, 'rosbags'):
+                needed.add(ROSDEP_KEYS.get(name, name))
+    assert needed - declared == set()
+
+
+def test_ros_is_imported_by_the_nodes_alone():
+    nodes = ROOT / 'friction_comp' / 'nodes'
+    strays = {
+        str(path.relative_to(ROOT)): sorted(filter(is_ros, imported(path)))
+        for path in MODULES if nodes not in path.parents and any(map(is_ros, imported(path)))}
+    assert strays == {}
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_every_name_has_a_module_with_a_main(name):
+    room = 'nodes' if name in entry.NODES else 'tools'
+    spec = importlib.util.find_spec(f'friction_comp.{room}.{name}')
+    assert spec is not None
+    tree = ast.parse(Path(spec.origin).read_text(encoding='utf-8'))
+    assert 'main' in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+    assert getattr(entry, name).args == (name,)
+
+
+def test_python_files_have_a_licence_and_a_readable_length():
+    for path in tracked_files():
+        if path.suffix == '.py' and path.exists():
+            lines = path.read_text(encoding='utf-8').splitlines()
+            assert 'SPDX-License-Identifier: Apache-2.0' in '\n'.join(lines[:3]), path
+            assert len(lines) <= 400, path
+
+
+def test_no_file_names_a_place_on_one_machine():
+    places = '|'.join(['home', 'root', 'work', 'tmp', 'farm'])
+    pattern = re.compile(rf'(?:^|[^\w./}}])/(?:{places})/[A-Za-z.]', re.MULTILINE)
+    found = {
+        str(path.relative_to(ROOT)): pattern.findall(text)
+        for path in tracked_files() if path.suffix not in ('.png', '.mcap') and path.is_file()
+        if pattern.search(text := path.read_text(encoding='utf-8', errors='replace'))}
+    assert found == {}
+
+
+def test_without_a_known_name_the_usage_is_shown(capsys):
+    assert entry.main([]) == 2
+    assert entry.main(['nonsense']) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ''
+    assert "'nonsense'" in shown.err
+    assert all(name in shown.err for name in NAMES)
+
+
+def test_help_and_version(capsys):
+    assert entry.main(['--help']) == 0
+    assert entry.main(['--version']) == 0
+    assert capsys.readouterr().out.split()[-1] == friction_comp.__version__
+
+
+@pytest.mark.parametrize(('ending', 'code', 'said'), [
+    (lambda argv: None, 0, ''),
+    (lambda argv: len(argv), 1, ''),
+    (InputError('model.yaml:\n no coefficients'), 2, 'predict: model.yaml: no coefficients\n'),
+    (KeyboardInterrupt(), 130, ''),
+])
+def test_how_a_tool_may_end(monkeypatch, capsys, ending, code, said):
+    def main(argv):
+        if isinstance(ending, BaseException):
+            raise ending
+        return ending(argv)
+
+    module = ModuleType('friction_comp.tools.predict')
+    module.main = main
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    assert entry.main(['predict', 'argument']) == code
+    monkeypatch.setattr(sys, 'argv', ['predict', 'argument'])
+    assert entry.predict() == code
+    assert capsys.readouterr().err == 2 * said
+
+
+def test_a_missing_ros_is_told_in_one_line(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'friction_comp.nodes.plant', None)
+
+    def absent(name):
+        raise ModuleNotFoundError(f'No module named {name!r}', name='rclpy')
+
+    monkeypatch.setattr(entry.importlib, 'import_module', absent)
+    assert entry.main(['plant']) == 1
+    assert capsys.readouterr().err.startswith('plant: no module rclpy: source a ROS 2 workspace')
+
+
+def test_an_environment_with_ros_wheels_names_itself(monkeypatch, tmp_path):
+    (tmp_path / 'share' / 'ament_index').mkdir(parents=True)
+    monkeypatch.setattr(sys, 'prefix', str(tmp_path))
+    monkeypatch.setenv('AMENT_PREFIX_PATH', 'workspace')
+    for _ in range(2):
+        friction_comp._name_this_environment()
+        assert os.environ['AMENT_PREFIX_PATH'].split(os.pathsep) == ['workspace', str(tmp_path)]
+
+
+def test_share_path_finds_what_comes_with_the_package():
+    assert share_path('package.xml').is_file()
+    with pytest.raises(InputError, match=r'no file config/nonsense\.yaml'):
+        share_path('config', 'nonsense.yaml')
+
+
+@pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)
+def test_launch_files_start_executables_that_exist(path):
+    tree = ast.parse(path.read_text(encoding='utf-8'))
+    assert 'generate_launch_description' in {n.name for n in tree.body if hasattr(n, 'name')}
+    started = {
+        keyword.value.value for node in ast.walk(tree) if isinstance(node, ast.Call)
+        for keyword in node.keywords
+        if keyword.arg == 'executable' and isinstance(keyword.value, ast.Constant)}
+    assert started
+    assert started <= set(entry.NODES)
+    if importlib.util.find_spec('launch_ros') is not None:
+        spec = importlib.util.spec_from_file_location('launch_file', path)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.generate_launch_description().entities
+
+
+def test_the_interfaces_of_a_sourced_workspace_are_used(build_tools, monkeypatch, tmp_path):
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    assert not build_tools.provided_elsewhere()
+    index = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
+    index.mkdir(parents=True)
+    (index / INTERFACES).touch()
+    assert build_tools.provided_elsewhere()
+    # Those that an earlier build of this very package left are not a workspace's own.
+    marker = tmp_path / build_tools.MARKER
+    marker.parent.mkdir(parents=True)
+    marker.touch()
+    assert not build_tools.provided_elsewhere()
+
+
+def test_nothing_of_ros_is_fetched_where_it_is_sourced(build_tools, monkeypatch):
+    monkeypatch.delenv('ROS_DISTRO', raising=False)
+    apart = build_tools.fingerprint()
+    assert any(name.startswith('ros-jazzy-') for name in build_tools.requirements())
+    monkeypatch.setenv('ROS_DISTRO', 'jazzy')
+    assert build_tools.requirements() == []
+    assert build_tools.fingerprint() != apart
+
+
+@pytest.fixture(scope='module')
+def workspace(tmp_path_factory):
+    """A folder in which a copy of the package was built with a plain `colcon build`."""
+    beside = Path(sys.executable).parent / 'colcon'
+    colcon = str(beside) if beside.exists() else shutil.which('colcon')
+    if colcon is None:
+        pytest.skip('colcon is not installed (requirements/test.txt)')
+    folder = tmp_path_factory.mktemp('workspace')
+    left_out = shutil.ignore_patterns('.*', 'build', 'install', 'log', '__pycache__', '*.egg-info')
+    shutil.copytree(ROOT, folder / 'src' / 'friction_comp', ignore=left_out)
+    built = subprocess.run(
+        [colcon, 'build'], cwd=folder, env=environment(), capture_output=True, text=True,
+        check=False)
+    assert built.returncode == 0, built.stdout + built.stderr
+    return folder
+
+
+def environment():
+    """The environment of these tests, without what would let the source tree be found."""
+    kept = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'}
+    if 'ROS_DISTRO' in os.environ and 'PYTHONPATH' in os.environ:
+        kept['PYTHONPATH'] = os.pathsep.join(
+            p for p in os.environ['PYTHONPATH'].split(os.pathsep) if Path(p).resolve() != ROOT)
+    kept['PATH'] = os.pathsep.join([str(Path(sys.executable).parent), kept.get('PATH', '')])
+    return kept
+
+
+def sourced(workspace, command):
+    """Run a shell command in the sourced workspace and return what it prints."""
+    done = subprocess.run(
+        ['bash', '-c', f'. install/setup.bash && {command}'], cwd=workspace, env=environment(),
+        capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_colcon_installs_every_executable(workspace):
+    folder = workspace / 'install' / 'friction_comp' / 'lib' / 'friction_comp'
+    assert {path.name for path in folder.iterdir()} == set(NAMES)
+    assert all(os.access(path, os.X_OK) for path in folder.iterdir())
+    help_text = sourced(workspace, f'{folder / "predict"} --help')
+    assert '--model' in help_text
+    assert '--output' in help_text
+
+
+@pytest.mark.slow
+def test_colcon_installs_the_shared_files(workspace):
+    share = workspace / 'install' / 'friction_comp' / 'share'
+    index = share / 'ament_index' / 'resource_index'
+    for name in ('friction_comp', INTERFACES):
+        assert (index / 'packages' / name).is_file()
+        assert (share / name / 'package.xml').is_file()
+    assert (index / 'rosidl_interfaces' / INTERFACES).is_file()
+    for folder, ending in (('launch', '.launch.py'), ('config', '.yaml'), ('msg_docs', '.md')):
+        here = {path.name for path in (ROOT / folder).glob('*' + ending)}
+        assert here
+        assert {path.name for path in (share / 'friction_comp' / folder).iterdir()} == here
+
+
+@pytest.mark.slow
+def test_the_action_comes_from_the_install_space(workspace):
+    files = sourced(
+        workspace,
+        f'{sys.executable} -c "import friction_comp, {INTERFACES}.action as i;'
+        ' g = i.IdentifyFriction.Goal(speeds=[0.5]); assert g.speeds[0] == 0.5;'
+        f' import {INTERFACES}; print(friction_comp.__file__); print({INTERFACES}.__file__)"')
+    install = workspace / 'install' / 'friction_comp'
+    assert len(files.split()) == 2
+    assert all(install in Path(name).parents for name in files.split())
