@@ -1,0 +1,123 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where in a recording the movements are, and which direction was announced for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+# Share of the top speed above which the reference counts as moving, and as moving constantly.
+_MOVING, _CONSTANT = 0.01, 0.95
+# A measured velocity is noisy, and people overshoot.
+_MOVING_MEASURED, _CONSTANT_MEASURED = 0.1, 0.75
+_SMOOTHING = 0.05
+_SHORTEST = 0.1
+# Movements that cover less than this share of the longest are corrections, not repetitions.
+_SHORTEST_TRAVEL = 0.3
+
+
+@dataclass(frozen=True)
+class Movement:
+    """One movement of a recording; times in s on the recording's clock.
+
+    Attributes
+    ----------
+    begin, end : float
+        Start and end of the reference's (else the joint's) motion.
+    constant_begin, constant_end : float
+        The phase of constant velocity.
+    rest_begin : float
+        Since when the standstill before the movement lasts.
+    sign : int
+        +1 for the positive direction, -1 for the negative.
+    direction : int
+        Direction d that was announced as the movement began.
+    travel : float
+        Angle covered in rad.
+    """
+
+    begin: float
+    end: float
+    constant_begin: float
+    constant_end: float
+    rest_begin: float
+    sign: int
+    direction: int
+    travel: float
+
+
+def find_movements(samples):
+    """Return the movements of one recording in their order.
+
+    Parameters
+    ----------
+    samples : Samples
+        The reference shown to the person decides where it is there, else the measured position.
+
+    Returns
+    -------
+    list of Movement
+    """
+    velocity, moving, constant = _shown(samples)
+    if velocity is None:
+        velocity, moving, constant = _measured(samples), _MOVING_MEASURED, _CONSTANT_MEASURED
+    top = np.quantile(np.abs(velocity), 0.99) if len(velocity) else 0.0
+    if not top > 0:
+        return []
+    runs = []
+    for start, stop in _runs(np.sign(velocity) * (np.abs(velocity) > moving * top)):
+        if samples.time[stop - 1] - samples.time[start] >= _SHORTEST:
+            runs.append((start, stop, float(abs(np.sum(
+                velocity[start:stop - 1] * np.diff(samples.time[start:stop]))))))
+    longest = max((travel for *_, travel in runs), default=0.0)
+    movements, before = [], float(samples.time[0])
+    for start, stop, travel in runs:
+        if travel < _SHORTEST_TRAVEL * longest:
+            continue
+        speed = np.abs(velocity[start:stop])
+        fast = start + np.nonzero(speed >= constant * speed.max())[0]
+        begin, end = float(samples.time[start]), float(samples.time[stop - 1])
+        movements.append(Movement(
+            begin, end, float(samples.time[fast[0]]), float(samples.time[fast[-1]]), before,
+            int(np.sign(velocity[start])), _announced(samples, start, fast[0] + 1), travel))
+        before = end
+    return movements
+
+
+def _shown(samples):
+    velocity = samples.reference_velocity
+    if velocity is None and samples.reference_position is not None:
+        velocity = np.gradient(samples.reference_position, np.maximum.accumulate(
+            samples.time + 1e-12 * np.arange(len(samples))))
+    if velocity is None or not np.abs(velocity).max(initial=0.0) > 0:
+        return None, None, None
+    return velocity, _MOVING, _CONSTANT
+
+
+def _measured(samples):
+    """Return velocity in rad/s by a zero-phase mean over a short window, shape (N,)."""
+    width = max(round(_SMOOTHING / max(samples.sample_time, 1e-6)), 1)
+    kernel = np.ones(width) / width
+    time = samples.time
+    padded = np.pad(samples.position, width, mode='edge')
+    smooth = np.convolve(np.convolve(padded, kernel, 'same'), kernel, 'same')[width:-width]
+    return np.gradient(smooth, time)
+
+
+def _runs(values):
+    """Yield (start, stop) of the stretches over which non-zero values stay the same."""
+    edges = np.concatenate(([0], np.nonzero(np.diff(values))[0] + 1, [len(values)]))
+    for start, stop in pairwise(edges):
+        if values[start] != 0:
+            yield int(start), int(stop)
+
+
+def _announced(samples, start, stop):
+    """Return the direction that stood for most of the acceleration."""
+    if samples.direction is None:
+        return 0
+    counts = np.bincount(samples.direction[start:stop].astype(int) + 1, minlength=3)
+    return int(np.argmax(counts)) - 1
