@@ -28,6 +28,7 @@ INTERFACES = 'friction_comp_interfaces'
 # What rosdep calls the packages from which other modules come.
 ROSDEP_KEYS = {
     'ament_index_python': 'ament_index_python',
+    'cycler': 'python3-matplotlib',  # comes with it
     'matplotlib': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',

@@ -1,0 +1,61 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the compensator alone, for a real robot whose driver publishes joint states.
+
+For example::
+
+    ros2 launch friction_comp compensation.launch.py joints:="['elbow']" \
+        model_files:="['elbow.yaml']" current_command:=effort_controller/commands
+"""
+
+from typing import List  # noqa: UP035 - ParameterValue knows this one in every release
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import LifecycleNode
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
+    topics = ('joint_states', 'current_command', 'direction', 'motor_temperature')
+    return LaunchDescription([
+        DeclareLaunchArgument('namespace', default_value='', description='of the node'),
+        DeclareLaunchArgument(
+            'parameters', default_value=[configuration, '/parameters.yaml'],
+            description='parameter file; the arguments below override it'),
+        DeclareLaunchArgument(
+            'joints', description="names of the joints as a YAML list, such as ['elbow']"),
+        DeclareLaunchArgument(
+            'model_files', description='one model file per joint, as a YAML list'),
+        DeclareLaunchArgument(
+            'law', default_value='continuous', choices=['continuous', 'paper', 'kinetic', 'none'],
+            description='compensation law'),
+        DeclareLaunchArgument(
+            'autostart', default_value='true', choices=['true', 'false'],
+            description='whether the node configures and activates itself'),
+        *(DeclareLaunchArgument(
+            topic, default_value=topic, description=f'topic to use as {topic}')
+          for topic in topics),
+        LifecycleNode(
+            package='friction_comp',
+            executable='compensator',
+            name='compensator',
+            namespace=LaunchConfiguration('namespace'),
+            parameters=[
+                LaunchConfiguration('parameters'),
+                {
+                    'joints': ParameterValue(LaunchConfiguration('joints'), value_type=List[str]),
+                    'model_files': ParameterValue(
+                        LaunchConfiguration('model_files'), value_type=List[str]),
+                    'law': ParameterValue(LaunchConfiguration('law'), value_type=str),
+                    'autostart': ParameterValue(
+                        LaunchConfiguration('autostart'), value_type=bool),
+                },
+            ],
+            remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
+            output='screen',
+        ),
+    ])

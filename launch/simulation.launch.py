@@ -1,0 +1,65 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Starts simulated joints in real time, and who commands them.
+
+By default that is the compensator, with the exercise and the simulated person who follows it; with
+``identify:=true`` it is the identification instead, which waits for goals. Only one of the two may
+command a motor.
+"""
+
+from typing import List  # noqa: UP035 - ParameterValue knows this one in every release
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition, UnlessCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import LifecycleNode, Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
+    identify = LaunchConfiguration('identify')
+    joints = {'joints': ParameterValue(LaunchConfiguration('joints'), value_type=List[str])}
+    models = {
+        'model_files': ParameterValue(LaunchConfiguration('model_files'), value_type=List[str])}
+    law = {'law': ParameterValue(LaunchConfiguration('law'), value_type=str)}
+
+    def settings(name, *parameters):
+        return {
+            'package': 'friction_comp',
+            'name': name,
+            'namespace': LaunchConfiguration('namespace'),
+            'parameters': [LaunchConfiguration('parameters'), joints, *parameters],
+            'output': 'screen',
+        }
+
+    return LaunchDescription([
+        DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
+        DeclareLaunchArgument(
+            'parameters', default_value=[configuration, '/parameters.yaml'],
+            description='parameter file of all nodes; the arguments below override it'),
+        DeclareLaunchArgument(
+            'joints', default_value="['joint']",
+            description='names of the joints, as a YAML list'),
+        DeclareLaunchArgument(
+            'model_files',
+            default_value=["['", configuration, "/armin_configuration_1.yaml']"],
+            description='one model file per joint, for plant and compensator, as a YAML list'),
+        DeclareLaunchArgument(
+            'law', default_value='continuous', choices=['continuous', 'paper', 'kinetic', 'none'],
+            description='compensation law'),
+        DeclareLaunchArgument(
+            'identify', default_value='false', choices=['true', 'false'],
+            description='start the identification instead of compensator and exercise'),
+        Node(executable='plant', **settings('plant', models)),
+        Node(
+            executable='identification', condition=IfCondition(identify),
+            **settings('identification')),
+        LifecycleNode(
+            executable='compensator', condition=UnlessCondition(identify),
+            **settings('compensator', models, law)),
+        Node(
+            executable='exercise', condition=UnlessCondition(identify), **settings('exercise')),
+    ])
