@@ -8,7 +8,7 @@ For example::
         model_files:="['elbow.yaml']" current_command:=effort_controller/commands
 """
 
-from typing import List  # noqa: UP035 - ParameterValue knows this one in every release
+from typing import List
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument

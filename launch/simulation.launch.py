@@ -7,7 +7,7 @@ By default that is the compensator, with the exercise and the simulated person w
 command a motor.
 """
 
-from typing import List  # noqa: UP035 - ParameterValue knows this one in every release
+from typing import List
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
