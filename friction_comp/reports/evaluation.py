@@ -20,6 +20,8 @@ _LEAD, _PEAK_LEAD = 1.0, 0.5
 # A joint has started by itself when it covers this share of the movement while the person does
 # not push that way, by this share of the torque's peak.
 _STARTED, _PUSHED = 0.01, 0.1
+# s for which the joint must have been still before; an oscillation is no start.
+_STILL = 0.2
 _NAMES = {1: 'positive', -1: 'negative'}
 
 
@@ -254,9 +256,12 @@ def _started_by_itself(samples, movement, peak):
     settled = 0.5 * (movement.rest_begin + movement.begin)
     begin = max(settled, movement.begin - _LEAD)
     first, last = np.searchsorted(samples.time, [begin, movement.begin])
-    if last - first < 3:
+    still = np.searchsorted(samples.time, begin + _STILL)
+    if not first < still < last:
         return False
     way = samples.position[first:last] - samples.position[first]
+    if np.abs(way[:still - first]).max() > 0.2 * _STARTED * movement.travel:
+        return False
     gone = np.nonzero(np.abs(way) > _STARTED * movement.travel)[0]
     if not len(gone):
         return False

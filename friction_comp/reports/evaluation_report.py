@@ -140,10 +140,11 @@ def _tiles(evaluation):
              [c for c in evaluation.conditions if c.assisted])):
         if group:
             tiles.append((f'{number(np.mean([c.peak_torque for c in group]))} N·m', name))
-    for name, value in (('lower peak', evaluation.peak_reduction),
-                        ('lower RMS torque', evaluation.rms_reduction)):
+    for name, value in (('peak', evaluation.peak_reduction),
+                        ('RMS torque', evaluation.rms_reduction)):
         if value is not None:
-            tiles.append((f'{100 * value:.0f} %'.replace('-', '\u2212'), name))
+            tiles.append((f'{abs(100 * value):.0f} %',
+                          f'{"lower" if value >= 0 else "higher"} {name} with d = ±1'))
     return tiles
 
 

@@ -101,8 +101,8 @@ class Report:
         ----------
         header : list of str
         rows : list of list
-            Strings, numbers (three significant digits are shown) or None. Columns of numbers are
-            aligned to the right.
+            Strings, numbers or None. Columns of numbers are aligned to the right, and show three
+            significant digits of the largest where their magnitudes are alike, else of each.
         caption : str
 
         Raises
@@ -119,13 +119,16 @@ class Report:
             any(_is_number(row[k]) for row in rows)
             and all(row[k] is None or _is_number(row[k]) for row in rows)
             for k in range(len(header))]
+        decimals = [_decimals([row[k] for row in rows]) if number else None
+                    for k, number in enumerate(numeric)]
         kinds = [' class="number"' if number else '' for number in numeric]
         head = ''.join(
             f'<th scope="col"{kind}>{_inline(str(name))}</th>'
             for kind, name in zip(kinds, header))
         body = ''.join(
             '<tr>' + ''.join(
-                f'<td{kind}>{_cell(value)}</td>' for kind, value in zip(kinds, row)) + '</tr>'
+                f'<td{kind}>{_cell(value, places)}</td>'
+                for kind, value, places in zip(kinds, row, decimals)) + '</tr>'
             for row in rows)
         title = f'<caption>{_inline(caption)}</caption>' if caption else ''
         # A region that scrolls must be reachable from the keyboard.
@@ -221,7 +224,18 @@ def _is_number(value):
         and not isinstance(value, bool)
 
 
-def _cell(value):
+def _decimals(column):
+    """Return the decimals that suit a whole column of numbers, or None where none do."""
+    sizes = [abs(v) for v in column if isinstance(v, (float, np.floating))
+             and math.isfinite(v) and v != 0]
+    if not sizes or min(sizes) < 0.01 * max(sizes) or not 1e-4 <= max(sizes) < 1e6:
+        return None
+    return max(2 - math.floor(math.log10(max(sizes))), 0)
+
+
+def _cell(value, decimals=None):
+    if isinstance(value, (float, np.floating)) and math.isfinite(value) and decimals is not None:
+        return f'{value:.{decimals}f}'.replace('-', '\u2212')
     if value is None or _is_number(value):
         return number(value)
     return _inline(str(value))
