@@ -3,10 +3,10 @@
 """Recordings in and out: rosbag2 folders and mcap files as samples, and the other way round."""
 
 from friction_comp.recordings.reader import (
-    RecordingInfo,
     inspect_recording,
     read_recording,
     read_recording_with_info,
+    RecordingInfo,
 )
 from friction_comp.recordings.scan import find_recordings
 from friction_comp.recordings.writer import RecordingWriter, write_samples

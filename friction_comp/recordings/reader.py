@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.recordings.scan import SIGNALS, find_recordings, scan_recording
+from friction_comp.recordings.scan import find_recordings, scan_recording, SIGNALS
 from friction_comp.samples import Samples
 
 # A clock that starts at zero reaches its second stamp within this time; only then is a leading

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from rosbags.rosbag2 import Reader
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.errors import InputError
 from friction_comp.recordings import cdr

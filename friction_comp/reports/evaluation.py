@@ -37,7 +37,8 @@ class Condition:
         'positive' or 'negative'.
     repetitions : int
     peak_torque : float
-        Largest magnitude of the ensemble average of τ_b in N·m.
+        Largest magnitude of the ensemble average of τ_b in N·m, from 0.5 s before the movement
+        until it slows down: what it takes to set the joint in motion and keep it there.
     peak_torque_std : float
         Standard deviation over repetitions of each one's own peak in N·m.
     peak_time : float
@@ -218,13 +219,19 @@ def _condition(repetitions, notes):
     if all(s.reference_position is not None for s, _ in kept):
         reference = np.nanmean(_ensemble(kept, 'reference_position', time), axis=0)
     mean, spread = _mean_and_std(torque)
-    counted = time >= -_PEAK_LEAD
+    slowing = np.median([m.constant_end - m.begin for _, m in kept])
+    counted = (time >= -_PEAK_LEAD) & (time <= slowing)
     peak = int(np.argmax(np.where(counted, np.abs(mean), -1.0)))
     own_peaks = np.nanmax(np.abs(torque[:, counted]), axis=1)
     moving = torque[:, time >= 0.0]
-    constant = (time >= np.median([m.constant_begin - m.begin for _, m in kept])) & (
-        time <= np.median([m.constant_end - m.begin for _, m in kept]))
+    constant = (time <= slowing) & (
+        time >= np.median([m.constant_begin - m.begin for _, m in kept]))
     middle, deviation = _mean_and_std(position)
+    restless = sum(_restless(s, m) for s, m in kept)
+    if restless:
+        notes.append(
+            f'the joint did not come to rest before {restless} of {len(kept)} movements with '
+            f'd = {first.direction} in the {_NAMES[first.sign]} direction')
     return Condition(
         direction=first.direction, movement=_NAMES[first.sign], repetitions=len(kept),
         peak_torque=float(abs(mean[peak])),
@@ -249,6 +256,14 @@ def _ensemble(repetitions, name, time):
 def _mean_and_std(values):
     spread = np.nanstd(values, axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])
     return np.nanmean(values, axis=0), np.nan_to_num(spread)
+
+
+def _restless(samples, movement):
+    """Return whether the joint kept moving to and fro right before the movement."""
+    first, last = np.searchsorted(
+        samples.time, [max(movement.begin - _PEAK_LEAD, movement.rest_begin), movement.begin])
+    travelled = np.abs(np.diff(samples.position[first:last])).sum()
+    return bool(travelled > 4.0 * _STARTED * movement.travel)
 
 
 def _started_by_itself(samples, movement, peak):

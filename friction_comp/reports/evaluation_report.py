@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from friction_comp.reports.figures import band, new_figure
-from friction_comp.reports.html import Report, number
+from friction_comp.reports.html import number, Report
 
 
 def evaluation_figure(evaluation):

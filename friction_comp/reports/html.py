@@ -258,7 +258,8 @@ def _inline(text):
         if k % 2:
             pieces[k] = f'<code>{escape(piece[1:-1])}</code>'
             continue
-        piece = escape(piece)
+        # A formula as short as d = 0 is not to be broken over two lines.
+        piece = re.sub(r'\b(\w) = (?=\S)', '\\1\u00a0=\u00a0', escape(piece))
         piece = re.sub(r'\*\*(.+?)\*\*', r'<b>\1</b>', piece)
         pieces[k] = re.sub(r'(?<![\w*])\*(?!\s)([^*]+?)(?<!\s)\*(?![\w*])', r'<em>\1</em>', piece)
     return ''.join(pieces)
