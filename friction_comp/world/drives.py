@@ -23,7 +23,7 @@ from friction_comp.world import kernel
 from friction_comp.world.drive_cases import CASES, Scale
 from friction_comp.world.joint import plant_parameters, random_states
 from friction_comp.world.motion import mixed_motion, smooth_noise
-from friction_comp.world.undeclared import Undeclared, heated, undeclared_torque
+from friction_comp.world.undeclared import heated, Undeclared, undeclared_torque
 
 STEP = 1e-3
 

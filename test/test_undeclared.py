@@ -1,0 +1,261 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Each undeclared effect does to the simulated joint what its file says, and nothing else."""
+
+from dataclasses import replace
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.world.drive_cases import CASES
+from friction_comp.world.drives import Excitation, random_drive, record, SimulatedDrive
+from friction_comp.world.joint import Plant
+from friction_comp.world.undeclared import heated, Undeclared, undeclared_torque
+
+# Formulas as a reader of the file format would write them: torque N·m that the motor has to
+# hold, and torque by which friction is higher, as functions of position, velocity, time, load.
+HELD = {
+    'offset': ({'torque': 0.4}, lambda x, v, t, u: 0.4 + 0 * x),
+    'gravity': ({'amplitude': 0.6, 'phase': 0.5}, lambda x, v, t, u: 0.6 * np.sin(x + 0.5)),
+    'cogging': ({'amplitude': 0.3, 'frequency': 12.0, 'slope': -0.5},
+                lambda x, v, t, u: 0.3 * (1 - 0.5 * np.abs(v)) * np.sin(12 * x)),
+}
+HIGHER = {
+    'stribeck': ({'amplitude': 0.5, 'velocity': 0.2},
+                 lambda x, v, t, u: 0.5 * np.exp(-np.abs(v) / 0.2)),
+    'viscous_shape': ({'amplitude': 0.5, 'exponent': 0.5},
+                      lambda x, v, t, u: 0.5 * np.sqrt(np.abs(v))),
+    'direction': ({'coulomb': 0.2, 'viscous': 0.3},
+                  lambda x, v, t, u: np.sign(v) * (0.2 + 0.3 * np.abs(v))),
+    'friction_ripple': ({'amplitude': 0.3, 'frequency': 12.0, 'phase': 1.0},
+                        lambda x, v, t, u: 0.3 * np.sin(12 * x + 1)),
+    'bump': ({'amplitude': 0.6, 'position': 0.2, 'width': 0.3},
+             lambda x, v, t, u: 0.6 * np.exp(-0.5 * ((x - 0.2) / 0.3) ** 2)),
+    'load': ({'coefficient': 0.3}, lambda x, v, t, u: 0.3 * np.abs(u)),
+    'warm_up': ({'share': 0.4, 'time_constant': 10.0},
+                lambda x, v, t, u: 0.4 * np.exp(-t / 10) * (1.0 + 0.4 * np.abs(v))),
+}
+
+
+def plain_drive(effects, **changes):
+    """Return a drive of 1 N·m/A with friction 1 N·m + 0.4 N·m·s/rad, without noise."""
+    drive = random_drive(5)
+    model = replace(
+        drive.model,
+        drive=replace(drive.model.drive, torque_constant=0.01, gear_ratio=100.0),
+        sigmoid=replace(drive.model.sigmoid, upper=1.0, lower=-1.0, viscous=0.4, steepness=300.0))
+    return SimulatedDrive(model=model, effects=effects, noise=0.0, presliding=1e-4,
+                          **{'thermal': drive.thermal, **changes})
+
+
+def moved(effects, servo, load=0.0, **changes):
+    """Return steadily moving samples (x, v, t, load, current) of a recording with the effects."""
+    drive = plain_drive(effects, **changes)
+    samples = record(drive, 4, Excitation(duration=40.0, servo=servo, load=load))[0].samples
+    step = samples.sample_time
+    velocity = np.gradient(samples.position, step)
+    velocity = np.convolve(velocity, np.ones(11) / 11, 'same')
+    acceleration = np.convolve(np.gradient(velocity, step), np.ones(41) / 41, 'same')
+    steady = (np.abs(velocity) > 0.1) & (np.abs(acceleration) < 0.05)
+    steady[:200] = False
+    kept = samples.take(steady)
+    torque = kept.load if kept.load is not None else np.zeros(len(kept))
+    return kept.position, velocity[steady], kept.time - samples.time[0], torque, kept.current
+
+
+@pytest.mark.parametrize('servo', [False, True], ids=['tracked', 'servo'])
+@pytest.mark.parametrize('name', [*HELD, *HIGHER])
+def test_the_current_shows_the_effect_as_its_formula_says(name, servo):
+    parameters, formula = {**HELD, **HIGHER}[name]
+    load = 0.5 if name == 'load' else 0.0
+    x, v, t, u, current = moved([{'name': name, 'parameters': parameters}], servo, load)
+    extra = formula(x, v, t, u) * (np.sign(v) if name in HIGHER else 1.0)
+    expected = np.sign(v) * (1.0 + 0.4 * np.abs(v)) + extra - u
+    assert len(x) > 1000
+    assert np.std(extra) > 0.05 or name == 'offset'
+    # The servo hunts a little, and a human's push is measured with noise.
+    assert np.sqrt(np.mean((current - expected) ** 2)) < (0.04 if servo else 0.02)
+
+
+@pytest.mark.parametrize('servo', [False, True], ids=['tracked', 'servo'])
+def test_nothing_undeclared_leaves_the_declared_friction(servo):
+    _, v, _, _, current = moved([], servo)
+    expected = np.sign(v) * (1.0 + 0.4 * np.abs(v))
+    assert np.sqrt(np.mean((current - expected) ** 2)) < (0.03 if servo else 0.01)
+
+
+def test_temperature_scales_friction():
+    effect = [{'name': 'temperature', 'parameters': {'coefficient': -0.02, 'reference': 20.0}}]
+    # It starts up to 30 K above ambient.
+    drive = plain_drive(effect, thermal={'ambient': 20.0, 'heating': 60.0, 'time_constant': 60.0})
+    excitation = Excitation(duration=60.0, temperature=True, rests=False)
+    warm = record(drive, 4, excitation)[0].samples
+    cold = record(replace(drive, effects=[]), 4, excitation)[0].samples
+    share = np.median((warm.current / cold.current)[np.abs(cold.current) > 1.0])
+    mean = np.mean(warm.temperature)
+    assert np.ptp(warm.temperature) > 3.0
+    assert share == pytest.approx(1.0 - 0.02 * (mean - 20.0), abs=0.03)
+
+
+def test_torque_constant_error_scales_all_current():
+    effect = [{'name': 'torque_constant', 'parameters': {'factor': 1.25}}]
+    *_, without = moved([], False)
+    *_, current = moved(effect, False)
+    np.testing.assert_allclose(current * 1.25, without, rtol=1e-12)
+
+
+def test_inertia_asks_for_torque_in_proportion_to_acceleration():
+    fast = Excitation(duration=40.0, rate=1000.0, rests=False)
+    drive = plain_drive([{'name': 'inertia', 'parameters': {'inertia': 0.2}}])
+    heavy = record(drive, 4, fast)[0]
+    light = record(replace(drive, effects=[]), 4, fast)[0]
+    position = np.convolve(heavy.samples.position, np.ones(41) / 41, 'same')
+    acceleration = np.gradient(np.gradient(position, 1e-3), 1e-3)
+    inner = slice(200, -200)
+    difference = (heavy.noise_free - light.noise_free)[inner]
+    slope = np.polyfit(acceleration[inner], difference, 1)[0]
+    assert slope == pytest.approx(0.2, rel=0.03)
+
+
+def test_actuation_lag_makes_torque_late():
+    def speed_after(lag):
+        extra = Undeclared.from_effects([{'name': 'actuation_lag', 'parameters': {'lag': lag}}])
+        plant = Plant([plain_drive([]).model], undeclared=[extra])
+        return next(k for k in range(1000)
+                    if plant.step([1.5]).position[0] > 2e-3)
+
+    # A first-order lag reaches two thirds of the current, here breakaway, after one constant.
+    assert 0.8 * 30 < speed_after(0.03) - speed_after(0.0) < 1.6 * 30
+
+
+def test_stiction_grows_with_rest_and_is_lost_by_sliding():
+    effect = {'name': 'rest', 'parameters': {'share': 0.5, 'time_constant': 1.0, 'distance': 0.1}}
+
+    def breakaway(rest):
+        plant = Plant([replace(plain_drive([]).model, simulation={'current_noise': 0.0})],
+                      undeclared=[Undeclared.from_effects([effect])])
+        for _ in range(round(rest / 1e-3)):
+            plant.step([0.0])
+        for k in range(2000):
+            if plant.step([0.9 + k * 1e-3]).position[0] > 1e-3:
+                return 0.9 + k * 1e-3
+        raise AssertionError('never started')
+
+    short, long = breakaway(0.01), breakaway(5.0)
+    # A plant starts as a joint that has rested for 1 s; the ramp of 1 A/s then meets the level
+    # that grows meanwhile at 1.39 A, and after a long rest at 1.5 A.
+    assert short == pytest.approx(1.39, abs=0.06)
+    assert long == pytest.approx(1.5, abs=0.06)
+
+    table, memory = _table([effect])
+    levels = [undeclared_torque(table, memory, 0.0, 0.0, 0.0, 0.0, 25.0, 10.0, 2.0)[1]]
+    levels += [undeclared_torque(table, memory, 0.0, x, 0.1, 0.0, 25.0, 0.0, 2.0)[1]
+               for x in (0.1, 0.2)]
+    np.testing.assert_allclose(levels, [1.0, math.exp(-1), math.exp(-2)], rtol=1e-4)
+
+
+def test_hysteresis_depends_on_the_way_and_not_on_speed_or_sampling():
+    effect = {'name': 'hysteresis', 'parameters': {'torque': 0.5, 'stiffness': 20.0}}
+
+    def torques(points):
+        table, memory = _table([effect])
+        there = np.linspace(0.0, 0.2, points)
+        path = np.concatenate((there, there[::-1]))
+        found = [-undeclared_torque(table, memory, 0.0, x, 1.0, 0.0, 25.0, 0.0, 1.0)[0]
+                 for x in path]
+        return found[points - 1], found[-1]
+
+    coarse, fine = torques(11), torques(1001)
+    np.testing.assert_allclose(coarse, fine, rtol=1e-9)
+    assert fine[0] == pytest.approx(0.5, abs=1e-3)
+    assert fine[1] == pytest.approx(-0.5, abs=1e-3)
+    # It starts as a spring: 20 N·m/rad over the first 0.1 mrad.
+    table, memory = _table([effect])
+    undeclared_torque(table, memory, 0.0, 0.0, 0.0, 0.0, 25.0, 0.0, 1.0)
+    first = undeclared_torque(table, memory, 0.0, 1e-4, 1.0, 0.0, 25.0, 0.0, 1.0)[0]
+    assert -first == pytest.approx(20.0 * 1e-4, rel=0.01)
+
+
+def test_motor_tends_to_the_temperature_its_current_asks_for():
+    thermal = np.array([20.0, 25.0, 60.0, 100.0])
+    assert heated(25.0, 0.5, 1e6, thermal) == pytest.approx(20.0 + 60.0 * 0.25)
+    halves = heated(heated(25.0, 0.5, 50.0, thermal), 0.5, 50.0, thermal)
+    assert halves == pytest.approx(heated(25.0, 0.5, 100.0, thermal), rel=1e-12)
+
+
+def test_friction_never_turns_into_drive():
+    effect = [{'name': 'direction', 'parameters': {'coulomb': -50.0}}]
+    plant = Plant([plain_drive([]).model], undeclared=[Undeclared.from_effects(effect)])
+    for _ in range(300):
+        plant.step([0.2])
+    moving = plant.state.velocity[0]
+    for _ in range(3000):
+        plant.step([0.0])
+    assert moving > 0.01
+    assert abs(plant.state.velocity[0]) < 1e-9
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_every_case_shows_in_a_recording_of_its_own(name):
+    drive = random_drive(11, (name,))
+    assert len(drive.variables) == 1
+    excitation = replace(Excitation(duration=40.0), **{
+        key: value for key, value in CASES[name].needs.items() if key in ('load', 'temperature')})
+    found = record(drive, 3, excitation)[0]
+    bare = record(replace(drive, effects=[]), 3, excitation)[0]
+    assert np.std(found.noise_free - bare.noise_free) > drive.noise
+    assert random_drive(11).model == drive.model
+
+
+def test_recordings_repeat_for_a_seed_and_differ_between_seeds():
+    drive = random_drive(2, ('stribeck',))
+    short = Excitation(duration=10.0, servo=True)
+    one, again, other = (record(drive, seed, short)[0].samples for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.current, again.current)
+    np.testing.assert_array_equal(one.position, again.position)
+    assert not np.array_equal(one.position, other.position)
+
+
+def test_example_file_is_read():
+    extra = Undeclared.from_file(
+        Path(__file__).parents[1] / 'config' / 'undeclared_example.yaml')
+    assert len(extra.table) == 2
+    assert extra.thermal[1] == 25.0
+
+
+@pytest.mark.parametrize(('text', 'reason'), [
+    ('', 'not a file of undeclared effects'),
+    ('format: friction_comp_undeclared\nversion: 2', 'version 2'),
+    ('[', 'not a YAML document'),
+    ('{format: friction_comp_undeclared, version: 1, effects: 3}', 'not a list'),
+    ('{format: friction_comp_undeclared, version: 1, effect: []}', "['effect']"),
+    ('{format: friction_comp_undeclared, version: 1, effects: [{name: magic}]}', "'magic'"),
+    ('{format: friction_comp_undeclared, version: 1, effects: [{name: offset}]}', 'needs torque'),
+    ('{format: friction_comp_undeclared, version: 1, effects: '
+     '[{name: offset, parameters: {torque: .nan}}]}', 'torque must be a finite number'),
+    ('{format: friction_comp_undeclared, version: 1, effects: '
+     '[{name: offset, parameters: {torque: 1, size: 2}}]}', "['size']"),
+    ('{format: friction_comp_undeclared, version: 1, thermal: {time_constant: 0}}',
+     'time_constant'),
+])
+def test_a_file_that_cannot_be_used_says_why(tmp_path, text, reason):
+    path = tmp_path / 'hidden.yaml'
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
+        Undeclared.from_file(path)
+    assert str(error.value).startswith(str(path))
+    assert reason in str(error.value)
+    assert '\n' not in str(error.value)
+
+
+def test_a_missing_file_says_so(tmp_path):
+    with pytest.raises(InputError, match='No such file'):
+        Undeclared.from_file(tmp_path / 'nowhere.yaml')
+
+
+def _table(effects):
+    extra = Undeclared.from_effects(effects)
+    return extra.table, np.zeros(extra.memory_size)
