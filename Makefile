@@ -26,6 +26,11 @@ ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 ROS_LOG_DIR ?= $(CURDIR)/build/ros_log
 export ROS_AUTOMATIC_DISCOVERY_RANGE ROS_LOG_DIR
 
+# ROS 2 wheels look for libraries in their environment by themselves; a sourced installation does not.
+ifdef ROS_DISTRO
+export LD_LIBRARY_PATH := $(CURDIR)/$(VENV)/lib:$(LD_LIBRARY_PATH)
+endif
+
 # Left behind by the Python of another environment with ROS 2 wheels: they would lead into that one.
 ifdef _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
@@ -41,7 +46,7 @@ demo: setup
 	@$(BIN)/python -m friction_comp demo $(ARGS)
 
 lint: setup
-	@$(BIN)/ruff check .
+	@$(BIN)/python -m ruff check .
 
 test: lint
 	@$(BIN)/python -m pytest $(TESTS)
