@@ -21,12 +21,12 @@ needed='import sys, venv, ensurepip'
 [ -z "$ROS_DISTRO" ] || needed="$needed, rclpy"
 
 for python in ${1:-python3 python3.13 python3.12 python3.11 python3.10 python3.14}; do
-    if "$python" -c "$needed; sys.exit(sys.version_info < (3, 10))" >/dev/null 2>&1; then
+    if "$python" -c "$needed; sys.exit(not (3, 10) <= sys.version_info < (3, 15))" >/dev/null 2>&1; then
         command -v "$python"
         exit 0
     fi
 done
 if [ -n "$ROS_DISTRO" ]; then
-    fail "no Python of version 3.10 or later (${1:-python3}) that has venv and imports rclpy of ROS 2 $ROS_DISTRO"
+    fail "no Python of version 3.10 to 3.14 (${1:-python3}) that has venv and imports rclpy of ROS 2 $ROS_DISTRO"
 fi
-fail "no Python of version 3.10 or later (${1:-python3}) that has venv; on Debian and Ubuntu: apt install python3-venv"
+fail "no Python of version 3.10 to 3.14 (${1:-python3}) that has venv; on Debian and Ubuntu: apt install python3-venv"
