@@ -152,9 +152,10 @@ def scan_recording(path, signals=tuple(SIGNALS), progress=None):
     try:
         with Reader(path) as reader:
             return _scan(path, reader, signals, progress)
-    except (InputError, MemoryError):
+    except InputError:
         raise
-    # Broken files fail in many ways inside the storage libraries: each is the file's fault.
+    # Broken files fail in many ways inside the storage libraries, by absurd sizes among them: each
+    # is the file's fault.
     except Exception as error:
         reason = ' '.join(str(error).split()) or type(error).__name__
         raise InputError(

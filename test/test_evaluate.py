@@ -1,0 +1,207 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Trials with known torques are evaluated to just these torques."""
+
+import json
+
+import numpy as np
+import pytest
+
+from friction_comp.__main__ import run
+from friction_comp.errors import InputError
+from friction_comp.recordings import write_samples
+from friction_comp.reports.evaluation import evaluate
+from friction_comp.reports.movements import find_movements
+from friction_comp.samples import Samples
+
+REST, RAMP, CRUISE, SPEED = 2.0, 0.5, 1.5, 0.4
+MOVE = 2 * RAMP + CRUISE
+PERIOD = REST + MOVE
+STEP = 2e-3
+
+
+def trial(peaks, push=0.2, directions=None, seed=0, noise=0.0):
+    """Make a trial with one entry of peaks a movement; even ones are positive.
+
+    The torque is a bump of the peak's height 0.2 s after the movement begins, and `push` along the
+    movement while it lasts at constant velocity.
+    """
+    time = np.arange(round((len(peaks) * PERIOD + REST) / STEP)) * STEP
+    velocity, load = np.zeros_like(time), np.zeros_like(time)
+    direction = np.zeros(len(time), dtype=int)
+    for k, peak in enumerate(peaks):
+        sign = 1 if k % 2 == 0 else -1
+        since = time - k * PERIOD - REST
+        shape = np.clip(np.minimum(since, MOVE - since) / RAMP, 0.0, 1.0)
+        velocity += sign * SPEED * shape
+        load += sign * peak * np.exp(-((since - 0.2) / 0.05) ** 2)
+        load[(since > RAMP) & (since < RAMP + CRUISE)] += sign * push
+        if directions is not None:
+            direction[(since > -0.5) & (since < RAMP + CRUISE)] = directions[k]
+    position = np.cumsum(velocity) * STEP
+    load = load + noise * np.random.default_rng(seed).normal(size=len(time))
+    return Samples(
+        time=time, position=position,
+        current=np.zeros_like(time), load=load, direction=direction,
+        reference_position=position, reference_velocity=velocity, joint='elbow')
+
+
+def by_key(evaluation):
+    return {(c.direction, c.movement): c for c in evaluation.conditions}
+
+
+def test_movements_are_found_where_they_were_made():
+    samples = trial([1.0] * 4, directions=[1, -1, 0, 1])
+    movements = find_movements(samples)
+    assert [m.sign for m in movements] == [1, -1, 1, -1]
+    assert [m.direction for m in movements] == [1, -1, 0, 1]
+    for k, movement in enumerate(movements):
+        begin = k * PERIOD + REST
+        assert movement.begin == pytest.approx(begin, abs=0.01)
+        assert movement.end == pytest.approx(begin + MOVE, abs=0.01)
+        assert movement.constant_begin == pytest.approx(begin + RAMP, abs=0.05)
+        assert movement.constant_end == pytest.approx(begin + RAMP + CRUISE, abs=0.05)
+        assert movement.travel == pytest.approx(SPEED * (RAMP + CRUISE), rel=0.02)
+    # Without a reference the motion itself tells, a little less sharply.
+    bare = find_movements(samples.with_(reference_position=None, reference_velocity=None))
+    assert [m.sign for m in bare] == [1, -1, 1, -1]
+    assert bare[2].begin == pytest.approx(2 * PERIOD + REST, abs=0.12)
+    # A reference without velocity is as good as one with it.
+    shown = find_movements(samples.with_(reference_velocity=None))
+    assert shown[1].begin == pytest.approx(PERIOD + REST, abs=0.01)
+
+
+def test_figures_of_each_condition():
+    plain = trial([1.2] * 6)
+    assisted = trial([0.4] * 6, directions=[1, -1] * 3)
+    evaluation = evaluate([plain, assisted])
+    conditions = by_key(evaluation)
+    assert set(conditions) == {(0, 'positive'), (0, 'negative'), (1, 'positive'), (-1, 'negative')}
+    for condition in conditions.values():
+        expected = 1.2 if condition.direction == 0 else 0.4
+        assert condition.repetitions == 3
+        assert condition.peak_torque == pytest.approx(expected, rel=1e-3)
+        assert condition.peak_torque_std == pytest.approx(0.0, abs=1e-3)
+        assert condition.peak_time == pytest.approx(0.2, abs=0.01)
+        assert condition.mean_torque_constant_velocity == pytest.approx(0.2, rel=0.05)
+        square = expected ** 2 * 0.05 * np.sqrt(np.pi / 2) + 0.2 ** 2 * CRUISE
+        assert condition.rms_torque == pytest.approx(np.sqrt(square / MOVE), rel=0.02)
+        assert condition.false_starts == 0
+    assert evaluation.peak_reduction == pytest.approx(1 - 0.4 / 1.2, rel=1e-3)
+    assert 0.0 < evaluation.rms_reduction < evaluation.peak_reduction
+
+
+def test_averages_and_deviations_over_repetitions():
+    peaks = [1.0, 5.0, 1.2, 5.0, 1.4, 5.0]
+    condition = by_key(evaluate([trial(peaks)]))[0, 'positive']
+    assert condition.peak_torque == pytest.approx(1.2, rel=1e-3)
+    assert condition.peak_torque_std == pytest.approx(np.std([1.0, 1.2, 1.4], ddof=1), rel=1e-2)
+    at = np.argmin(abs(condition.time - 0.2))
+    assert condition.torque_std[at] == pytest.approx(0.2, rel=0.03)
+    # Noise goes down by averaging, which the single repetitions' peaks do not.
+    noisy = by_key(evaluate([trial([1.0, 1.0] * 10, noise=0.05)]))[0, 'positive']
+    assert noisy.peak_torque == pytest.approx(1.0, abs=0.06)
+
+
+def test_conditions_of_several_recordings_are_merged():
+    evaluation = evaluate([trial([1.0] * 4), trial([2.0] * 2), trial([0.5] * 2,
+                                                                      directions=[1, -1])])
+    conditions = by_key(evaluation)
+    assert conditions[0, 'positive'].repetitions == 3
+    assert conditions[0, 'positive'].peak_torque == pytest.approx(4 / 3, rel=1e-3)
+    assert evaluation.peak_reduction == pytest.approx(1 - 0.5 * 3 / 4, rel=1e-3)
+
+
+def test_direction_against_the_movement_is_not_compared():
+    evaluation = evaluate([trial([1.0] * 2), trial([3.0] * 2, directions=[-1, 1])])
+    assert by_key(evaluation)[-1, 'positive'].peak_torque == pytest.approx(3.0, rel=1e-3)
+    assert evaluation.peak_reduction is None
+    assert evaluation.rms_reduction is None
+
+
+def test_a_joint_that_starts_by_itself_is_seen():
+    samples = trial([1.0] * 6, directions=[1, -1] * 3)
+    position = samples.position.copy()
+    # Before the third movement the joint runs ahead by 2 degrees while nobody pushes.
+    begin = 2 * PERIOD + REST
+    ahead = (samples.time > begin - 0.3) & (samples.time < begin + 0.3)
+    position[ahead] += 0.035
+    conditions = by_key(evaluate([samples.with_(position=position)]))
+    assert conditions[1, 'positive'].false_starts == 1
+    assert conditions[-1, 'negative'].false_starts == 0
+    # Somebody who pushes early makes no false start.
+    load = samples.load.copy()
+    load[ahead | ((samples.time > begin - 0.5) & (samples.time < begin))] += 0.5
+    conditions = by_key(evaluate([samples.with_(position=position, load=load)]))
+    assert conditions[1, 'positive'].false_starts == 0
+
+
+def test_a_joint_that_finds_no_rest_is_mentioned():
+    samples = trial([1.0] * 4)
+    shaking = samples.position + 0.01 * np.sin(2 * np.pi * 5.0 * samples.time)
+    evaluation = evaluate([samples.with_(position=shaking)])
+    assert any('did not come to rest' in note for note in evaluation.notes)
+    assert sum(c.false_starts for c in evaluation.conditions) == 0
+    assert not any('rest' in note for note in evaluate([samples]).notes)
+
+
+def test_incomplete_and_odd_repetitions_are_left_out():
+    samples = trial([1.0] * 6)
+    cut = samples.take(slice(0, round((5 * PERIOD + REST + 1.0) / STEP)))
+    evaluation = evaluate([cut])
+    assert {key: c.repetitions for key, c in by_key(evaluation).items()} == {
+        (0, 'positive'): 3, (0, 'negative'): 2}
+    assert any('cut off' in note for note in evaluation.notes)
+
+
+def test_recordings_without_what_is_needed():
+    samples = trial([1.0] * 2)
+    with pytest.raises(InputError, match=r'trial_1: no interaction_wrench'):
+        evaluate([samples.with_(load=None)], ['trial_1'])
+    still = samples.with_(reference_velocity=None, reference_position=None,
+                          position=np.zeros(len(samples)))
+    with pytest.raises(InputError, match='no movement'):
+        evaluate([still])
+    with pytest.raises(InputError, match='no recording'):
+        evaluate([])
+    evaluation = evaluate([samples.with_(direction=None)])
+    assert {c.direction for c in evaluation.conditions} == {0}
+    assert any('d = 0 is assumed' in note for note in evaluation.notes)
+
+
+def test_the_tool_from_recordings_to_report(tmp_path, capsys):
+    write_samples(tmp_path / 'plain', trial([1.0] * 2), custom_data={'model_file': 'elbow.yaml'})
+    write_samples(tmp_path / 'assisted', trial([0.25] * 2, directions=[1, -1]),
+                  namespace='arm', compression='message')
+    status = run('evaluate', [str(tmp_path / 'plain'), str(tmp_path / 'assisted'),
+                              '--output', str(tmp_path / 'out')])
+    assert status == 0
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert set(report) == {'joint', 'conditions', 'peak_reduction', 'rms_reduction', 'model'}
+    assert (report['joint'], report['model']) == ('elbow', 'elbow.yaml')
+    assert report['peak_reduction'] == pytest.approx(0.75, abs=1e-3)
+    assert len(report['conditions']) == 4
+    for condition in report['conditions']:
+        assert set(condition) == {
+            'direction', 'movement', 'repetitions', 'peak_torque', 'peak_torque_std', 'peak_time',
+            'rms_torque', 'mean_torque_constant_velocity', 'false_starts'}
+        assert condition['repetitions'] == 1
+        assert condition['peak_torque_std'] == 0.0
+    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
+    assert '75 %' in page
+    assert 'elbow.yaml' in page
+    assert '75 % less' in capsys.readouterr().out
+    assert sorted(p.name for p in (tmp_path / 'out').iterdir()) == ['report.html', 'report.json']
+
+
+def test_the_tool_on_unusable_input(tmp_path, capsys):
+    write_samples(tmp_path / 'no_torque', trial([1.0] * 2).with_(load=None))
+    for argv, words in (
+            ([tmp_path / 'nothing'], 'no such file'),
+            ([tmp_path / 'no_torque'], 'no interaction_wrench'),
+            ([tmp_path / 'no_torque', '--joint', 'hip'], "no joint 'hip'")):
+        assert run('evaluate', [str(a) for a in argv] + ['--output', str(tmp_path / 'out')]) == 2
+        error = capsys.readouterr().err
+        assert error.count('\n') == 1
+        assert words in error
+        assert not (tmp_path / 'out').exists()
