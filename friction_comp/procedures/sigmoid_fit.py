@@ -25,7 +25,11 @@ from friction_comp.procedures.least_absolute import independent_rows, least_abso
 TOLERANCE = 5e-4
 """Share by which the error may rise for the sake of a well-behaved transition."""
 
-_STARTS = 30
+_STARTS = 24
+# Distances between table points and trial transitions, in units of one over the steepness. At
+# eight a transition hardly reaches the point any more, but it still shifts its residual.
+_CLOSE = (-8.0, -5.5, -3.5, -1.8, -0.6, 0.6, 1.8, 3.5, 5.5, 8.0)
+_FAR = (-1.5, 1.5)
 
 
 @njit('void(float64[::1], float64, float64, float64[:, ::1])', cache=True)
@@ -66,6 +70,7 @@ def _descend(speeds, currents, transition, steepest, gentlest, rounds):
     for _ in range(rounds):
         steepness, shift = transition[0], transition[1]
         improved = False
+        before = error
         if count > 5:
             for i in range(count):
                 share = math.tanh(0.5 * steepness * (speeds[i] - shift))
@@ -77,28 +82,35 @@ def _descend(speeds, currents, transition, steepest, gentlest, rounds):
                 full[i, 4] = -bend
                 residual[i] = (currents[i] - coefficients[0] - coefficients[1] * share
                                - coefficients[2] * speeds[i])
-            if independent_rows(full, basis_full) == 5:
-                if least_absolute(full, residual, basis_full, step) < error:
-                    scale = min(1.0, 1.0 / max(abs(step[3]), abs(step[4]) * 0.5, 1e-30))
-                    for _halving in range(6):
-                        trial_steepness = min(max(steepness * math.exp(scale * step[3]),
-                                                  gentlest), steepest)
-                        trial_shift = shift + scale * step[4] / steepness
-                        if abs(trial_shift) < span:
-                            trial = _error(speeds, currents, trial_steepness, trial_shift,
-                                           basis, coefficients)
-                            if trial < error * (1.0 - 1e-6):
-                                transition[0], transition[1] = trial_steepness, trial_shift
-                                error = trial
-                                improved = True
-                                break
-                        scale *= 0.35
-        if not improved:
+            regular = independent_rows(full, basis_full) == 5
+            if regular and least_absolute(full, residual, basis_full, step) < error:
+                scale = min(1.0, 1.0 / max(abs(step[3]), abs(step[4]) * 0.5, 1e-30))
+                for _halving in range(6):
+                    trial_steepness = min(max(steepness * math.exp(scale * step[3]),
+                                              gentlest), steepest)
+                    trial_shift = shift + scale * step[4] / steepness
+                    if abs(trial_shift) < span:
+                        trial = _error(speeds, currents, trial_steepness, trial_shift,
+                                       basis, coefficients)
+                        if trial < error * (1.0 - 1e-6):
+                            transition[0], transition[1] = trial_steepness, trial_shift
+                            error = trial
+                            improved = True
+                            break
+                    scale *= 0.35
+        if not improved or error > 0.998 * before:
             steepness, shift = transition[0], transition[1]
-            for k in range(8):
-                angle = math.pi * k / 4.0
-                trial_steepness = steepness * math.exp(reach * math.cos(angle))
-                trial_shift = shift + reach * math.sin(angle) / steepness
+            after = min(max(np.searchsorted(speeds, shift), 1), count - 1)
+            for k in range(12):
+                if k < 8:
+                    angle = math.pi * k / 4.0
+                    trial_steepness = steepness * math.exp(reach * math.cos(angle))
+                    trial_shift = shift + reach * math.sin(angle) / steepness
+                else:
+                    # Along the valleys in which a neighbouring point keeps its share.
+                    point = speeds[after - k % 2]
+                    trial_steepness = steepness * math.exp(reach if k < 10 else -reach)
+                    trial_shift = point + (shift - point) * steepness / trial_steepness
                 if not gentlest <= trial_steepness <= steepest or abs(trial_shift) >= span:
                     continue
                 trial = _error(speeds, currents, trial_steepness, trial_shift, basis,
@@ -115,15 +127,15 @@ def _descend(speeds, currents, transition, steepest, gentlest, rounds):
     return error
 
 
-@njit('void(float64[::1], float64[::1], float64[::1], float64[::1], float64[:, ::1])',
+@njit('void(float64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1])',
       cache=True)
 def _scan(speeds, currents, steepnesses, shifts, errors):
     basis = np.arange(3)
     coefficients = np.empty(3)
     design = np.empty((speeds.size, 3))
-    for j in range(shifts.size):
-        for i in range(steepnesses.size):
-            _fill(speeds, steepnesses[i], shifts[j], design)
+    for j in range(shifts.shape[1]):
+        for i in range(steepnesses.shape[0]):
+            _fill(speeds, steepnesses[i, j], shifts[i, j], design)
             if i == 0:
                 independent_rows(design, basis)
             errors[i, j] = least_absolute(design, currents, basis, coefficients)
@@ -204,37 +216,55 @@ def sigmoid_error(sigmoid, speeds, currents):
 
 def _search(x, y, values, gentlest, steepest):
     """Return steepness, shift and error of the best transition; speeds are scaled to [-1, 1]."""
-    steepnesses = np.geomspace(gentlest, steepest, 24)
-    # Transitions at every point and in every gap, densest about zero where drives have theirs,
-    # thinned where the table is long.
-    inner = values if values.size <= 40 else values[np.linspace(0, values.size - 1, 40).astype(int)]
-    middle = values[np.argsort(np.abs(values), kind='stable')[:6]]
-    middle = np.sort(middle)
-    places = np.unique(np.concatenate(
-        [[0.0], inner[1:-1], 0.5 * (inner[1:] + inner[:-1])]
-        + [middle[:-1] + share * np.diff(middle) for share in np.arange(0.1, 1.0, 0.1)]))
-    errors = np.empty((steepnesses.size, places.size))
-    _scan(x, y, steepnesses, np.ascontiguousarray(places), errors)
+    steepnesses, shifts = _grid(values, gentlest)
+    errors = np.empty(steepnesses.shape)
+    _scan(x, y, steepnesses, shifts, errors)
     errors[~np.isfinite(errors)] = np.inf
 
     padded = np.pad(errors, 1, constant_values=np.inf)
     rows, columns = errors.shape
     neighbours = [padded[1 + a:1 + a + rows, 1 + b:1 + b + columns]
                   for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
-    minima = np.argwhere(errors <= np.min(neighbours, axis=0))
-    minima = sorted(minima.tolist(), key=lambda index: errors[tuple(index)])[:_STARTS]
+    minima = np.argwhere(errors <= np.min(neighbours, axis=0)).tolist()
+    minima = sorted(minima, key=lambda index: errors[tuple(index)])[:_STARTS]
     found = []
     for row, column in minima:
-        transition = np.array([steepnesses[row], places[column]])
+        transition = np.array([steepnesses[row, column], shifts[row, column]])
         error = _descend(x, y, transition, steepest, gentlest, 12)
         found.append((error, *transition))
     best = (np.inf, 1.0, 0.0)
-    for start in sorted(found)[:6]:
+    for start in sorted(found)[:4]:
         transition = np.array(start[1:])
-        error = _descend(x, y, transition, steepest, gentlest, 60)
+        error = _descend(x, y, transition, steepest, gentlest, 150)
         best = min(best, (error, *transition))
     error, steepness, shift = best
     return steepness, shift, error
+
+
+def _grid(values, gentlest):
+    """Return the transitions to try: steepnesses and shifts, both of shape (K, P).
+
+    Transitions are placed about every point of the table, at distances that shrink as they grow
+    steeper: a steep one matters only where it cuts through a point. The points about zero, where
+    drives have their transition, get more of them.
+    """
+    if values.size > 40:
+        values = values[np.unique(np.linspace(0, values.size - 1, 40).astype(int))]
+    gaps = np.diff(values)
+    near = np.argsort(np.abs(values), kind='stable')[:10]
+    points, offsets, widths = [0.0], [0.0], [gaps[np.argmin(np.abs(values[1:] + values[:-1]))]]
+    for number, point in enumerate(values):
+        width = np.min(gaps[max(number - 1, 0):number + 1])
+        for offset in (_CLOSE if number in near else _FAR):
+            points.append(point)
+            offsets.append(offset)
+            widths.append(width)
+    order = np.lexsort((offsets, points))
+    points, offsets, widths = (np.array(a)[order] for a in (points, offsets, widths))
+    exponents = np.linspace(0.0, 1.0, 20)[:, None]
+    steepnesses = gentlest * (30.0 / widths / gentlest) ** exponents
+    shifts = np.clip(points + offsets / steepnesses, -1.0, 1.0)
+    return np.ascontiguousarray(steepnesses), np.ascontiguousarray(shifts)
 
 
 def _well_behaved(x, y, steepness, shift, error, gentlest):

@@ -1,0 +1,362 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Breakaway currents from recorded current ramps (note, section 2.4, Eq. 8-10).
+
+Taken to the letter, Eq. 9 fires at the first encoder count. A real joint flickers by a count
+while it stands, and creeps by tens of counts on its elastic contacts before it slides. So each
+ramp is read backwards: first the run-away is found that no flicker and no creep can be (a speed
+held over many samples), then the instant at which it began, by fitting the position about it
+with a straight creep that turns into an accelerated slide at an unknown time. The current at
+that instant is a local mean of the measured current, corrected for the ramp's slope.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+from numba import njit
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import Breakaway
+
+RUNAWAY_SPEED = 0.02
+"""Speed in rad/s that no presliding creep reaches: ramp slope times k_t·n over a geared joint's
+stiffness is a few mrad/s at most."""
+
+_SPEED_WINDOW = 0.03   # s over which the speed is taken
+_CURRENT_WINDOW = 0.1  # s each side over which the current is averaged
+_POINTS = 160          # of the fit
+
+
+@dataclass(frozen=True)
+class BreakawayRecords:
+    """Every breakaway of a recording; arrays of shape (M,), in the order of time.
+
+    Attributes
+    ----------
+    time : ndarray
+        Instant t_s at which the motor brakes free, s.
+    current : ndarray
+        i_m at that instant in A, negative in the negative direction.
+    direction : ndarray of int
+        +1 or -1.
+    position : ndarray
+        Joint position at that instant in rad.
+    rest_time : ndarray
+        How long the joint had stood still when the ramp began, s.
+    temperature : ndarray
+        Motor temperature in degrees Celsius; NaN where it was not measured.
+    slope : ndarray
+        The ramp's gradient as measured, A/s, positive.
+    cycle : ndarray of int
+        Number of the cycle: a positive ramp and the negative one after it make one.
+    unresolved : list of (float, int, float)
+        Ramps without a breakaway: time of their begin, direction, largest current reached.
+    """
+
+    time: np.ndarray
+    current: np.ndarray
+    direction: np.ndarray
+    position: np.ndarray
+    rest_time: np.ndarray
+    temperature: np.ndarray
+    slope: np.ndarray
+    cycle: np.ndarray
+    unresolved: list = field(default_factory=list)
+
+    def __len__(self):
+        return len(self.time)
+
+    def currents(self, direction):
+        """Return the currents of one direction in A, signed."""
+        return self.current[self.direction == direction]
+
+    def statistics(self):
+        """Return means and standard deviations over the cycles as a `Breakaway`.
+
+        Raises
+        ------
+        InputError
+            If a direction has no breakaway at all.
+        """
+        values = {}
+        for name, direction in (('positive', 1), ('negative', -1)):
+            currents = self.currents(direction)
+            if currents.size == 0:
+                raise InputError(f'no breakaway in the {name} direction')
+            values[f'{name}_mean'] = float(np.mean(currents))
+            values[f'{name}_std'] = float(np.std(currents, ddof=1)) if currents.size > 1 else 0.0
+        return Breakaway(**values)
+
+    def to_dict(self):
+        """Return the columns as lists, NaN as None, for reports and model files."""
+        table = {}
+        for item in fields(self):
+            if item.name != 'unresolved':
+                values = np.round(np.asarray(getattr(self, item.name), dtype=float), 6).tolist()
+                table[item.name] = [None if value != value else value for value in values]
+        return table
+
+    @staticmethod
+    def join(parts):
+        """Join records; cycles are numbered on where a part's own numbers begin again."""
+        parts = list(parts)
+        names = [item.name for item in fields(BreakawayRecords) if item.name != 'unresolved']
+        columns = {name: np.concatenate([getattr(part, name) for part in parts])
+                   for name in names} if parts else {name: np.zeros(0) for name in names}
+        return BreakawayRecords(
+            **columns, unresolved=[item for part in parts for item in part.unresolved])
+
+
+def breakaway_currents(time, position, current, command=None, temperature=None, resolution=None,
+                       runaway_speed=RUNAWAY_SPEED):
+    """Find every breakaway in a recording of current ramps.
+
+    The ramps may go on after the joint broke free, as Eq. 8 does, or be cut; they may differ in
+    slope, and anything may lie between them.
+
+    Parameters
+    ----------
+    time, position, current : array_like, shape (N,)
+        s, rad, and the measured motor current in A.
+    command : array_like, shape (N,), optional
+        Commanded current in A; delimits the ramps exactly. Without it they are found in the
+        measured current.
+    temperature : array_like, shape (N,), optional
+        Degrees Celsius.
+    resolution : float, optional
+        Joint angle of an encoder count in rad; the smallest step seen when omitted.
+    runaway_speed : float
+        rad/s; a joint this fast is no longer creeping.
+
+    Returns
+    -------
+    BreakawayRecords
+
+    Raises
+    ------
+    InputError
+        If the arrays do not match, are not finite, or hold no ramp.
+    """
+    time, position, current = (
+        np.ascontiguousarray(a, dtype=float) for a in (time, position, current))
+    if time.ndim != 1 or time.shape != position.shape or time.shape != current.shape:
+        raise InputError('breakaway: time, position and current must have one length')
+    if not (np.all(np.isfinite(time)) and np.all(np.isfinite(position))
+            and np.all(np.isfinite(current))):
+        raise InputError('breakaway: time, position and current must be finite')
+    if time.size < 10 or np.any(np.diff(time) <= 0.0):
+        raise InputError('breakaway: at least ten samples with increasing time are needed')
+    if resolution is None:
+        steps = np.abs(np.diff(position))
+        steps = steps[steps > 0.0]
+        resolution = float(np.min(steps)) if steps.size else 0.0
+    ramps = find_ramps(time, current if command is None else np.asarray(command, dtype=float),
+                       exact=command is not None)
+    if not ramps:
+        raise InputError('breakaway: no current ramp in the recording')
+
+    rows, unresolved = [], []
+    cycle, previous = -1, -1
+    for begin, end, sign in ramps:
+        if sign > 0 or previous < 0:
+            cycle += 1
+        previous = sign
+        instant, rest = _slide_begin(time, position, begin, end, float(sign), resolution,
+                                     runaway_speed)
+        slope = _slope(time, current, begin, end, sign)
+        if not np.isfinite(instant):
+            unresolved.append((float(time[begin]), sign,
+                               sign * float(np.max(sign * current[begin:end]))))
+            continue
+        index = int(np.searchsorted(time, instant))
+        level = _current_at(time, current, instant, begin, end, sign * slope)
+        warmth = np.nan if temperature is None else float(np.asarray(temperature)[index])
+        rows.append((instant, level, sign, position[index], rest, warmth, slope, cycle))
+    columns = np.array(rows, dtype=float).reshape(-1, 8).T
+    return BreakawayRecords(
+        time=columns[0], current=columns[1], direction=columns[2].astype(int),
+        position=columns[3], rest_time=columns[4], temperature=columns[5], slope=columns[6],
+        cycle=columns[7].astype(int), unresolved=unresolved)
+
+
+def find_ramps(time, current, exact=False):
+    """Find the ramps of Eq. 8: stretches in which the current keeps a sign and grows.
+
+    Parameters
+    ----------
+    time, current : ndarray, shape (N,)
+    exact : bool
+        Whether the current is free of noise, as a command is.
+
+    Returns
+    -------
+    list of (int, int, int)
+        First sample, the one after the largest current, and the direction.
+    """
+    signal = current
+    if exact:
+        threshold = 1e-9
+    else:
+        noise = np.median(np.abs(np.diff(current))) / 0.954
+        width = 1 + 2 * int(np.clip(0.025 / max(np.median(np.diff(time)), 1e-9), 0, 500))
+        kernel = np.full(width, 1.0 / width)
+        signal = np.convolve(np.pad(current, width // 2, mode='edge'), kernel, 'valid')
+        threshold = max(5.0 * noise / np.sqrt(width), 0.03 * float(np.max(np.abs(signal))), 1e-9)
+    state = np.where(np.abs(signal) > threshold, np.sign(signal), 0.0)
+    edges = np.concatenate([[0], np.nonzero(np.diff(state))[0] + 1, [state.size]])
+    ramps = []
+    for begin, end in zip(edges[:-1], edges[1:]):
+        sign = int(state[begin])
+        if sign == 0 or time[end - 1] - time[begin] < 0.05:
+            continue
+        top = begin + int(np.argmax(sign * signal[begin:end])) + 1
+        rise = sign * signal[top - 1] / max(time[top - 1] - time[begin], 1e-9)
+        # The threshold cuts the ramp's foot off: go back to where it left zero.
+        foot = time[begin] - sign * signal[begin] / max(rise, 1e-12)
+        first = int(np.searchsorted(time, foot)) if not exact else int(begin)
+        if top - first >= 20 and sign * signal[top - 1] > 2.0 * threshold:
+            ramps.append((first, top, sign))
+    return ramps
+
+
+def _slope(time, current, begin, end, sign):
+    """The ramp's gradient in A/s, positive, by least squares."""
+    t = time[begin:end] - np.mean(time[begin:end])
+    return float(sign * np.dot(t, current[begin:end]) / np.dot(t, t))
+
+
+def _current_at(time, current, instant, begin, end, gradient):
+    """The current in A at an instant on the ramp, its noise averaged out."""
+    reach = min(_CURRENT_WINDOW, max(time[end - 1] - instant, 0.01))
+    a, b = np.searchsorted(time, (instant - reach, instant + reach))
+    a, b = max(int(a), begin), min(int(b) + 1, end)
+    return float(np.mean(current[a:b] - gradient * (time[a:b] - instant)))
+
+
+@njit(cache=True)
+def _slide_begin(time, position, begin, end, sign, resolution, runaway_speed):
+    """Return the instant at which the joint began to slide, NaN where it did not, and the time
+    it had rested when the ramp began."""
+    still = 2.5 * resolution + 1e-12
+    last = begin
+    while last > 0 and abs(position[last - 1] - position[begin]) <= still:
+        last -= 1
+    rest = time[begin] - time[last]
+
+    # The run-away: a speed that holds over the window, and goes on.
+    tail, found = begin, -1
+    for i in range(begin, end):
+        while time[i] - time[tail] > _SPEED_WINDOW:
+            tail += 1
+        elapsed = time[i] - time[tail]
+        if elapsed < 0.5 * _SPEED_WINDOW:
+            continue
+        way = sign * (position[i] - position[tail])
+        if way > runaway_speed * elapsed and way > 4.0 * resolution:
+            found = i
+            break
+    if found < 0:
+        return np.nan, rest
+    window = 0.4
+    instant = np.nan
+    for _ in range(3):
+        first = found
+        while first > begin and time[found] - time[first] < window:
+            first -= 1
+        instant = _hinge(time, position, first, found, sign)
+        if not np.isfinite(instant):
+            return np.nan, rest
+        window = max(3.0 * (time[found] - instant), 0.06)
+    return instant, rest
+
+
+@njit(cache=True)
+def _hinge(time, position, first, last, sign):
+    """Least-squares instant at which a straight creep turns into an accelerated slide."""
+    count = min(_POINTS, last - first + 1)
+    if count < 12:
+        return time[first]
+    t = np.empty(count)
+    x = np.empty(count)
+    span = time[last] - time[first]
+    for k in range(count):
+        i = first + (last - first) * k // (count - 1)
+        t[k] = (time[i] - time[first]) / span
+        x[k] = sign * (position[i] - position[first])
+    best, instant = np.inf, np.nan
+    low, high, steps = 0.0, 0.97, 40
+    for _ in range(3):
+        centre = instant if np.isfinite(instant) else 0.0
+        for k in range(steps + 1):
+            knee = low + (high - low) * k / steps
+            error = _hinge_error(t, x, knee)
+            if error < best:
+                best, centre = error, knee
+        instant = centre
+        width = (high - low) / steps
+        low, high, steps = max(0.0, instant - width), min(0.97, instant + width), 12
+    return time[first] + instant * span
+
+
+@njit(cache=True)
+def _hinge_error(t, x, knee):
+    """Sum of squares left by 1, t, (t-knee)²₊ and (t-knee)³₊, the last two not negative."""
+    design = np.empty((t.size, 4))
+    for k in range(t.size):
+        slide = max(t[k] - knee, 0.0)
+        design[k, 0] = 1.0
+        design[k, 1] = t[k]
+        design[k, 2] = slide ** 2
+        design[k, 3] = slide ** 3
+    error, coefficients = _least_squares(design, x)
+    if coefficients[3] < 0.0:
+        error, coefficients = _least_squares(design[:, :3].copy(), x)
+        if coefficients[2] < 0.0:
+            return np.inf
+    elif coefficients[2] < 0.0:
+        design[:, 2] = design[:, 3]
+        error, coefficients = _least_squares(design[:, :3].copy(), x)
+    return error
+
+
+@njit(cache=True)
+def _least_squares(design, target):
+    """Sum of squares and coefficients, by Gram-Schmidt."""
+    count, size = design.shape
+    basis = design.copy()
+    triangle = np.zeros((size, size))
+    rest = target.copy()
+    projection = np.zeros(size)
+    coefficients = np.zeros(size)
+    for k in range(size):
+        for j in range(k):
+            dot = 0.0
+            for i in range(count):
+                dot += basis[i, j] * basis[i, k]
+            triangle[j, k] = dot
+            for i in range(count):
+                basis[i, k] -= dot * basis[i, j]
+        norm = 0.0
+        for i in range(count):
+            norm += basis[i, k] ** 2
+        norm = np.sqrt(norm)
+        triangle[k, k] = norm
+        dot = 0.0
+        if norm > 1e-12:
+            for i in range(count):
+                basis[i, k] /= norm
+                dot += basis[i, k] * rest[i]
+            for i in range(count):
+                rest[i] -= dot * basis[i, k]
+        projection[k] = dot
+    for k in range(size - 1, -1, -1):
+        value = projection[k]
+        for j in range(k + 1, size):
+            value -= triangle[k, j] * coefficients[j]
+        coefficients[k] = value / triangle[k, k] if triangle[k, k] > 1e-12 else 0.0
+    error = 0.0
+    for i in range(count):
+        error += rest[i] ** 2
+    return error, coefficients
