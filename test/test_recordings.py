@@ -117,6 +117,20 @@ def test_reading_says_what_the_recording_holds(tmp_path):
     assert inspect_recording(tmp_path / 'trial').joints == ['elbow']
 
 
+@pytest.mark.parametrize(('node', 'value', 'expected'), [
+    ('left/compensator', "['a.yaml', 'b.yaml']", 'a.yaml, b.yaml'),
+    ('compensator', 'a.yaml', 'a.yaml'), ('compensator', '[]', None), ('plant', 'a.yaml', None),
+])
+def test_the_active_model_is_found_in_diagnostics(tmp_path, node, value, expected):
+    kind = 'diagnostic_msgs/msg/DiagnosticArray'
+    status = T['diagnostic_msgs/msg/DiagnosticStatus'](
+        0, node, 'active', 'elbow', [T['diagnostic_msgs/msg/KeyValue']('law', 'paper'),
+                                     T['diagnostic_msgs/msg/KeyValue']('model_files', value)])
+    record(tmp_path / 'r', [*states(), ('/diagnostics', 1, (kind, T[kind](header(1), [status])))])
+    (_, info), = read_recording_with_info(tmp_path / 'r')
+    assert info.model == expected
+
+
 @pytest.mark.parametrize(('plugin', 'compression'), [
     (StoragePlugin.MCAP, None), (StoragePlugin.MCAP, CompressionMode.FILE),
     (StoragePlugin.MCAP, CompressionMode.MESSAGE), (StoragePlugin.MCAP, CompressionMode.STORAGE),

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+import re
 
 import numpy as np
 from rosbags.rosbag2 import Reader
@@ -286,8 +287,10 @@ def _model_in_diagnostics(reader, connections):
         if b'model' not in raw:
             continue
         for status in store.deserialize_cdr(raw, DIAGNOSTICS).status:
+            if 'compensator' not in f'{status.name} {status.hardware_id}':
+                continue
             for item in status.values:
-                if item.key.startswith(('model_file', 'model')) and item.value \
-                        and 'compensator' in f'{status.name} {status.hardware_id}':
-                    found = item.value
+                if item.key in ('model_file', 'model_files', 'model') and item.value.strip('[] '):
+                    # One file a joint comes as a list: its brackets and quotes are no names.
+                    found = re.sub(r"""['"\[\]]""", '', item.value)
     return found
