@@ -1,0 +1,183 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Shows the note's reference movement to the person and announces its direction."""
+
+from __future__ import annotations
+
+from array import array
+import math
+
+import numpy as np
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Int8MultiArray, MultiArrayDimension
+
+from friction_comp.errors import InputError
+from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
+from friction_comp.nodes.parameters import declare, declare_joints
+from friction_comp.nodes.running import run
+from friction_comp.nodes.streams import (
+    input_qos, JointColumns, NANO, nanoseconds, RELIABLE, set_stamp)
+from friction_comp.world.exercise import ReferenceMovement
+
+# Time in s that the compensator gets to acknowledge a new direction.
+_PATIENCE = 5.0
+
+
+class ExerciseNode(Node):
+    """Publishes `reference` and `direction` from where the joints stand when it begins.
+
+    With `clock: ticks` it follows `/clock` tick by tick: a new direction is first delivered, then
+    the reference with the tick's stamp is shown. A plant in lockstep that waits for the reference
+    therefore never goes on before the direction has reached the compensator.
+    """
+
+    def __init__(self):
+        super().__init__('exercise')
+        self.finished = False
+        self.fast_timers = ()
+        self._joints = declare_joints(self)
+        qos = input_qos(self)
+        self._movement = self._declare_movement()
+        self._moving = self._declare_moving()
+        self._when_done = declare(
+            self, 'when_done', 'hold', 'after the last repetition: hold the joints where they '
+            'began, or exit', read_only=True, constraints='hold or exit')
+        if self._when_done not in ('hold', 'exit'):
+            raise InputError(
+                f'parameter when_done: must be hold or exit, not {self._when_done!r}')
+        rate = declare(self, 'rate', 100.0, 'references a second of the node clock [Hz]', 1.0,
+                       1000.0, read_only=True)
+        clock = declare(
+            self, 'clock', 'timer', 'timer: at `rate` by the node clock; ticks: once for each '
+            'tick of /clock', read_only=True, constraints='timer or ticks')
+        if clock not in ('timer', 'ticks'):
+            raise InputError(f'parameter clock: must be timer or ticks, not {clock!r}')
+
+        self._start = None
+        self._last = None
+        self._values = [0] * len(self._joints)
+        self._columns = JointColumns(self._joints)
+        self._reference = JointState(name=list(self._joints))
+        self._direction = Int8MultiArray()
+        self._direction.layout.dim = [MultiArrayDimension(
+            label='joint', size=len(self._joints), stride=len(self._joints))]
+        self._references = self.create_publisher(JointState, 'reference', RELIABLE)
+        self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
+        Diagnostics(self, self._report, ', '.join(self._joints))
+        self._origin = None
+        self._origin_subscription = self.create_subscription(
+            JointState, 'joint_states', self._on_joint_states, qos)
+        if clock == 'ticks':
+            self.create_subscription(
+                Clock, '/clock', lambda message: self._on_tick(nanoseconds(message.clock)),
+                qos if qos is RELIABLE else qos_profile_sensor_data)
+        else:
+            self.fast_timers = [self.create_timer(
+                1.0 / rate, lambda: self._on_tick(self.get_clock().now().nanoseconds))]
+
+    def _declare_movement(self):
+        default = ReferenceMovement()
+        return ReferenceMovement(
+            amplitude=declare(
+                self, 'amplitude', default.amplitude,
+                'angle between both ends [rad]; negative moves that way first',
+                -2.0 * math.pi, 2.0 * math.pi, read_only=True),
+            speed=declare(
+                self, 'speed', default.speed, 'of the constant velocity phase [rad/s]',
+                1e-3, 10.0, read_only=True),
+            acceleration_time=declare(
+                self, 'acceleration_time', default.acceleration_time,
+                'from standstill to that speed [s]', 0.01, 60.0, read_only=True),
+            standstill=declare(
+                self, 'standstill', default.standstill, 'rest before each movement [s]',
+                0.01, 600.0, read_only=True),
+            announcement=declare(
+                self, 'announcement', default.announcement,
+                'how long before a movement its direction is announced [s]', 0.0, 600.0,
+                read_only=True),
+            repetitions=declare(
+                self, 'repetitions', default.repetitions, 'movements each way', 1, 100_000,
+                read_only=True),
+            compensated=declare(
+                self, 'announce_direction', True,
+                "false keeps the direction at 0, the note's case 1", read_only=True))
+
+    def _declare_moving(self):
+        names = declare(
+            self, 'moving_joints', [], 'joints that move, the others are held; all when empty',
+            read_only=True)
+        names = [name for name in names if name]
+        unknown = sorted(set(names) - set(self._joints))
+        if unknown:
+            raise InputError(f'parameter moving_joints: {unknown} are not in parameter joints')
+        return np.array([not names or joint in names for joint in self._joints], dtype=float)
+
+    def _on_joint_states(self, message):
+        position, _, _ = self._columns.read(message)
+        if not np.isfinite(position).all():
+            return
+        self._origin = position
+        self.destroy_subscription(self._origin_subscription)
+
+    def _on_tick(self, now):
+        if now == self._last:
+            # A tick comes again when its answer was lost.
+            self._references.publish(self._reference)
+            return
+        self._last = now
+        set_stamp(self._reference.header.stamp, now)
+        if self._origin is None:
+            # Time must go on for joint states to come; nobody holds the joints until then.
+            self._reference.name = []
+            self._references.publish(self._reference)
+            return
+        if self._start is None or now < self._start:
+            self._start = now
+            self._reference.name = list(self._joints)
+        self._show((now - self._start) / NANO)
+
+    def _show(self, time):
+        position, velocity, direction = self._movement.at(time)
+        values = (direction * self._moving).astype(int).tolist()
+        changed = values != self._values
+        self._values = values
+        self._direction.data = array('b', values)
+        self._directions.publish(self._direction)
+        if changed:
+            self._directions.wait_for_all_acked(Duration(seconds=_PATIENCE))
+        self._reference.position = array(
+            'd', (self._origin + position * self._moving).tobytes())
+        self._reference.velocity = array('d', (velocity * self._moving).tobytes())
+        self._references.publish(self._reference)
+        if time >= self._movement.duration and self._when_done == 'exit':
+            self.finished = True
+
+    def _report(self):
+        if self._start is None:
+            what = 'joint_states' if self._origin is None else '/clock'
+            return WARN, f'waits for {what}', {}
+        time = (self._last - self._start) / NANO
+        position, velocity, _ = self._movement.at(time)
+        values = {
+            'time [s]': time, 'duration [s]': self._movement.duration,
+            'reference [rad]': position, 'reference velocity [rad/s]': velocity,
+            'direction': self._values}
+        return OK, 'moving' if time < self._movement.duration else 'done', values
+
+    def leave(self):
+        """Take the announcement back, and let the last messages arrive."""
+        if self.context.ok() and any(self._values):
+            self._direction.data = array('b', [0] * len(self._joints))
+            self._directions.publish(self._direction)
+        if self.context.ok():
+            self._directions.wait_for_all_acked(Duration(seconds=0.5))
+            self._references.wait_for_all_acked(Duration(seconds=0.5))
+
+
+def main(argv=None):
+    """Start the node and return its exit code."""
+    return run('exercise', __doc__, ExerciseNode, argv)

@@ -1,0 +1,106 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Node parameters: declared with their meaning and range, refused where they make no sense."""
+
+from __future__ import annotations
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.parameter import Parameter
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+
+# A range needs an upper end; what has none in nature gets this one.
+LARGE = 1e6
+
+
+def declare(node, name, default, description, low=None, high=None, read_only=False,
+            constraints=''):
+    """Declare a parameter with its descriptor and return its value.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    name : str
+    default : bool, int, float, str or list of str
+        Also fixes the type; an empty list of strings is one of strings.
+    description : str
+        Meaning and unit.
+    low, high : float or int, optional
+        Range of a number, ends included.
+    read_only : bool
+        Whether a change needs a restart.
+    constraints : str
+        Further demands in words.
+
+    Raises
+    ------
+    InputError
+        If the value given at the start has another type or lies outside the range.
+    """
+    descriptor = ParameterDescriptor(
+        description=description, read_only=read_only, additional_constraints=constraints)
+    if low is not None or high is not None:
+        if isinstance(default, int):
+            descriptor.integer_range = [IntegerRange(
+                from_value=0 if low is None else int(low),
+                to_value=2**31 - 1 if high is None else int(high))]
+        else:
+            descriptor.floating_point_range = [FloatingPointRange(
+                from_value=-LARGE if low is None else float(low),
+                to_value=LARGE if high is None else float(high))]
+    if isinstance(default, list):
+        declared = Parameter(name, Parameter.Type.STRING_ARRAY, default)
+        default = declared.value if default else ['']
+    try:
+        return node.declare_parameter(name, default, descriptor).value
+    except Exception as error:
+        # rclpy's errors on bad start values share no base class of their own.
+        raise InputError(f'parameter {name}: {error}') from None
+
+
+def names_in(values):
+    """Return a string array without the empty strings that stand for 'none' in ROS."""
+    return [value for value in values if value]
+
+
+def declare_joints(node):
+    """Declare `joints` and return them.
+
+    Raises
+    ------
+    InputError
+        If a name is empty or comes twice.
+    """
+    joints = declare(
+        node, 'joints', ['joint'],
+        'names of the joints, in the order of all arrays on topics', read_only=True)
+    if not joints or not all(joints) or len(set(joints)) != len(joints):
+        raise InputError(f'parameter joints: names must be given and differ, not {list(joints)}')
+    return list(joints)
+
+
+def load_models(model_files, joints):
+    """Load the model file of each joint.
+
+    Parameters
+    ----------
+    model_files : list of str
+        One path per joint.
+    joints : list of str
+
+    Returns
+    -------
+    list of FrictionModel
+
+    Raises
+    ------
+    InputError
+        If the number of files is wrong, or one of them cannot be used.
+    """
+    files = names_in(model_files)
+    if len(files) != len(joints):
+        raise InputError(
+            f'parameter model_files: one file per joint is needed, {len(joints)} for '
+            f'{list(joints)}, not {len(files)}')
+    return [FrictionModel.load(path) for path in files]

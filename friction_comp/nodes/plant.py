@@ -1,0 +1,272 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated joints as a node: in real time, or in lockstep with whoever commands them."""
+
+from __future__ import annotations
+
+from array import array
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState, Temperature
+from std_msgs.msg import Float64MultiArray
+
+from friction_comp.errors import InputError
+from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
+from friction_comp.nodes.parameters import declare, declare_joints, load_models
+from friction_comp.nodes.running import run
+from friction_comp.nodes.streams import JointColumns, NANO, nanoseconds, RELIABLE, set_stamp
+from friction_comp.world.human import ReferenceHold
+from friction_comp.world.joint import Plant
+from friction_comp.world.undeclared import Undeclared
+
+# Real time between looks at a plant in lockstep that waits. What it waits for is asked for again
+# at the second look in vain: in between, everything that had arrived has been taken in.
+_LOOK = 0.1
+# Simulated time begins here: in ROS a stamp of zero means that there is none.
+_BEGINNING = NANO
+# A real-time plant that falls further behind than this many samples lets the time go.
+_LARGEST_LAG = 50
+
+
+class PlantNode(Node):
+    """Simulated geared joints with their sensors and the person who moves them.
+
+    In lockstep the order of events within one sample is fixed, whatever the machine's load: on a
+    tick of the clock, `/clock` and the wait for the `reference` of this tick (if asked for); then
+    `joint_states`, the wait for one `current_command`, and the step.
+    """
+
+    finished = False
+    fast_timers = ()
+
+    def __init__(self):
+        super().__init__('plant')
+        self._joints = declare_joints(self)
+        models = load_models(declare(
+            self, 'model_files', [], 'model file of each joint', read_only=True), self._joints)
+        undeclared = self._load_undeclared()
+        seed = declare(self, 'seed', 0, 'of all noise and scatter', 0, read_only=True)
+        clock = declare(
+            self, 'clock', 'real_time',
+            'real_time, or lockstep: steps when the command for the last state has come and '
+            'publishes /clock', read_only=True, constraints='real_time or lockstep')
+        if clock not in ('real_time', 'lockstep'):
+            raise InputError(f'parameter clock: must be real_time or lockstep, not {clock!r}')
+        sample_time = declare(
+            self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2, read_only=True)
+        self._clock_every = max(1, round(declare(
+            self, 'clock_period', 0.01, 'simulated time between ticks of /clock in lockstep [s]',
+            1e-4, 1.0, read_only=True) / sample_time))
+        self._temperature_every = max(1, round(declare(
+            self, 'temperature_period', 0.1, 'time between motor temperatures [s]', 1e-3, 60.0,
+            read_only=True) / sample_time))
+        declare(
+            self, 'wait_for_reference', False,
+            'in lockstep, wait at every tick for the reference that bears its stamp')
+        self._hold = ReferenceHold(declare(
+            self, 'reference_timeout', 0.5,
+            'time without reference after which the person lets go [s]', 0.01, 60.0,
+            read_only=True))
+        self._command_timeout = round(NANO * declare(
+            self, 'command_timeout', 0.1,
+            'time without command after which a real-time plant takes it as zero [s]', 0.001, 10.0,
+            read_only=True))
+
+        self._plant = Plant(models, seed, undeclared, sample_time)
+        self._torque_per_current = np.array([m.drive.torque_per_current for m in models])
+        self._sample = round(sample_time * NANO)
+        self._samples = 0
+        self._origin = 0
+        self._command = np.zeros(len(self._joints))
+        self._commanded_at = 0
+        self._bad_commands = 0
+        self._columns = JointColumns(self._joints)
+        self._rate = Rate()
+        self._make_messages()
+
+        self._states = self.create_publisher(JointState, 'joint_states', RELIABLE)
+        self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
+        self._heat = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
+        self.create_subscription(JointState, 'reference', self._on_reference, RELIABLE)
+        self.create_subscription(
+            Float64MultiArray, 'current_command', self._on_command, RELIABLE)
+        Diagnostics(self, self._report, ', '.join(self._joints))
+        self._lockstep = clock == 'lockstep'
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        if self._lockstep:
+            self._origin = _BEGINNING
+            self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
+            self._answered = False
+            self._reference_stamp = None
+            self._shown = False
+            self._looks = 0
+            self.create_timer(_LOOK, self._look, clock=steady)
+            self._advance()
+        else:
+            self._started = steady.now().nanoseconds
+            self._steady = steady
+            self._origin = self.get_clock().now().nanoseconds
+            self._overruns = 0
+            self.fast_timers = [self.create_timer(sample_time, self._on_time, clock=steady)]
+
+    def _load_undeclared(self):
+        files = declare(
+            self, 'undeclared_effect_files', [],
+            "per joint, a file with an effect that no model knows of, or ''", read_only=True)
+        if not any(files):
+            return None
+        if len(files) != len(self._joints):
+            raise InputError(
+                'parameter undeclared_effect_files: one per joint is needed (empty for none), '
+                f'not {len(files)}')
+        return [Undeclared.from_file(path) if path else None for path in files]
+
+    def _make_messages(self):
+        self._state_message = JointState(name=list(self._joints))
+        self._wrench_messages = [WrenchStamped() for _ in self._joints]
+        self._heat_messages = [Temperature() for _ in self._joints]
+        for joint, wrench, heat in zip(
+                self._joints, self._wrench_messages, self._heat_messages):
+            wrench.header.frame_id = heat.header.frame_id = joint
+        self._clock_message = ClockMessage()
+
+    # What both clocks share.
+
+    @property
+    def _stamp(self):
+        """Stamp of the present state in ns."""
+        return self._origin + self._samples * self._sample
+
+    def _step(self):
+        time = (self._stamp - self._origin) / NANO
+        position, velocity = self._hold.at(time)
+        active = None if position is None else np.isfinite(position) & np.isfinite(velocity)
+        self._plant.step(self._command, position, velocity, active)
+        self._samples += 1
+        self._rate.tick()
+
+    def _publish(self):
+        """Publish what the sensors show: joint states last, since a command answers them."""
+        state, stamp = self._plant.state, self._stamp
+        for wrench, torque in zip(self._wrench_messages, state.interaction_torque.tolist()):
+            set_stamp(wrench.header.stamp, stamp)
+            wrench.wrench.torque.z = torque
+            self._wrench.publish(wrench)
+        if self._samples % self._temperature_every == 0:
+            for heat, temperature in zip(self._heat_messages, state.temperature.tolist()):
+                set_stamp(heat.header.stamp, stamp)
+                heat.temperature = temperature
+                self._heat.publish(heat)
+        message = self._state_message
+        set_stamp(message.header.stamp, stamp)
+        message.position = array('d', state.position.tobytes())
+        message.velocity = array('d', state.velocity.tobytes())
+        message.effort = array('d', (state.current * self._torque_per_current).tobytes())
+        self._states.publish(message)
+
+    def _take_command(self, message):
+        values = np.array(message.data)
+        if values.shape != self._command.shape or not np.isfinite(values).all():
+            self._bad_commands += 1
+            values = np.zeros_like(self._command)
+        self._command = values
+
+    def _on_reference(self, message):
+        stamp = nanoseconds(message.header.stamp)
+        position, velocity, _ = self._columns.read(message)
+        if velocity is not None and message.name:
+            self._hold.show((stamp - self._origin) / NANO, position, velocity)
+        if self._lockstep:
+            self._reference_stamp = stamp
+            self._advance()
+
+    def _on_command(self, message):
+        self._take_command(message)
+        if self._lockstep:
+            self._answered = True
+            self._advance()
+        else:
+            self._commanded_at = self._steady.now().nanoseconds
+
+    # Lockstep.
+
+    def _advance(self):
+        """Go as far as what has come allows."""
+        while True:
+            if not self._shown:
+                tick = self._samples % self._clock_every == 0
+                if tick and self._waiting_since != self._samples:
+                    self._waiting_since = self._samples
+                    self._tick()
+                if (tick and self._reference_stamp != self._stamp
+                        and self.get_parameter('wait_for_reference').value):
+                    return
+                self._shown = True
+                self._publish()
+            if not self._answered:
+                return
+            self._answered = self._shown = False
+            self._looks = 0
+            self._step()
+
+    _waiting_since = -1
+
+    def _tick(self):
+        set_stamp(self._clock_message.clock, self._stamp)
+        self._ticks.publish(self._clock_message)
+
+    def _look(self):
+        """Ask again for what does not come: endpoints find each other in their own time."""
+        self._advance()
+        self._looks += 1
+        if self._looks >= 2:
+            self._looks = 0
+            if self._samples % self._clock_every == 0:
+                self._tick()
+            if self._shown and self._states.get_subscription_count():
+                self._publish()
+
+    # Real time.
+
+    def _on_time(self):
+        now = self._steady.now().nanoseconds
+        due = (now - self._started) // self._sample
+        if due - self._samples > _LARGEST_LAG:
+            self._overruns += 1
+            lost = due - self._samples
+            self._started += lost * self._sample
+            self._origin += lost * self._sample
+            due = self._samples
+        if now - self._commanded_at > self._command_timeout:
+            self._command = np.zeros_like(self._command)
+        while self._samples < due:
+            self._step()
+            self._publish()
+
+    def _report(self):
+        state = self._plant.state
+        values = {
+            'clock': 'lockstep' if self._lockstep else 'real_time',
+            'time [s]': state.time,
+            'samples per second of real time': self._rate.per_second(),
+            'command [A]': self._command.tolist(),
+            'commands not usable': self._bad_commands}
+        if self._lockstep:
+            values['waits for'] = 'current_command' if self._shown else 'reference'
+        else:
+            values['overruns'] = self._overruns
+        if self._bad_commands:
+            return WARN, 'commands of wrong length or not finite were taken as zero', values
+        return OK, 'running', values
+
+    def leave(self):
+        """Nothing is left behind: the simulated motor ends with its node."""
+
+
+def main(argv=None):
+    """Start the node and return its exit code."""
+    return run('plant', __doc__, PlantNode, argv)
