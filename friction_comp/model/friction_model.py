@@ -14,6 +14,7 @@ import yaml
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
+from friction_comp.model.differentiation import advance
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
 
@@ -83,10 +84,17 @@ class FrictionModel:
         samples : Samples
             With velocity, and with what the effects ask for.
         """
+        samples = advance(samples, self.lag)
         current = np.asarray(self.sigmoid(samples.velocity), dtype=float)
         for effect in self.effects:
             current = current + effect.current(samples)
         return current
+
+    @property
+    def lag(self):
+        """Time in s by which torque follows the current, from the effect of that name."""
+        return sum(effect.values['lag'] for effect in self.effects
+                   if effect.name == 'actuation_lag')
 
     def to_dict(self):
         """Return the model as the plain values of its file."""

@@ -1,0 +1,108 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Velocity and acceleration of recorded positions, without delay and with a stated bandwidth."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from friction_comp.errors import InputError
+
+METHOD = 'zero-phase Butterworth'
+_ORDER = 2
+_MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature')
+
+
+def differentiate(samples, settings):
+    """Return samples with velocity and acceleration by a zero-phase filter.
+
+    The signal is filtered forwards and backwards by a second-order Butterworth low pass, which
+    delays nothing, and differentiated by central differences, stretch by stretch.
+
+    Parameters
+    ----------
+    samples : Samples
+    settings : dict
+        ``source``: 'position' or 'velocity'; ``bandwidth``: Hz, the -3 dB point of one pass;
+        None leaves the signal unfiltered.
+
+    Returns
+    -------
+    Samples
+        With `velocity` in rad/s and `acceleration` in rad/s²; `position` as recorded, `time` from
+        the start of each recording.
+
+    Raises
+    ------
+    InputError
+        If the settings are unknown or the velocity they ask for is not recorded.
+    """
+    source, bandwidth = settings.get('source', 'position'), settings.get('bandwidth')
+    if source not in ('position', 'velocity'):
+        raise InputError(f"differentiation.source must be 'position' or 'velocity', not {source!r}")
+    if source == 'velocity' and samples.velocity is None:
+        raise InputError('the model wants the recorded velocity, but the recording has none')
+    velocity = np.zeros(len(samples))
+    acceleration = np.zeros(len(samples))
+    for part in samples.segments():
+        time = samples.time[part]
+        if len(time) < 3:
+            continue
+        time = _increasing(time)
+        if source == 'position':
+            speed = np.gradient(_smooth(samples.position[part], samples.sample_time, bandwidth),
+                                time)
+        else:
+            speed = _smooth(samples.velocity[part], samples.sample_time, bandwidth)
+        velocity[part] = speed
+        acceleration[part] = np.gradient(speed, time)
+    return samples.with_(
+        time=elapsed(samples), velocity=velocity, acceleration=acceleration)
+
+
+def elapsed(samples):
+    """Return the time in s since the start of each sample's own recording, shape (N,)."""
+    time = np.array(samples.time, dtype=float)
+    starts = np.nonzero(np.diff(samples.recording, prepend=samples.recording[:1] - 1))[0]
+    for begin, end in zip(starts, [*starts[1:], len(time)]):
+        time[begin:end] -= time[begin]
+    return time
+
+
+def advance(samples, lag):
+    """Return samples whose motion, load and temperature are those of the time t + lag.
+
+    Parameters
+    ----------
+    samples : Samples
+    lag : float
+        s. Beyond the ends of a stretch the last values are held.
+    """
+    if not lag:
+        return samples
+    changes = {name: np.array(getattr(samples, name), dtype=float)
+               for name in _MOTION if getattr(samples, name) is not None}
+    for part in samples.segments():
+        time = samples.time[part]
+        for name, values in changes.items():
+            values[part] = np.interp(time + lag, time, getattr(samples, name)[part])
+    return samples.with_(**changes)
+
+
+def _smooth(signal, sample_time, bandwidth):
+    if bandwidth is None or sample_time <= 0 or 2.0 * bandwidth * sample_time >= 0.95:
+        return signal
+    sections = butter(_ORDER, 2.0 * bandwidth * sample_time, output='sos')
+    # Long enough padding for the slow start of narrow filters, short enough for short stretches.
+    padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
+    return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)
+
+
+def _increasing(time):
+    """Return times without equal neighbours, which repeated stamps would make."""
+    step = np.diff(time)
+    if np.all(step > 0):
+        return time
+    tiny = 1e-3 * float(np.median(step[step > 0])) if np.any(step > 0) else 1e-6
+    return np.concatenate(([time[0]], time[0] + np.cumsum(np.maximum(step, tiny))))

@@ -1,0 +1,38 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Inertia of motor, gear and limb."""
+
+from __future__ import annotations
+
+from friction_comp.model.effects.base import Effect
+
+
+class Inertia(Effect):
+    """``J/(k_t·n)·dv/dt``."""
+
+    name = 'inertia'
+    variable = 'acceleration'
+    needs = ('acceleration',)
+
+    @classmethod
+    def grid(cls, scene):
+        """There is nothing to search."""
+        return [{}]
+
+    @classmethod
+    def columns(cls, samples):
+        """Return the acceleration."""
+        return samples.acceleration[:, None]
+
+    def why_left_out(self):
+        """Return why inertia is not fed back."""
+        return ('acceleration from the encoder comes too late and too noisy: fed back it would '
+                'lower the apparent inertia and can destabilise the joint')
+
+    def describe(self):
+        """Return the effect in words."""
+        return f'Inertia: {self.coefficients[0]:.4g} A per rad/s²'
+
+    def formula(self):
+        """Return the formula with its numbers."""
+        return f'{self.coefficients[0]:+.4g}·dv/dt'

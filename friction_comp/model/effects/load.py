@@ -1,0 +1,80 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a measured load does: it helps or hinders the motor, and it presses the teeth together."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from friction_comp.model.effects.base import Effect, sign, StaticTerm
+
+
+class LoadTorque(Effect):
+    """``A·τ_b``: the share of the measured back-driving torque that the motor is spared.
+
+    By mechanics A = -1/(k_t·n); another value tells that the torque constant is not as declared.
+    """
+
+    name = 'load_torque'
+    variable = 'load'
+    needs = ('load',)
+
+    @classmethod
+    def grid(cls, scene):
+        """There is nothing to search."""
+        return [{}]
+
+    @classmethod
+    def columns(cls, samples):
+        """Return the load torque."""
+        return samples.load[:, None]
+
+    def why_left_out(self):
+        """Return why the load is not fed back."""
+        return ('feeding the measured interaction torque back is admittance control, which this '
+                'compensator is not: the torque sensor is for evaluation only')
+
+    def describe(self):
+        """Return the effect in words."""
+        return f'Load: {self.coefficients[0]:+.4g} A per N·m of measured back-driving torque'
+
+    def formula(self):
+        """Return the formula with its numbers."""
+        return f'{self.coefficients[0]:+.4g}·τ_b'
+
+
+class LoadFriction(Effect):
+    """``A·tanh(v/v_t)·|τ_b|``: friction that grows with the load on the teeth."""
+
+    name = 'load_friction'
+    variable = 'load'
+    needs = ('load',)
+    constants = {'transition': None}
+
+    @classmethod
+    def grid(cls, scene):
+        """There is nothing to search."""
+        return [{'transition': scene.transition}]
+
+    @classmethod
+    def columns(cls, samples, transition):
+        """Return one column."""
+        return (sign(samples.velocity, transition) * np.abs(samples.load))[:, None]
+
+    def online(self):
+        """Return the term; it needs the load and passes through zero with the velocity."""
+        gain, transition = self.coefficients[0], self.values['transition']
+
+        def term(_time, _position, v, _temperature, load):
+            return gain * math.tanh(v / transition) * abs(load)
+        return StaticTerm(term, needs=('load',))
+
+    def describe(self):
+        """Return the effect in words."""
+        return f'Load-dependent friction: {self.coefficients[0]:+.4g} A per N·m of load'
+
+    def formula(self):
+        """Return the formula with its numbers."""
+        return f'{self.coefficients[0]:+.4g}·tanh(v/{self.values["transition"]:.3g})·|τ_b|'

@@ -1,0 +1,56 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Stribeck weakening: friction that falls before it rises with speed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from friction_comp.model.effects.base import Effect, geometric, sign, StaticTerm
+
+
+class Stribeck(Effect):
+    """``A·tanh(v/v_t)·exp(-(|v|/v_s)^p)``, the second term of the note's Eq. 2 for p = 1."""
+
+    name = 'stribeck'
+    variable = 'velocity'
+    constants = {'velocity': ('log', 1.6), 'exponent': None, 'transition': None}
+
+    @classmethod
+    def grid(cls, scene):
+        """Stribeck velocities from just above standstill to two thirds of the top speed."""
+        lowest = max(1.5 * scene.transition, 1.5 * scene.slowest, 0.003 * scene.speed)
+        return [{'velocity': velocity, 'exponent': exponent, 'transition': scene.transition}
+                for velocity in geometric(min(lowest, 0.3 * scene.speed), 0.7 * scene.speed, 9)
+                for exponent in (1.0, 2.0)]
+
+    @classmethod
+    def columns(cls, samples, velocity, exponent, transition):
+        """Return one column, 1 at zero speed and fading with it."""
+        v = samples.velocity
+        fade = np.exp(-np.minimum((np.abs(v) / velocity) ** exponent, 700.0))
+        return (sign(v, transition) * fade)[:, None]
+
+    def online(self):
+        """Return the term; it passes through zero with the velocity."""
+        gain = self.coefficients[0]
+        c = self.values
+
+        def term(_time, _position, v, _temperature, _load):
+            fade = math.exp(-min((abs(v) / c['velocity']) ** c['exponent'], 700.0))
+            return gain * math.tanh(v / c['transition']) * fade
+        return StaticTerm(term)
+
+    def describe(self):
+        """Return the effect in words."""
+        more = 'higher' if self.coefficients[0] > 0 else 'lower'
+        return (f'Stribeck: near standstill friction is {abs(self.coefficients[0]):.3g} A {more}, '
+                f'fading at about {self.values["velocity"]:.3g} rad/s')
+
+    def formula(self):
+        """Return the formula with its numbers."""
+        c = self.values
+        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'
+                f'·exp(-(|v|/{c["velocity"]:.3g})^{c["exponent"]:g})')

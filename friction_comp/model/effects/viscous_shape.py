@@ -1,0 +1,57 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Viscous friction that is not proportional to speed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from friction_comp.model.effects.base import Effect, sign, StaticTerm
+
+
+class ViscousShape(Effect):
+    """``A·tanh(v/v_t)·(|v|/v_ref)^p``: sub-linear for p < 1, super-linear for p > 1.
+
+    It stands beside the sigmoid's own linear term, so that together they bend either way.
+    """
+
+    name = 'viscous_shape'
+    variable = 'velocity'
+    constants = {'exponent': ('log', 1.3), 'reference': None, 'transition': None}
+
+    @classmethod
+    def grid(cls, scene):
+        """Exponents below and above one."""
+        return [{'exponent': exponent, 'reference': scene.speed, 'transition': scene.transition}
+                for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
+
+    @classmethod
+    def columns(cls, samples, exponent, reference, transition):
+        """Return one column."""
+        v = samples.velocity
+        return (sign(v, transition) * (np.abs(v) / reference) ** exponent)[:, None]
+
+    def online(self):
+        """Return the term; it passes through zero with the velocity."""
+        gain = self.coefficients[0]
+        c = self.values
+
+        def term(_time, _position, v, _temperature, _load):
+            return (gain * math.tanh(v / c['transition'])
+                    * (abs(v) / c['reference']) ** c['exponent'])
+        return StaticTerm(term)
+
+    def describe(self):
+        """Return the effect in words."""
+        gain, exponent = self.coefficients[0], self.values['exponent']
+        bends = 'sub-linearly' if (gain > 0) == (exponent < 1) else 'super-linearly'
+        return (f'Viscous shape: friction grows {bends} with speed '
+                f'(power {exponent:.3g} beside the linear term)')
+
+    def formula(self):
+        """Return the formula with its numbers."""
+        c = self.values
+        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'
+                f'·(|v|/{c["reference"]:.3g})^{c["exponent"]:.3g}')

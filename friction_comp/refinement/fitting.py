@@ -1,0 +1,312 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Robust fit of a sum of effects: coefficients by Huber's estimator, constants by search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import expit
+
+from friction_comp.model.differentiation import advance
+
+# Residuals beyond this many standard deviations weigh less (Huber 1964 has 1.345 for 95 %
+# efficiency; the wider band keeps the short accelerations, where much of the information is).
+HUBER = 2.0
+_RIDGE = 1e-9
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect class with the constants that are tried."""
+
+    kind: type
+    constants: dict = field(default_factory=dict)
+
+    def columns(self, samples, window):
+        """Return the design matrix; ripple is damped as the averaging of samples damps it."""
+        matrix = self.kind.columns(samples, **self.constants)
+        if window and 'frequency' in self.constants:
+            turns = self.constants['frequency'] * samples.velocity * window / (2.0 * math.pi)
+            matrix = matrix * np.sinc(turns)[:, None]
+        return matrix
+
+
+def base_columns(samples, steepness):
+    """Return the columns of Eq. 6: constant, transition and viscous."""
+    v = samples.velocity
+    return np.column_stack((np.ones_like(v), 2.0 * expit(steepness * v) - 1.0, v))
+
+
+def robust_scale(residual):
+    """Return the standard deviation that the bulk of residuals suggests (1.4826 · MAD)."""
+    return 1.4826 * float(np.median(np.abs(residual))) + 1e-15
+
+
+def huber_weights(residual, scale):
+    """Return Huber's weights, 1 within `HUBER` · scale and falling beyond."""
+    return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-300))
+
+
+def huber_loss(residual, scale):
+    """Return Huber's loss in A², which is r² within `HUBER` · scale and linear beyond."""
+    size, limit = np.abs(residual), HUBER * scale
+    return np.where(size <= limit, size * size, limit * (2.0 * size - limit))
+
+
+def solve(matrix, current, weights):
+    """Return weighted least squares coefficients; columns that say the same share the work."""
+    norm = np.sqrt(np.einsum('ij,ij->j', matrix, matrix) / len(matrix)) + 1e-300
+    scaled = matrix / norm
+    weighted = scaled * weights[:, None]
+    gram = weighted.T @ scaled
+    gram[np.diag_indices_from(gram)] += _RIDGE * max(len(matrix), 1)
+    return np.linalg.lstsq(gram, weighted.T @ current, rcond=1e-12)[0] / norm
+
+
+class Fit:
+    """A sum of effects being fitted on some rows of the data.
+
+    Parameters
+    ----------
+    data : Data
+    rows : ndarray of bool, shape (N,)
+        The samples it may learn from.
+    steepness : float
+        Of the sigmoid, s/rad.
+    terms : sequence of Term
+    offset : ndarray, shape (N,), optional
+        Current in A that is known and not fitted.
+    """
+
+    def __init__(self, data, rows, steepness, terms=(), lag=0.0, offset=None):
+        self.data, self.rows, self.steepness, self.lag = data, rows, steepness, lag
+        self.offset = offset
+        self.index = np.nonzero(rows)[0]
+        self.terms = list(terms)
+        self.refresh()
+
+    def copy(self):
+        """Return an independent copy."""
+        twin = object.__new__(Fit)
+        twin.__dict__.update(self.__dict__)
+        twin.terms = list(self.terms)
+        return twin
+
+    def refresh(self):
+        """Compute all columns anew and solve."""
+        self.samples = advance(self.data.samples, self.lag)
+        self.parts = [base_columns(self.samples, self.steepness)]
+        self.parts += [term.columns(self.samples, self.data.window) for term in self.terms]
+        self.solve()
+
+    @staticmethod
+    def matrix(samples, fit):
+        """Return a fit's design matrix for other samples."""
+        return np.hstack([base_columns(samples, fit.steepness)]
+                         + [term.columns(samples, fit.data.window) for term in fit.terms])
+
+    @property
+    def target(self):
+        """Current in A to explain, shape (N,)."""
+        current = self.data.samples.current
+        return current if self.offset is None else current - self.offset
+
+    def solve(self, rounds=6):
+        """Find the coefficients by iteratively reweighted least squares."""
+        matrix = np.hstack(self.parts)
+        inner, goal = matrix[self.index], self.target[self.index]
+        weights = np.ones(len(goal))
+        for _ in range(rounds):
+            self.coefficients = solve(inner, goal, weights)
+            residual = goal - inner @ self.coefficients
+            self.scale = robust_scale(residual)
+            weights = huber_weights(residual, self.scale)
+        self.weights = weights
+        self.prediction = matrix @ self.coefficients
+        self.residual = self.target - self.prediction
+        self._basis = None
+
+    def with_term(self, term):
+        """Return a copy with one more term, solved."""
+        twin = self.copy()
+        if 'lag' in term.constants:
+            twin.lag = self.lag + term.constants['lag']
+            twin.terms.append(Term(term.kind, {'lag': twin.lag}))
+            twin.refresh()
+            return twin
+        twin.terms.append(term)
+        twin.parts = self.parts + [term.columns(self.samples, self.data.window)]
+        twin.solve()
+        return twin
+
+    def without(self, place):
+        """Return a copy that lacks one term, solved."""
+        twin = self.copy()
+        gone = twin.terms.pop(place)
+        if 'lag' in gone.constants:
+            twin.lag = 0.0
+            twin.refresh()
+            return twin
+        twin.parts = self.parts[:place + 1] + self.parts[place + 2:]
+        twin.solve()
+        return twin
+
+    def basis(self, every=1):
+        """Return orthonormal weighted columns and the weighted residual on the fitted rows."""
+        if self._basis is None or self._basis[0] != every:
+            index = self.index[::every]
+            root = np.sqrt(self.weights[::every])
+            matrix = np.hstack(self.parts)[index] * root[:, None]
+            norm = np.linalg.norm(matrix, axis=0) + 1e-300
+            q, _ = np.linalg.qr(matrix / norm)
+            residual = self.residual[index] * root
+            residual = residual - q @ (q.T @ residual)
+            self._basis = (every, index, root, q, residual)
+        return self._basis[1:]
+
+    def gain(self, term, every=1):
+        """Return by how much a term would lower the weighted sum of squares, in A²."""
+        index, root, q, residual = self.basis(every)
+        samples = self._picked(index, term)
+        columns = term.columns(samples, self.data.window)
+        if len(columns) != len(index):
+            columns = columns[index]
+        columns = columns * root[:, None]
+        before = np.linalg.norm(columns, axis=0)
+        columns = columns - q @ (q.T @ columns)
+        after = np.linalg.norm(columns, axis=0)
+        # A column that the model already has is no news, whatever rounding leaves of it.
+        fresh = after > 1e-4 * before
+        if not fresh.any():
+            return 0.0
+        columns = columns[:, fresh] / after[fresh]
+        gram = columns.T @ columns
+        gram[np.diag_indices_from(gram)] += 1e-9
+        product = columns.T @ residual
+        return float(product @ np.linalg.solve(gram, product)) * every
+
+    def _picked(self, index, term):
+        """Return the samples a term needs: only the fitted ones, unless it has a memory."""
+        if term.kind.variable == 'history':
+            return self.samples
+        key = (len(index), id(self.samples))
+        if getattr(self, '_pick', (None,))[0] != key:
+            self._pick = (key, self.samples.take(index))
+        return self._pick[1]
+
+    def search(self, term, every=1, evaluations=14):
+        """Return the term with its constants searched around where they are, and its gain."""
+        best = self.gain(term, every)
+        for name, how in term.kind.constants.items():
+            if how is None or name == 'lag':
+                continue
+            current = term.constants[name]
+            low, high, back = bracket(name, how, current, term.constants, self.data.scene)
+
+            def loss(x, name=name, back=back, term=term):
+                return -self.gain(Term(term.kind, {**term.constants, name: back(x)}), every)
+            found = minimize_scalar(loss, bounds=(low, high), method='bounded',
+                                    options={'maxiter': evaluations, 'xatol': 1e-4 * (high - low)})
+            if -found.fun > best:
+                best = -found.fun
+                term = Term(term.kind, {**term.constants, name: float(back(found.x))})
+        return term, best
+
+    def polish(self, sweeps=1, evaluations=10):
+        """Search all constants of all terms together with the coefficients, one by one."""
+        for _ in range(sweeps):
+            self._polish_steepness(evaluations)
+            for place, term in enumerate(list(self.terms)):
+                if not any(how is not None for how in term.kind.constants.values()):
+                    continue
+                if 'lag' in term.constants:
+                    self._polish_lag(place, evaluations)
+                    continue
+                rest = self.without(place)
+                better, _ = rest.search(term, evaluations=evaluations)
+                if better != term:
+                    twin = self.copy()
+                    twin.terms[place] = better
+                    twin.parts = list(self.parts)
+                    twin.parts[place + 1] = better.columns(self.samples, self.data.window)
+                    twin.solve()
+                    self._take_better(twin)
+
+    def _take_better(self, twin):
+        residual, other = self.residual[self.index], twin.residual[self.index]
+        scale = self.scale
+        if np.sum(huber_loss(other, scale)) < np.sum(huber_loss(residual, scale)):
+            self.__dict__.update(twin.__dict__)
+
+    def _with_steepness(self, steepness):
+        twin = self.copy()
+        twin.steepness = steepness
+        twin.parts = [base_columns(self.samples, steepness)] + self.parts[1:]
+        twin.solve(3)
+        return twin
+
+    def _polish_steepness(self, evaluations):
+        scale = self.scale
+        slowest = self.data.scene.speed
+
+        def loss(x):
+            twin = self._with_steepness(math.exp(x))
+            return float(np.mean(huber_loss(twin.residual[self.index], scale)))
+        middle = math.log(self.steepness)
+        low = max(middle - 0.8, math.log(2.0 / slowest))
+        high = min(middle + 0.8, math.log(2000.0 / slowest))
+        if low < high:
+            found = minimize_scalar(loss, bounds=(low, high), method='bounded',
+                                    options={'maxiter': evaluations, 'xatol': 0.02})
+            self._take_better(self._with_steepness(math.exp(found.x)))
+
+    def _polish_lag(self, place, evaluations):
+        step = self.data.scene.sample_time
+        rest = self.without(place)
+
+        def with_lag(lag):
+            twin = rest.copy()
+            twin.terms.insert(place, Term(self.terms[place].kind, {'lag': lag}))
+            twin.lag = lag
+            twin.refresh()
+            return twin
+        scale = self.scale
+        found = minimize_scalar(
+            lambda x: float(np.mean(huber_loss(with_lag(x).residual[self.index], scale))),
+            bounds=(self.lag - step, self.lag + step), method='bounded',
+            options={'maxiter': evaluations, 'xatol': 0.02 * step})
+        self._take_better(with_lag(float(found.x)))
+
+
+def bracket(name, how, value, constants, scene):
+    """Return the search interval of a constant and the map from its scale."""
+    kind, width = how
+    if kind == 'log':
+        return math.log(value / width), math.log(value * width), math.exp
+    unit = {
+        'frequency': math.pi / max(scene.highest - scene.lowest, 1e-12),
+        'position': constants.get('width', 1.0),
+        'lag': scene.sample_time,
+    }[name]
+    return value - width * unit, value + width * unit, float
+
+
+def first_fit(data, rows, offset=None, most_rows=8000):
+    """Return the fit of the sigmoid alone, its steepness searched on a grid."""
+    speed = data.scene.speed
+    every = max(1, int(rows.sum()) // most_rows)
+    thin = np.zeros_like(rows)
+    thin[np.nonzero(rows)[0][::every]] = True
+    best = None
+    for steepness in np.geomspace(4.0 / speed, 1200.0 / speed, 12):
+        fit = Fit(data, thin, float(steepness), offset=offset)
+        size = float(np.sum(np.abs(fit.residual[fit.index])))
+        if best is None or size < best[0]:
+            best = (size, fit.steepness)
+    fit = Fit(data, rows, best[1], offset=offset)
+    fit.polish()
+    return fit

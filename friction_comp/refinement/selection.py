@@ -1,0 +1,234 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which effects the data call for: one at a time, by the error on stretches not fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+from scipy import stats
+
+from friction_comp.refinement.candidates import best_term, kinds_for, plausible
+from friction_comp.refinement.data import correlation_samples
+from friction_comp.refinement.fitting import huber_loss, robust_scale
+
+# Chance of any wrong effect in a step, over all candidates together.
+ALPHA = 0.002
+# An effect has to lower the held-out loss by this share, or it is not worth its place.
+LEAST_SHARE = 0.004
+_MOST_EFFECTS = 10
+_MOST_STRETCHES = 400
+_POLISHED = 3
+
+
+@dataclass
+class Trial:
+    """A candidate effect, fitted in both folds."""
+
+    kind: type
+    fits: list
+    residual: np.ndarray
+    advantage: float = 0.0
+    error: float = 0.0
+    p_value: float = 1.0
+
+    @property
+    def complexity(self):
+        """Number of coefficients and searched constants."""
+        term = self.fits[0].terms[-1]
+        searched = sum(how is not None for how in term.kind.constants.values())
+        free = term.kind.columns(self.fits[0].samples.take(slice(0, 3)), **term.constants).shape[1]
+        return searched + free
+
+
+@dataclass
+class Step:
+    """An effect that was added: how, and what else would have done nearly as well."""
+
+    kind: type
+    fits: list
+    held_out_rmse: float
+    evidence: dict
+    rivals: list = field(default_factory=list)
+
+
+def held_out_residual(data, fits):
+    """Return the residual of every sample by the model that was not fitted on it, shape (N,)."""
+    residual = np.empty(len(data.fold))
+    for fold, fit in enumerate(fits):
+        rows = data.fold == fold
+        residual[rows] = fit.residual[rows]
+    return residual
+
+
+def rms(values):
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def advantage(data, old, new):
+    """Compare two held-out residuals.
+
+    The losses' difference is summed over stretches several times as long as the better model's
+    residual stays correlated. Were the new effect a fancy, the differences would be as often
+    negative as positive: Student's t over stretches, and their signs flipped at random.
+
+    Returns
+    -------
+    total : float
+        Mean over usable samples of old loss minus new loss, A².
+    error : float
+        Its standard error.
+    p_value : float
+        One-sided chance of such an advantage without an effect.
+    """
+    usable = data.usable
+    scale = robust_scale(old[usable])
+    difference = (huber_loss(old, scale) - huber_loss(new, scale))[usable]
+    sums, count = stretch_sums(data, difference, new)
+    size = len(difference)
+    number = len(sums)
+    spread = float(np.std(sums - sums.sum() * count / size, ddof=1)) * math.sqrt(number)
+    total = float(sums.sum())
+    if spread <= 0:
+        return total / size, 0.0, 1.0
+    p_value = float(stats.t.sf(total / spread, number - 1))
+    # Few flips cannot show a very small chance; there Student's t has to do.
+    if 1e-3 < p_value < 0.2:
+        p_value = max(p_value, flipped_signs(sums))
+    return total / size, spread / size, p_value
+
+
+def stretch_sums(data, values, residual):
+    """Sum values of usable samples over stretches longer than the residual's memory."""
+    usable = data.usable
+    size = int(usable.sum())
+    length = 4 * correlation_samples(residual, usable)
+    length = int(max(length, size / _MOST_STRETCHES))
+    length = max(2, min(length, size // 20))
+    number = np.arange(size) // length
+    return np.bincount(number, values), np.bincount(number)
+
+
+def flipped_signs(sums, draws=4000, seed=0):
+    """Return the chance that randomly signed sums exceed the real one."""
+    rng = np.random.default_rng(seed)
+    total, above, left = sums.sum(), 0, draws
+    while left:
+        number = min(left, 500)
+        signs = rng.integers(0, 2, size=(number, len(sums))) * 2 - 1
+        above += int(np.sum(signs @ sums >= total))
+        left -= number
+    return (above + 1) / (draws + 1)
+
+
+def try_kind(data, fits, residual, kind):
+    """Fit one more effect in both folds; None where it makes no sense."""
+    grown = []
+    for fit in fits:
+        term = best_term(fit, kind)
+        if term is None:
+            return None
+        twin = fit.with_term(term)
+        if not plausible(twin):
+            return None
+        grown.append(twin)
+    trial = Trial(kind, grown, held_out_residual(data, grown))
+    trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+    return trial
+
+
+def polish(data, residual, trial):
+    """Search all constants of a trial together and count its advantage anew."""
+    for fit in trial.fits:
+        fit.polish()
+    trial.residual = held_out_residual(data, trial.fits)
+    trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+
+
+def select(data, fits, report=None):
+    """Add effects as long as held-out data call for them.
+
+    Parameters
+    ----------
+    data : Data
+    fits : list of Fit
+        The base model, fitted once for each fold.
+    report : callable, optional
+        Called with a share of the work done and a word on it.
+
+    Returns
+    -------
+    list of Step
+    """
+    steps = []
+    residual = held_out_residual(data, fits)
+    while len(steps) < _MOST_EFFECTS:
+        loss = float(np.mean(huber_loss(residual, robust_scale(residual[data.usable]))[
+            data.usable]))
+        kinds = kinds_for(data, fits[0].terms)
+        trials = []
+        for number, kind in enumerate(kinds):
+            if report:
+                report((len(steps) + number / len(kinds)) / (len(steps) + 1.5), kind.name)
+            trial = try_kind(data, fits, residual, kind)
+            if trial is not None:
+                trials.append(trial)
+        trials.sort(key=lambda trial: -trial.advantage)
+        for trial in trials[:_POLISHED]:
+            polish(data, residual, trial)
+        worthy = [trial for trial in trials
+                  if trial.p_value < ALPHA / len(kinds)
+                  and trial.advantage > LEAST_SHARE * loss]
+        if not worthy:
+            break
+        chosen = simplest_of_the_best(data, worthy)
+        fits = chosen.fits
+        polished = chosen.residual
+        rivals = find_rivals(data, chosen, trials, residual)
+        steps.append(Step(
+            chosen.kind, fits, rms(polished[data.usable]),
+            {'loss_reduction': chosen.advantage / loss,
+             'standard_errors': chosen.advantage / max(chosen.error, 1e-300),
+             'p_value': chosen.p_value, 'candidates': len(kinds)}, rivals))
+        residual = polished
+    return steps
+
+
+def simplest_of_the_best(data, trials):
+    """Return the simplest trial within one standard error of the best."""
+    best = max(trials, key=lambda trial: trial.advantage)
+    near = [best]
+    for trial in trials:
+        if trial is best:
+            continue
+        lead, error, _ = advantage(data, trial.residual, best.residual)
+        if lead < error and trial.complexity < best.complexity:
+            near.append(trial)
+    return min(near, key=lambda trial: (trial.complexity, -trial.advantage))
+
+
+def find_rivals(data, chosen, trials, residual):
+    """Return effects of another variable that the data cannot tell from the chosen one.
+
+    Returns
+    -------
+    list of (type, float)
+        Effect, and how its share of the current correlates with that of the chosen effect.
+    """
+    usable = data.usable
+    mine = (residual - chosen.residual)[usable]
+    rivals = []
+    for trial in trials:
+        if trial.kind.variable == chosen.kind.variable or trial.advantage <= 0:
+            continue
+        theirs = (residual - trial.residual)[usable]
+        if not (mine.std() > 0 and theirs.std() > 0):
+            continue
+        correlation = float(np.corrcoef(mine, theirs)[0, 1])
+        lead, error, _ = advantage(data, trial.residual, chosen.residual)
+        if correlation > 0.9 and lead < 2.0 * error + 0.02 * chosen.advantage:
+            rivals.append((trial.kind, correlation))
+    return rivals
