@@ -237,8 +237,7 @@ def _current_at(time, current, instant, begin, end, gradient):
 
 @njit(cache=True)
 def _slide_begin(time, position, begin, end, sign, resolution, runaway_speed):
-    """Return the instant at which the joint began to slide, NaN where it did not, and the time
-    it had rested when the ramp began."""
+    """Return when the joint began to slide, NaN where it did not, and its rest time before."""
     still = 2.5 * resolution + 1e-12
     last = begin
     while last > 0 and abs(position[last - 1] - position[begin]) <= still:

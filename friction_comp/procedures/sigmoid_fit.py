@@ -22,7 +22,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.procedures.least_absolute import independent_rows, least_absolute
 
-TOLERANCE = 5e-4
+TOLERANCE = 3e-4
 """Share by which the error may rise for the sake of a well-behaved transition."""
 
 _STARTS = 24
