@@ -162,6 +162,12 @@ def test_recordings_without_what_is_needed():
                           position=np.zeros(len(samples)))
     with pytest.raises(InputError, match='no movement'):
         evaluate([still])
+    # A count to and fro is no movement, and neither is that of another joint's reference.
+    dither = still.with_(position=1e-3 * (np.arange(len(samples)) // 300 % 2))
+    with pytest.raises(InputError, match='no movement'):
+        evaluate([dither])
+    with pytest.raises(InputError, match='no movement'):
+        evaluate([samples.with_(reference_velocity=np.zeros(len(samples)))])
     with pytest.raises(InputError, match='no recording'):
         evaluate([])
     evaluation = evaluate([samples.with_(direction=None)])

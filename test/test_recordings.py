@@ -302,6 +302,10 @@ def test_recording_without_what_is_needed(tmp_path):
     record(tmp_path / 'topic', [('/direction', 1, array(cdr.INT8_ARRAY, [0]))])
     with pytest.raises(InputError, match=r'no joint_states.*topics: /direction'):
         read_recording(tmp_path / 'topic')
+    with Writer(tmp_path / 'none', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.add_connection('/joint_states', cdr.JOINT_STATE, typestore=STORE)
+    with pytest.raises(InputError, match='hold no message'):
+        read_recording(tmp_path / 'none')
     messages = [('/joint_states', k, joint_state(k + 1, ['elbow'], [1.0], [], []))
                 for k in range(5)]
     record(tmp_path / 'effort', messages)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.recordings.scan import find_recordings, scan_recording, SIGNALS
+from friction_comp.recordings.scan import find_recordings, scan_recording, signal_of, SIGNALS
 from friction_comp.samples import Samples
 
 # A clock that starts at zero reaches its second stamp within this time; only then is a leading
@@ -157,6 +157,9 @@ def _to_samples(scan, joint, torque_per_current):
 def _choose(scan, joint):
     tracks = scan.of('joint_states')
     if not tracks:
+        if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
+               scan.topics.items()):
+            raise InputError(f'{scan.path}: its joint_states hold no message')
         raise InputError(
             f'{scan.path}: no joint_states of type sensor_msgs/msg/JointState in it (topics: '
             f'{", ".join(sorted(scan.topics)) or "none"})')

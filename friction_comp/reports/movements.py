@@ -17,6 +17,8 @@ _SMOOTHING = 0.05
 _SHORTEST = 0.1
 # Movements that cover less than this share of the longest are corrections, not repetitions.
 _SHORTEST_TRAVEL = 0.3
+# Encoder steps that a joint must move to have moved at all, where there is no reference.
+_LEAST_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -61,9 +63,10 @@ def find_movements(samples):
     -------
     list of Movement
     """
-    velocity, moving, constant = _shown(samples)
+    velocity, moving, constant, least = _shown(samples), _MOVING, _CONSTANT, 0.0
     if velocity is None:
         velocity, moving, constant = _measured(samples), _MOVING_MEASURED, _CONSTANT_MEASURED
+        least = _LEAST_STEPS * _resolution(samples.position)
     top = np.quantile(np.abs(velocity), 0.99) if len(velocity) else 0.0
     if not top > 0:
         return []
@@ -75,7 +78,7 @@ def find_movements(samples):
     longest = max((travel for *_, travel in runs), default=0.0)
     movements, before = [], float(samples.time[0])
     for start, stop, travel in runs:
-        if travel < _SHORTEST_TRAVEL * longest:
+        if travel < max(_SHORTEST_TRAVEL * longest, least):
             continue
         speed = np.abs(velocity[start:stop])
         fast = start + np.nonzero(speed >= constant * speed.max())[0]
@@ -88,13 +91,18 @@ def find_movements(samples):
 
 
 def _shown(samples):
-    velocity = samples.reference_velocity
-    if velocity is None and samples.reference_position is not None:
-        velocity = np.gradient(samples.reference_position, np.maximum.accumulate(
-            samples.time + 1e-12 * np.arange(len(samples))))
-    if velocity is None or not np.abs(velocity).max(initial=0.0) > 0:
-        return None, None, None
-    return velocity, _MOVING, _CONSTANT
+    """Return the velocity of the reference, or None where none was recorded."""
+    if samples.reference_velocity is not None:
+        return samples.reference_velocity
+    if samples.reference_position is None:
+        return None
+    return np.gradient(samples.reference_position, samples.time)
+
+
+def _resolution(position):
+    """Return the smallest step that the position ever makes."""
+    steps = np.abs(np.diff(position))
+    return float(np.min(steps[steps > 0], initial=np.inf)) if (steps > 0).any() else 0.0
 
 
 def _measured(samples):
