@@ -1,0 +1,71 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the README tells people to type is there to be typed."""
+
+from pathlib import Path
+import re
+from xml.dom import minidom
+
+import pytest
+
+from friction_comp import __version__
+from friction_comp.__main__ import NODES, TOOLS
+from friction_comp.model.friction_model import FrictionModel
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / 'README.md').read_text(encoding='utf-8')
+COMMANDS = [line.strip() for block in re.findall(r'```sh\n(.*?)```', README, re.DOTALL)
+            for line in block.replace('\\\n', ' ').splitlines()]
+
+
+def started(line):
+    found = re.search(r'(?:-m|ros2 run) friction_comp (\w+)', line)
+    return found and found[1]
+
+
+def test_every_node_and_tool_has_a_line_to_run_it():
+    names = {started(line) for line in COMMANDS} - {None}
+    assert names == set(NODES) | set(TOOLS)
+
+
+@pytest.mark.parametrize('line', [line for line in COMMANDS if started(line) in NODES])
+def test_parameters_are_those_of_the_node(line):
+    room = ROOT / 'friction_comp' / 'nodes'
+    declared = ''.join(path.read_text(encoding='utf-8') for path in room.glob('*.py'))
+    for name in re.findall(r'-p (\w+):=', line):
+        assert re.search(rf"declare\w*\(\s*(?:self|node), '{name}'", declared) \
+            or (name == 'joints' and 'declare_joints' in declared), name
+
+
+def test_files_and_targets_that_are_named_exist():
+    for target in re.findall(r'\]\((?!http)([^)#]+)\)', README):
+        assert (ROOT / target).exists(), target
+    for path in re.findall(r'config/\w+\.yaml', README):
+        FrictionModel.load(ROOT / path)
+    for path in re.findall(r'`(launch/[\w.]+|friction_comp/\w+/)`', README):
+        assert (ROOT / path).exists(), path
+    makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
+    for target in re.findall(r'make (demo|test|setup)\b', README):
+        assert re.search(rf'^{target}:', makefile, re.MULTILINE)
+
+
+def test_the_figure_is_sound():
+    document = minidom.parse(str(ROOT / 'docs' / 'loop.svg'))
+    assert document.getElementsByTagName('title')
+    assert document.getElementsByTagName('desc')
+
+
+def test_plateaus_show_that_two_rows_of_the_note_are_swapped():
+    for number, (as_printed, set_right, measured) in {
+            2: (0.36, 0.16, 0.138), 3: (0.16, 0.36, 0.336)}.items():
+        assert f'| configuration {number} | {as_printed} A | {set_right} A | {measured} A |' \
+            in README
+        model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
+        assert model.sigmoid.upper == pytest.approx(set_right, abs=0.006)
+        assert model.breakaway.positive_mean == pytest.approx(measured, abs=5e-4)
+        assert abs(model.sigmoid.upper / measured - 1.0) < 0.2
+
+
+def test_changelog_has_this_version():
+    text = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
+    assert re.search(rf'^{re.escape(__version__)} \(\d{{4}}-\d\d-\d\d\)\n-+$', text, re.MULTILINE)
