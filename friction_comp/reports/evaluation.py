@@ -263,7 +263,7 @@ def _restless(samples, movement):
     first, last = np.searchsorted(
         samples.time, [max(movement.begin - _PEAK_LEAD, movement.rest_begin), movement.begin])
     travelled = np.abs(np.diff(samples.position[first:last])).sum()
-    return bool(travelled > 4.0 * _STARTED * movement.travel)
+    return bool(travelled > 2.0 * _STARTED * movement.travel)
 
 
 def _started_by_itself(samples, movement, peak):

@@ -69,8 +69,9 @@ def add_evaluation(report, evaluation):
          for c in evaluation.conditions],
         'Torque that the person had to exert on the joint.')
     report.text(
-        'The peak is that of the averaged torque, from 0.5 s before the movement to its end; the '
-        "number behind ± is the standard deviation of the single repetitions' own peaks. RMS is "
+        'The peak is that of the averaged torque, from 0.5 s before the movement until it slows '
+        'down; the number behind ± is the standard deviation of the single repetitions\' own '
+        'peaks. RMS is '
         'taken over the movement, standstill not counted. The torque at constant velocity is '
         'positive where the person pushes the joint along, and negative where the joint pulls '
         'ahead. A false start is a repetition in which the joint set out during the standstill '
