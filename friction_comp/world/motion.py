@@ -73,6 +73,8 @@ def multisine(start, duration, amplitude, step, rng, tones=4, lowest=0.08, highe
 def mixed_motion(duration, step, rng, position_range=4.0, speed=1.2, rests=True):
     """Return the positions of strokes at many speeds, multisines and rests, in random order.
 
+    It begins with a sweep through the whole range, so that no recording leaves a part of it out.
+
     Parameters
     ----------
     duration, step : float
@@ -91,9 +93,12 @@ def mixed_motion(duration, step, rng, position_range=4.0, speed=1.2, rests=True)
     """
     half = 0.5 * position_range
     speeds = np.geomspace(speed / 40.0, speed, 14)
-    pieces, size, wanted = [], 0, round(duration / step)
-    here, forwards = 0.0, True
-    deck = []
+    wanted = round(duration / step)
+    side = half * rng.choice([-1.0, 1.0])
+    pieces = [stroke(0.0, side, rng.uniform(0.5, 0.8) * speed, step, 0.4),
+              stroke(side, -side, rng.uniform(0.5, 0.8) * speed, step, 0.4)]
+    size = sum(len(part) for part in pieces)
+    here, forwards, deck = -side, side > 0, []
     while size < wanted:
         if not deck:
             deck = list(rng.permutation(len(speeds) + 3))
