@@ -70,7 +70,7 @@ def add_evaluation(report, evaluation):
         'Torque that the person had to exert on the joint.')
     report.text(
         'The peak is that of the averaged torque, from 0.5 s before the movement until it slows '
-        'down; the number behind ± is the standard deviation of the single repetitions\' own '
+        "down; the number behind ± is the standard deviation of the single repetitions' own "
         'peaks. RMS is '
         'taken over the movement, standstill not counted. The torque at constant velocity is '
         'positive where the person pushes the joint along, and negative where the joint pulls '
