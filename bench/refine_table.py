@@ -7,7 +7,7 @@
 Every draw is a new random drive with undeclared effects of random strength; refinement gets one
 set of recordings, and the error is taken on another that it has not seen. Columns:
 
-named     the variable named first is the effect's (pairs: the first two are the pair's)
+named     the variable named first is the effect's (pairs: one of them first, and both)
 only      and no other variable is named
 ≤ 1.3     error on the fresh recording at most 1.3 times the noise floor, while the joint moves
 ratio     median of error over noise floor
@@ -89,7 +89,7 @@ def one_draw(task):
         named = bool(set(unexplained) & allowed)
         only = named and set(found) <= allowed and set(unexplained) <= allowed
     elif wanted:
-        named = bool(found) and set(found[:len(wanted)]) == set(wanted)
+        named = bool(found) and found[0] in wanted and set(wanted) <= set(found)
         only = named and set(found) == set(wanted)
     else:
         named = only = not found

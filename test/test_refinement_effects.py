@@ -1,0 +1,107 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What refinement says of simulated drives: a small part of bench/refine_table.py.
+
+Drives, strengths and constants are random; error is taken on recordings that were not fitted.
+"""
+
+import functools
+
+import numpy as np
+from outside_effects import OUTSIDE
+import pytest
+
+from friction_comp.refinement import predict, refine
+from friction_comp.world.drive_cases import CASES
+from friction_comp.world.drives import excitation_for, random_drive, record
+
+SEEDS = (31, 32)
+PAIRS = [('gravity', 'stribeck'), ('friction_ripple', 'inertia'), ('bump', 'sub_linear')]
+
+
+def moving(samples):
+    """Return where the joint moves faster than 0.01 rad/s over 40 ms."""
+    reach = max(1, round(0.02 / samples.sample_time))
+    padded = np.pad(samples.position, reach, mode='edge')
+    way = padded[2 * reach:] - padded[:-2 * reach]
+    return np.abs(way) > 0.01 * 2 * reach * samples.sample_time
+
+
+@functools.cache
+def refined(cases, seed, outside='', servo=False):
+    """Return the report, and the error on a fresh recording in parts of the noise floor."""
+    drive = random_drive(seed, cases)
+    excitation = excitation_for(cases, rate=250.0, servo=servo)
+    sets = []
+    for number in (10 * seed + 1, 10 * seed + 2):
+        trials = record(drive, number, excitation)
+        if outside:
+            effect, _ = OUTSIDE[outside]
+            trials = [effect(trial, drive, np.random.default_rng(seed)) for trial in trials]
+        sets.append([trial.samples for trial in trials])
+    fit, score = sets
+    result = refine(fit, model=None, drive=drive.model.drive)
+    errors = np.concatenate([
+        (predict(result.model, part) - part.current)[moving(part)] for part in score])
+    return result.report, float(np.sqrt(np.mean(errors ** 2))) / drive.noise_floor
+
+
+def variables(report):
+    """Return the variables of the effects found, in the order of finding."""
+    return [effect['variable'] for effect in report['effects']]
+
+
+@pytest.mark.parametrize('seed', SEEDS)
+@pytest.mark.parametrize('case', CASES)
+def test_the_undeclared_effect_is_named_and_removed(case, seed):
+    report, ratio = refined((case,), seed)
+    assert set(variables(report)) == {CASES[case].variable}
+    assert ratio <= 1.3
+
+
+@pytest.mark.parametrize('pair', PAIRS, ids='+'.join)
+def test_both_of_a_pair_are_named(pair):
+    report, ratio = refined(pair, 33)
+    assert set(variables(report)) == {CASES[name].variable for name in pair}
+    assert ratio <= 1.3
+
+
+@pytest.mark.parametrize('seed', range(40, 45))
+def test_nothing_is_found_where_nothing_is(seed):
+    report, ratio = refined((), seed)
+    assert report['effects'] == []
+    assert report['unexplained'] == []
+    assert ratio <= 1.3
+
+
+def test_a_joint_with_inertia_and_stiction_shows_its_inertia_and_nothing_else():
+    report, _ = refined((), 46, servo=True)
+    assert variables(report) == ['acceleration']
+
+
+@pytest.mark.parametrize('name', OUTSIDE)
+def test_what_no_effect_describes_is_traced_to_its_variable(name):
+    report, _ = refined((), 50, outside=name)
+    allowed = OUTSIDE[name][1]
+    assert allowed & {entry['variable'] for entry in report['unexplained']}
+    assert set(variables(report)) <= allowed
+
+
+def test_time_and_temperature_that_rise_together_are_called_ambiguous():
+    drive = random_drive(60, ('temperature',))
+    excitation = excitation_for(('temperature',), recordings=1, duration=150.0, rate=250.0)
+    report = refine([trial.samples for trial in record(drive, 1, excitation)],
+                    drive=drive.model.drive).report
+    pairs = [set(entry['between']) for entry in report['ambiguous']]
+    assert {'time', 'temperature'} in pairs
+    assert all(entry['experiment'] for entry in report['ambiguous'])
+
+
+def test_errors_and_floor_of_the_report_are_those_of_the_data():
+    report, _ = refined(('gravity',), 31)
+    drive = random_drive(31, ('gravity',))
+    assert report['noise_floor'] == pytest.approx(drive.noise_floor, rel=0.3)
+    assert report['after']['held_out_rmse'] < 1.3 * drive.noise_floor
+    assert report['before']['held_out_rmse'] > 1.5 * drive.noise_floor
+    steps = [effect['held_out_rmse'] for effect in report['effects']]
+    assert steps[-1] <= report['before']['held_out_rmse']
