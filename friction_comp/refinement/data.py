@@ -41,6 +41,8 @@ class Data:
     scene : Scene
     held_out : str
         How the samples were split, in words.
+    origin : ndarray of int, shape (N,)
+        Which of the original samples each one begins at.
     """
 
     samples: Samples
@@ -51,6 +53,7 @@ class Data:
     window: float
     scene: Scene
     held_out: str
+    origin: np.ndarray | None = None
 
     def fit_rows(self, fold):
         """Return which samples the model that predicts a fold is fitted on; all for None."""
@@ -138,25 +141,27 @@ def thinned(samples, usable):
 
     Returns
     -------
-    Samples, ndarray of bool, float
-        What is left, which of it is usable, and the averaging time in s.
+    Samples, ndarray of bool, float, ndarray of int
+        What is left, which of it is usable, the averaging time in s, and where in the original
+        each sample begins.
     """
     factor = math.ceil(len(samples) / _MOST_ROWS)
     rate = 1.0 / max(samples.sample_time, 1e-9)
     factor = max(1, min(factor, int(rate / _SLOWEST_RATE)))
+    origin = np.arange(len(samples))
     if factor > 1:
-        samples, usable = _averaged(samples, usable, factor)
+        samples, usable, origin = _averaged(samples, usable, factor)
     if len(samples) > 2 * _MOST_ROWS:
         chunk = 400
         every = math.ceil(len(samples) / (2 * _MOST_ROWS))
         keep = (np.arange(len(samples)) // chunk) % every == 0
-        samples, usable = samples.take(keep), usable[keep]
-    return samples, usable, factor / rate if factor > 1 else 0.0
+        samples, usable, origin = samples.take(keep), usable[keep], origin[keep]
+    return samples, usable, factor / rate if factor > 1 else 0.0, origin
 
 
 def _averaged(samples, usable, factor):
     pieces = {name: [] for name in _SIGNALS if getattr(samples, name) is not None}
-    kept, numbers = [], []
+    kept, numbers, origin = [], [], []
     for part in samples.segments():
         rows = (part.stop - part.start) // factor
         if rows == 0:
@@ -166,9 +171,10 @@ def _averaged(samples, usable, factor):
             values.append(getattr(samples, name)[cut].reshape(rows, factor).mean(axis=1))
         kept.append(usable[cut].reshape(rows, factor).all(axis=1))
         numbers.append(samples.recording[cut][::factor])
+        origin.append(np.arange(cut.start, cut.stop, factor))
     joined = {name: np.concatenate(values) for name, values in pieces.items()}
     result = Samples(recording=np.concatenate(numbers), joint=samples.joint, **joined)
-    return result, np.concatenate(kept)
+    return result, np.concatenate(kept), np.concatenate(origin)
 
 
 def split(samples, usable, residual):

@@ -1,0 +1,57 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""From a fit to a model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement.data import Data
+from friction_comp.refinement.fitting import Fit
+
+# More samples than this gain nothing, and would cost memory.
+_MOST_SAMPLES = 200_000
+
+
+def final_fit(data, fits):
+    """Return the fit on all usable rows, started from the constants of either fold."""
+    best = None
+    for start in fits:
+        fit = Fit(data, data.usable, start.steepness, start.terms, start.lag)
+        fit.polish()
+        size = float(np.mean(np.abs(fit.residual[data.usable])))
+        if best is None or size < best[0]:
+            best = (size, fit)
+    return best[1]
+
+
+def to_model(fit, samples, usable, drive, settings):
+    """Return the `FrictionModel` of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    samples, usable : Samples and ndarray of bool, or None
+        Full set of samples to fit the coefficients to once more, the constants kept.
+    drive : Drive
+    settings : dict
+        How velocity was had of position.
+    """
+    if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
+        whole = Data(samples, usable, None, None, None, 0.0, fit.data.scene, '')
+        fit = Fit(whole, usable, fit.steepness, fit.terms, fit.lag)
+    offset, coulomb, viscous = (float(value) for value in fit.coefficients[:3])
+    sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb,
+                      steepness=fit.steepness, viscous=viscous)
+    effects, place = [], 3
+    for term, part in zip(fit.terms, fit.parts[1:]):
+        number = part.shape[1]
+        effects.append(term.kind({
+            **term.constants,
+            'coefficients': [float(value) for value in fit.coefficients[place:place + number]]}))
+        place += number
+    return FrictionModel(
+        drive=drive, sigmoid=sigmoid, effects=effects, joint=fit.data.samples.joint,
+        differentiation=dict(settings))

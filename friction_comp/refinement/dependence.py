@@ -1,0 +1,161 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""On what the remaining residual still depends, whatever the shape of the dependence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from friction_comp.model.effects.hysteresis import breaks
+from friction_comp.refinement.data import correlation_samples
+from friction_comp.refinement.fitting import robust_scale
+
+_FLIPS = 1000
+_CHANCE = 0.001
+# Share of the residual's variance below which a dependence is not worth a word.
+LEAST_STRENGTH = 0.02
+_MOST_STRETCHES = 400
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """A variable on which the residual depends.
+
+    Parameters
+    ----------
+    variable : str
+    strength : float
+        Share of the residual's variance that the variable explains, 0..1, beyond chance.
+    note : str
+    """
+
+    variable: str
+    strength: float
+    note: str
+
+
+def cells_of(samples, slowest):
+    """Return for each variable the cell that every sample falls into.
+
+    A variable is cut into ranges that hold as many samples each; all but velocity and
+    acceleration apart for the two directions of motion, so that what changes sign with the
+    direction does not cancel.
+
+    Returns
+    -------
+    dict of str to ndarray of int
+    """
+    side = (samples.velocity > 0).astype(int)
+    speed = _ranges(np.abs(samples.velocity), 3)
+    cells = {
+        'velocity': _ranges(samples.velocity, 20),
+        'position': _pair(_ranges(samples.position, 16), _pair(side, speed)),
+        'acceleration': _ranges(samples.acceleration, 12),
+        'time': _pair(_ranges(samples.time, 12), side),
+        'history': _pair(_ranges(_way_since_reversal(samples, slowest), 12), side),
+    }
+    if samples.load is not None:
+        cells['load'] = _pair(_ranges(samples.load, 12), side)
+    if samples.temperature is not None:
+        cells['temperature'] = _pair(_ranges(samples.temperature, 10), side)
+    return cells
+
+
+def test_dependence(residual, cells, stretch, rng):
+    """Test whether a residual's mean differs between cells.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (N,)
+    cells : ndarray of int, shape (N,)
+    stretch : ndarray of int, shape (N,)
+        Stretches longer than the residual's memory. Without a dependence, the sign of the
+        residual in one is independent of that in the next: the null flips them at random.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    strength : float
+        Share of variance explained, beyond what the null explains on average.
+    p_value : float
+    """
+    number = int(cells.max()) + 1
+    rows = int(stretch.max()) + 1
+    table = np.bincount(stretch * number + cells, residual, minlength=rows * number)
+    table = table.reshape(rows, number)
+    count = np.bincount(cells, minlength=number)
+    weight = 1.0 / np.maximum(count, 1)
+    power = float(residual @ residual)
+    real = float(weight @ np.sum(table, axis=0) ** 2) / power
+    signs = rng.integers(0, 2, size=(_FLIPS, rows)) * 2.0 - 1.0
+    null = (signs @ table) ** 2 @ weight / power
+    # With a strong dependence the flipped table holds it still; the average is then too high, and
+    # the strength on the careful side.
+    expected = min(float(np.mean(null)), 0.999)
+    return ((real - expected) / (1.0 - expected),
+            (float(np.sum(null >= real)) + 1.0) / (_FLIPS + 1.0))
+
+
+def unexplained(samples, usable, residual, slowest):
+    """Return what the residual of usable samples still depends on, strongest first.
+
+    Variables go together in most recordings. The strongest is taken out of the residual before
+    the next is looked for, so that only those are named that add something of their own.
+
+    Returns
+    -------
+    list of Dependence
+    """
+    values = residual[usable]
+    limit = 4.0 * robust_scale(values)
+    values = np.clip(values, -limit, limit)
+    values = values - values.mean()
+    # History needs the samples in between, so cells are cut on all samples.
+    cells = {name: cell[usable] for name, cell in cells_of(samples, slowest).items()}
+    power = float(values @ values)
+    rng = np.random.default_rng(0)
+    found = []
+    if power <= 0:
+        return found
+    while cells:
+        length = max(4 * correlation_samples(values, np.ones(len(values), dtype=bool)),
+                     len(values) // _MOST_STRETCHES, 2)
+        stretch = np.arange(len(values)) // min(length, max(2, len(values) // 20))
+        best = None
+        share = float(values @ values) / power
+        for name, cell in cells.items():
+            strength, p_value = test_dependence(values, cell, stretch, rng)
+            if p_value <= 2.0 * _CHANCE and strength * share > LEAST_STRENGTH and (
+                    best is None or strength > best[1]):
+                best = (name, strength)
+        if best is None:
+            break
+        name, strength = best
+        cell = cells.pop(name)
+        size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
+        found.append(Dependence(
+            name, strength * share,
+            f'about {size:.2g} A RMS of the remaining error go with {name}, and no effect known '
+            'to the package describes how'))
+        mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
+        values = values - mean[cell]
+    return found
+
+
+def _way_since_reversal(samples, slowest):
+    """Return the distance since the motion last changed direction or stood still, (N,)."""
+    moving = np.where(np.abs(samples.velocity) > slowest, np.sign(samples.velocity), 0.0)
+    start = breaks(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
+    first = np.maximum.accumulate(np.where(start, np.arange(len(samples)), 0))
+    return np.abs(samples.position - samples.position[first])
+
+
+def _ranges(values, number):
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, number + 1)[1:-1]))
+    return np.searchsorted(edges, values, side='right')
+
+
+def _pair(first, second):
+    return first * (int(second.max()) + 1) + second

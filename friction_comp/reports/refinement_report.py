@@ -1,0 +1,211 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page that refinement writes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from friction_comp.refinement.spectrum import highest_frequency, position_spectrum
+from friction_comp.reports.figures import COLOURS, new_figure, scatter
+from friction_comp.reports.html import number, Report
+
+
+def refinement_report(result, names):
+    """Return the page on a `RefineResult`.
+
+    Parameters
+    ----------
+    result : RefineResult
+    names : list of str
+        Of the recordings.
+
+    Returns
+    -------
+    Report
+    """
+    report = result.report
+    joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
+    page = Report(f'What the friction model of {joint} lacked',
+                  f'Refined on {", ".join(names)}')
+    before, after = report['before'], report['after']
+    page.numbers([
+        (f"{number(before['held_out_rmse'])} A", 'error before, on data not fitted'),
+        (f"{number(after['held_out_rmse'])} A", 'error after, on data not fitted'),
+        (f"{number(report['noise_floor'])} A", 'noise from sample to sample'),
+        (f"{number(100 * after['held_out_r2'], 4)} %", 'of the current explained')])
+    page.text(summary(report))
+    page.heading('Errors')
+    page.table(
+        ['model', 'RMS, fitted (A)', 'RMS, held out (A)', 'largest, held out (A)', 'R², held out'],
+        [[row['model'], row['fit_rmse'], row['held_out_rmse'], row['held_out_max'],
+          row['held_out_r2']] for row in (before, after)])
+    page.text(f"Held out: {report['held_out']}. Of {report['samples']} samples "
+              f"{report['samples_in_motion']} count, in which the joint moves and the current "
+              'signal is not clipped: where the joint sticks, current is not friction.')
+    page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
+                'time. The dashed line is the noise from sample to sample.')
+    page.heading('What is left, before and after')
+    for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
+                        ('time', 'time since the start (s)'),
+                        ('temperature', 'motor temperature (°C)')):
+        if getattr(result.samples, name) is not None:
+            page.figure(residual_figure(result, name, label),
+                        f'Residual over {name}: measured minus predicted current of data not '
+                        'fitted. The lines are averages over ranges, positive direction and '
+                        'negative direction apart.')
+    figure = spectrum_figure(result)
+    if figure is not None:
+        page.figure(figure, 'Spectrum of the residual over position: ripple shows as a peak at '
+                    'its number of periods a turn.')
+    page.heading('The model')
+    page.text(model_words(result.model))
+    page.code(formula(result.model))
+    if result.model.effects:
+        page.text(online_words(result.model))
+    page.heading('What the recordings cannot tell')
+    page.text(honesty(report))
+    return page
+
+
+def summary(report):
+    """Return the findings for a reader who builds robots, not statistics."""
+    before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
+    if not report['effects']:
+        lines = [f'The model describes the drive as well as these recordings can tell: it misses '
+                 f'the measured current by {number(before)} A RMS, and no further effect makes '
+                 'that better on data it was not fitted to.']
+    else:
+        gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
+        found = '; '.join(effect['in_words'] for effect in report['effects'])
+        lines = [f'The model missed the measured current by **{number(before)} A** RMS. With what '
+                 f'was found in the recordings it misses by **{number(after)} A**, that is '
+                 f'{gain:.0f} % less, on stretches it was not fitted to.',
+                 f'In order of importance: {found}.']
+    if report['unexplained']:
+        names = ', '.join(entry['variable'] for entry in report['unexplained'])
+        lines.append(f'Something remains that still changes with **{names}** and that none of the '
+                     'known effects describes.')
+    if report['ambiguous']:
+        lines.append('Some findings have a second explanation that fits as well: see the last '
+                     'section for the recording that would decide.')
+    return '\n\n'.join(lines)
+
+
+def steps_figure(result):
+    """Return the error over the steps of the choice."""
+    figure, axes = new_figure(height=2.6)
+    labels = [f'+ {name}' if k else name for k, (name, _) in enumerate(result.trail)]
+    errors = [error for _, error in result.trail]
+    axes.plot(range(len(errors)), errors, 'o-', color=COLOURS['blue'])
+    axes.axhline(result.report['noise_floor'], color=COLOURS['grey'], linestyle='--')
+    axes.set_xticks(range(len(errors)), labels, rotation=20, ha='right')
+    axes.set_ylabel('RMS error (A)')
+    axes.set_ylim(bottom=0.0)
+    return figure
+
+
+def residual_figure(result, name, label):
+    """Return the residual over a signal, before beside after."""
+    figure, both = new_figure(columns=2, height=2.8, sharey=True)
+    rows = result.usable
+    x = getattr(result.samples, name)[rows]
+    side = result.samples.velocity[rows] > 0
+    for axes, residual, title in zip(both, (result.before, result.after), ('before', 'after')):
+        y = residual[rows]
+        scatter(axes, x, y, 'grey')
+        for mask, colour, words in ((side, 'blue', 'positive'), (~side, 'orange', 'negative')):
+            if mask.sum() > 20 and name != 'velocity':
+                axes.plot(*averages(x[mask], y[mask]), color=COLOURS[colour], label=words)
+        if name == 'velocity':
+            axes.plot(*averages(x, y), color=COLOURS['blue'])
+        axes.set_title(title)
+        axes.set_xlabel(label)
+    limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
+    both[0].set_ylim(-1.2 * limit, 1.2 * limit)
+    both[0].set_ylabel('measured − predicted (A)')
+    if name != 'velocity':
+        both[1].legend(loc='upper right')
+    return figure
+
+
+def averages(x, y, number=40):
+    """Return the middles of ranges with as many samples each, and the averages in them."""
+    order = np.argsort(x, kind='stable')
+    pieces = [piece for piece in np.array_split(order, number) if len(piece)]
+    return (np.array([x[piece].mean() for piece in pieces]),
+            np.array([y[piece].mean() for piece in pieces]))
+
+
+def spectrum_figure(result):
+    """Return the spectrum over position; None where the position hardly varied."""
+    scene = result.scene
+    highest = highest_frequency(result.samples, result.usable, scene, 0.0)
+    rows = result.usable
+    figure, axes = new_figure(height=2.8)
+    for residual, words, colour in ((result.before, 'before', 'orange'),
+                                    (result.after, 'after', 'blue')):
+        y = residual[rows]
+        k, power = position_spectrum(result.samples.position[rows], y - y.mean(),
+                                     np.ones(int(rows.sum())), highest, periods=0.5)
+        if not len(k):
+            return None
+        k, size = coarse(k, np.sqrt(2.0 * power / rows.sum()))
+        axes.plot(k, size, color=COLOURS[colour], label=words)
+    axes.set_xscale('log')
+    axes.set_xlabel('periods a turn')
+    axes.set_ylabel('amplitude (A)')
+    axes.set_ylim(bottom=0.0)
+    axes.legend()
+    return figure
+
+
+def coarse(k, size, number=700):
+    """Return the largest values in ranges of equal ratio, so that no peak is lost."""
+    place = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * number).astype(int)
+    first = np.nonzero(np.diff(place, prepend=-1))[0]
+    return k[first], np.maximum.reduceat(size, first)
+
+
+def model_words(model):
+    """Return the model as a list in words."""
+    s = model.sigmoid
+    lines = [f'- Friction by Eq. 6: {number(s.upper)} A towards positive and {number(s.lower)} A '
+             f'towards negative speed, {number(s.viscous)} A more per rad/s']
+    lines += [f'- {effect.describe()}' for effect in model.effects]
+    return '\n'.join(lines)
+
+
+def formula(model):
+    """Return the model as a formula with its numbers."""
+    s = model.sigmoid
+    lines = [f'i(t) = {s.viscous:.4g}·v {s.lower:+.4g} '
+             f'{s.upper - s.lower:+.4g}/(1 + exp(-{s.steepness:.4g}·(v - {s.shift:.3g})))']
+    lines += [f'       {effect.formula()}' for effect in model.effects]
+    lines.append('')
+    lines.append('i in A, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m')
+    return '\n'.join(lines)
+
+
+def online_words(model):
+    """Return what the compensator does with the effects."""
+    lines = []
+    for effect in model.effects:
+        reason = effect.why_left_out()
+        lines.append(f'- {effect.name}: ' + (
+            f'left out by the compensator, since {reason}' if reason else
+            'applied by the compensator'))
+    return '\n'.join(lines)
+
+
+def honesty(report):
+    """Return what remains open."""
+    lines = [f"- **{entry['variable']}**: {entry['note']} "
+             f"({100 * entry['strength']:.0f} % of the remaining variance)."
+             for entry in report['unexplained']]
+    lines += [f"- **{' or '.join(dict.fromkeys(entry['between']))}**: {entry['why']}. To decide: "
+              f"{entry['experiment']}." for entry in report['ambiguous']]
+    lines += [f'- {line}' for line in report['warnings']]
+    return '\n'.join(lines) or 'Nothing of note.'

@@ -1,0 +1,80 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``predict``: the current that a model expects for a recording."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.files import write_atomically
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.recordings import read_recording_with_info
+from friction_comp.refinement import predict
+from friction_comp.tools.common import Arguments, progress
+
+
+def main(argv=None):
+    """Write one row per joint state: time (s), measured and predicted current (A).
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The process's own arguments by default.
+
+    Returns
+    -------
+    int
+        0.
+
+    Raises
+    ------
+    InputError
+        If the recording or the model cannot be used.
+    """
+    parser = Arguments('predict', __doc__).add_recordings(several=False)
+    parser.add_argument('--model', metavar='FILE', type=Path, required=True,
+                        help='model file that refine or identification wrote')
+    parser.add_argument('--output', metavar='FILE', type=Path, required=True,
+                        help='CSV file with the columns time, measured, predicted')
+    arguments = parser.parse(argv)
+    model = FrictionModel.load(arguments.model)
+    if arguments.output.is_dir():
+        raise InputError(f'{arguments.output}: is a folder, a file is wanted')
+    with progress('reading') as report:
+        found = read_recording_with_info(
+            [arguments.recording], arguments.joint, model.drive.torque_constant,
+            model.drive.gear_ratio, progress=report)
+        if len(found) != 1:
+            raise InputError(f'{arguments.recording}: holds {len(found)} recordings, one is wanted')
+        samples, info = found[0]
+        report(1.0, 'predicting')
+        try:
+            predicted = predict(model, samples)
+        except InputError as error:
+            raise InputError(f'{arguments.recording}: {error}') from None
+    write_atomically(arguments.output, table(samples, info, predicted))
+    error = samples.current - predicted
+    print(f'{arguments.output}: {len(info.stamps)} rows, RMS of measured minus predicted '
+          f'{np.sqrt(np.mean(error ** 2)):.4g} A')
+    return 0
+
+
+def table(samples, info, predicted):
+    """Return the CSV text: one row for every joint state that the recording holds.
+
+    Joint states that were left out of the samples (not finite, or a stamp seen before) get the
+    values of the sample before them, so that rows and joint states stay side by side.
+    """
+    last = np.full(len(info.stamps), -1)
+    last[info.rows] = np.arange(len(info.rows))
+    last = np.maximum(np.maximum.accumulate(last), 0)
+    stamps = np.where(np.isfinite(info.stamps), info.stamps, samples.time[last]) + info.start
+    stream = io.StringIO()
+    stream.write('time,measured,predicted\n')
+    np.savetxt(stream, np.column_stack((stamps, samples.current[last], predicted[last])),
+               fmt=('%.9f', '%.9g', '%.9g'), delimiter=',')
+    return stream.getvalue()

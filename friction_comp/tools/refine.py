@@ -1,0 +1,92 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``refine``: which effects a model lacks, found in recordings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.recordings import read_recording
+from friction_comp.refinement import refine
+from friction_comp.reports.html import number
+from friction_comp.reports.refinement_report import refinement_report
+from friction_comp.tools.common import Arguments, output_folder, progress, to_json
+
+
+def main(argv=None):
+    """Refine a model and write report.json, report.html and model.yaml.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The process's own arguments by default.
+
+    Returns
+    -------
+    int
+        0.
+
+    Raises
+    ------
+    InputError
+        If recordings, model or output cannot be used.
+    """
+    parser = Arguments('refine', __doc__).add_recordings().add_drive().add_output()
+    parser.add_argument('--model', metavar='FILE', type=Path,
+                        help="model to start from; without it the note's sigmoid is fitted first")
+    arguments = parser.parse(argv)
+    model = FrictionModel.load(arguments.model) if arguments.model else None
+    drive = drive_of(arguments, model)
+    with progress('reading') as report:
+        recordings = read_recording(
+            arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
+            progress=lambda share, *_: report(0.2 * share))
+        try:
+            result = refine(recordings, model, drive, progress=lambda share, name: report(
+                0.2 + 0.7 * share, f'trying {name}'))
+        except InputError as error:
+            raise InputError(f'{arguments.recordings[0]}: {error}') from None
+        report(0.9, 'writing')
+        names = [str(path) for path in arguments.recordings]
+        result.model.notes = {**result.model.notes, 'refined_from': names}
+        with output_folder(arguments.output) as folder:
+            (folder / 'report.json').write_text(to_json(result.report), encoding='utf-8')
+            refinement_report(result, names).save(folder / 'report.html')
+            result.model.save(folder / 'model.yaml')
+    print_summary(result.report)
+    print(arguments.output / 'report.html')
+    return 0
+
+
+def drive_of(arguments, model):
+    """Return the drive: that of the model, else of the arguments, else of one A per N·m."""
+    given = {name: value for name, value in (
+        ('torque_constant', arguments.torque_constant), ('gear_ratio', arguments.gear_ratio))
+        if value is not None}
+    if model is not None:
+        return replace(model.drive, **given)
+    return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **given})
+
+
+def print_summary(report):
+    """Print what was found, in a few lines."""
+    before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
+    print(f"before: {number(before)} A RMS on data not fitted ({report['before']['model']})")
+    for effect in report['effects']:
+        print(f"  + {effect['name']} ({effect['variable']}): "
+              f"{number(effect['held_out_rmse'])} A   {effect['in_words']}")
+    if not report['effects']:
+        print('  no effect beyond the model shows in the recordings')
+    print(f"after:  {number(after)} A RMS on data not fitted; noise floor "
+          f"{number(report['noise_floor'])} A")
+    for entry in report['unexplained']:
+        print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
+              'variance)')
+    for entry in report['ambiguous']:
+        print(f"ambiguous: {' or '.join(entry['between'])}: {entry['why']}")
+    for line in report['warnings']:
+        print(f'note: {line}')
