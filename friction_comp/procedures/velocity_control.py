@@ -18,7 +18,7 @@ import math
 from numba import njit
 import numpy as np
 
-BANDWIDTH = 60.0
+BANDWIDTH = 100.0
 """Crossover frequency in rad/s: far below the 1 ms sampling, far above the profile's changes."""
 
 # Places in the parameter array.
