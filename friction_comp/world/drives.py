@@ -50,7 +50,8 @@ class Excitation:
         How many recordings are made, each from a cold start of the clock.
     servo : bool
         False: the joint follows its path exactly and its own inertia torque is negligible, so
-        that the current is the sum of sigmoid and undeclared effects. True: the simulated joint,
+        that the current is the sum of sigmoid and undeclared effects, and friction turns round
+        with the velocity as the sigmoid does. True: the simulated joint,
         with inertia, stiction and presliding, under the velocity controller of identification.
     """
 
@@ -82,7 +83,7 @@ class SimulatedDrive:
     wander : float
         Standard deviation of slow noise in A that no effect explains.
     presliding : float
-        Way in rad over which friction turns round after a reversal.
+        Way in rad that the joint gives before it slips, for recordings under the servo.
     relative_inertia : float
         Inertia over friction level in s²/rad, for recordings under the servo.
     thermal : dict
@@ -228,7 +229,8 @@ def _tracked(drive, undeclared, position, load, rng):
         position, velocity, np.gradient(velocity, STEP), load, undeclared.table,
         np.zeros(undeclared.memory_size), undeclared.thermal, undeclared.inertia,
         ratio * undeclared.torque_constant_factor, sigmoid(velocity) * ratio,
-        (plateau + sigmoid.viscous * np.abs(velocity)) * ratio, drive.presliding)
+        (plateau + sigmoid.viscous * np.abs(velocity)) * ratio,
+        np.tanh(0.5 * sigmoid.steepness * (velocity - sigmoid.shift)))
     # With torque late by the lag, the current has to be early by it.
     early = round(undeclared.actuation_lag / STEP)
     if early:
@@ -279,23 +281,20 @@ def _servo_run(parameters, state, random, table, memory, control, control_state,
 
 @njit(cache=True)
 def _required_current(x, v, a, load, table, memory, thermal, inertia, ratio, base, base_level,
-                      presliding):
+                      side):
     """Return current and temperature along a path: torque balance, solved for the current."""
     size = len(x)
     current = np.empty(size)
     temperature = np.empty(size)
-    warm, side, rest = thermal[1], 0.0, 0.0
+    warm, rest = thermal[1], 0.0
     for k in range(size):
         # A path at rest still carries rounding noise.
         resting = abs(v[k]) < 1e-9
         rest = rest + STEP if resting else 0.0
         driving, level = undeclared_torque(
             table, memory, k * STEP, x[k], v[k], load[k], warm, rest, base_level[k])
-        if not resting and k > 0:
-            goal = 1.0 if v[k] > 0 else -1.0
-            side = goal + (side - goal) * math.exp(-abs(x[k] - x[k - 1]) / presliding)
         level = max(level, -0.95 * base_level[k])
-        torque = base[k] + side * level - driving - load[k] + inertia * a[k]
+        torque = base[k] + side[k] * level - driving - load[k] + inertia * a[k]
         current[k] = torque / ratio
         warm = heated(warm, current[k], STEP, thermal)
         temperature[k] = warm
