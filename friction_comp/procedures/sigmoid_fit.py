@@ -141,13 +141,19 @@ def _scan(speeds, currents, steepnesses, shifts, errors):
             errors[i, j] = least_absolute(design, currents, basis, coefficients)
 
 
-@njit('float64(float64[::1], float64[::1], float64, float64[::1], float64)', cache=True)
-def _gentlest_within(speeds, currents, shift, steepnesses, bound):
-    """The smallest of ascending steepnesses whose error is within the bound; NaN if none is."""
+@njit('float64(float64[::1], float64[::1], float64, float64[::1], float64, float64)',
+      cache=True)
+def _gentlest_within(speeds, currents, shift, steepnesses, bound, least_viscous):
+    """The smallest of ascending steepnesses whose error is within the bound; NaN if none is.
+
+    A gentle transition must not live off a falling line under it, so the viscous share has a
+    floor.
+    """
     basis = np.arange(3)
     coefficients = np.empty(3)
     for steepness in steepnesses:
-        if _error(speeds, currents, steepness, shift, basis, coefficients) <= bound:
+        error = _error(speeds, currents, steepness, shift, basis, coefficients)
+        if error <= bound and coefficients[2] >= least_viscous:
             return steepness
     return np.nan
 
@@ -270,6 +276,9 @@ def _grid(values, gentlest):
 def _well_behaved(x, y, steepness, shift, error, gentlest):
     """Return the representative, among transitions that fit alike, that is centred and gentle."""
     bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size
+    basis, coefficients = np.arange(3), np.empty(3)
+    _error(x, y, steepness, shift, basis, coefficients)
+    least = min(coefficients[2], 0.0) - 1e-9
     gentler = np.ascontiguousarray(np.geomspace(gentlest, steepness, 80))
     if shift == 0.0:
         centred = np.array([0.0])
@@ -277,8 +286,8 @@ def _well_behaved(x, y, steepness, shift, error, gentlest):
         centred = np.concatenate([[0.0], shift * np.geomspace(1e-3, 1.0, 24)])
     wide = np.ascontiguousarray(np.geomspace(gentlest, 4.0 * steepness, 120))
     for place in centred[:-1]:
-        found = _gentlest_within(x, y, place, wide, bound)
+        found = _gentlest_within(x, y, place, wide, bound, least)
         if np.isfinite(found):
             return found, place
-    found = _gentlest_within(x, y, shift, gentler, bound)
+    found = _gentlest_within(x, y, shift, gentler, bound, least)
     return (found if np.isfinite(found) else steepness), shift

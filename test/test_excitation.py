@@ -1,0 +1,106 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Excitation of Eq. 3-5 and 8."""
+
+import math
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.procedures.excitation import (
+    at_travel,
+    constant_velocity_windows,
+    current_ramp,
+    cycle_time,
+    position_reference,
+    ramp_peak,
+    velocity_reference,
+)
+
+speeds = st.floats(0.01, 1.745) | st.floats(-1.745, -0.01)
+ranges = st.floats(0.05, 6.0)
+
+
+@pytest.mark.parametrize(('time', 'velocity'), [
+    (0.0, 0.0), (0.5, 0.25), (1.0, 0.5), (2.5, 0.5), (4.0, 0.5), (4.5, 0.25), (5.0, 0.0),
+    (5.5, -0.25), (6.0, -0.5), (7.5, -0.5), (9.0, -0.5), (9.5, -0.25), (10.0, 0.0)])
+def test_profile_of_equation_3(time, velocity):
+    assert velocity_reference(time, 0.5, 10.0) == pytest.approx(velocity, abs=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(speed=speeds, width=ranges)
+def test_cycle_uses_the_range_exactly_and_returns(speed, width):
+    duration = cycle_time(width, speed)
+    time = np.linspace(0.0, duration, 4001)
+    position = position_reference(time, speed, duration)
+    assert position[0] == 0.0
+    assert position[-1] == pytest.approx(0.0, abs=1e-9)
+    assert position[2000] == pytest.approx(math.copysign(width, speed), rel=1e-9)
+    assert np.max(np.abs(position)) <= width * (1.0 + 1e-9)
+    assert np.min(position * math.copysign(1.0, speed)) >= -1e-9
+
+
+@settings(max_examples=60, deadline=None)
+@given(speed=speeds, width=ranges)
+def test_profile_is_continuous_and_position_is_its_integral(speed, width):
+    duration = cycle_time(width, speed)
+    time = np.linspace(0.0, duration, 20001)
+    velocity = velocity_reference(time, speed, duration)
+    position = position_reference(time, speed, duration)
+    # The steepest slope is α = 10·ω_c/T: nothing jumps.
+    assert np.max(np.abs(np.diff(velocity))) <= 10.0 * abs(speed) / 20000 * 1.001
+    summed = np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))
+    np.testing.assert_allclose(position[1:], summed, atol=1e-6 * width)
+    assert np.max(np.abs(velocity)) <= abs(speed) * (1.0 + 1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(slope=st.floats(0.001, 5.0), period=st.floats(0.5, 100.0))
+def test_ramps_of_equation_8(slope, period):
+    time = np.linspace(0.0, period, 10001)
+    current = current_ramp(time, slope, period)
+    assert np.max(current) == pytest.approx(ramp_peak(slope, period), rel=1e-3)
+    assert np.min(current) == pytest.approx(-ramp_peak(slope, period), rel=1e-3)
+    rest = ((time > 0.4001 * period) & (time < 0.4999 * period)) | (time > 0.9001 * period)
+    assert np.all(current[rest] == 0.0)
+    rising = (time > 0.0) & (time < 0.3999 * period)
+    np.testing.assert_allclose(current[rising], slope * time[rising], rtol=1e-12)
+    half = current_ramp(time[rising] + 0.5 * period, slope, period)
+    np.testing.assert_allclose(half, -current[rising], rtol=1e-9, atol=1e-9 * slope * period)
+
+
+def test_shapes_follow_the_arguments():
+    assert np.ndim(velocity_reference(1.0, 0.5, 10.0)) == 0
+    grid = velocity_reference(np.linspace(0, 1, 7)[:, None], np.array([0.1, -0.2]), 1.0)
+    assert grid.shape == (7, 2)
+    assert cycle_time(1.0, np.array([0.5, -1.0])).tolist() == [5.0, 2.5]
+    assert current_ramp(np.zeros(3), 0.1, 10.0).shape == (3,)
+
+
+def test_constant_velocity_windows_lie_on_the_plateaus():
+    for window, sign in zip(constant_velocity_windows(10.0, 0.5), (1.0, -1.0)):
+        np.testing.assert_allclose(
+            velocity_reference(np.linspace(*window, 50), 0.3, 10.0), 0.3 * sign)
+    (begin, end), _ = constant_velocity_windows(1.0, 5.0)
+    assert end - begin == pytest.approx(0.4 * 0.3)
+
+
+def test_travel_starts_and_ends_at_rest():
+    places = np.array([at_travel(t, -0.4, 2.0) for t in np.linspace(0.0, 2.0, 2001)])
+    assert places[0].tolist() == [0.0, 0.0]
+    assert places[-1] == pytest.approx([-0.4, 0.0], abs=1e-12)
+    assert np.max(np.abs(places[:, 1])) == pytest.approx(1.875 * 0.4 / 2.0, rel=1e-5)
+    np.testing.assert_allclose(np.gradient(places[:, 0], 1e-3)[1:-1], places[1:-1, 1], atol=1e-5)
+
+
+@pytest.mark.parametrize('call', [
+    lambda: cycle_time(1.0, 0.0), lambda: cycle_time(1.0, math.nan),
+    lambda: cycle_time(-1.0, 0.5), lambda: cycle_time(1.0, 1.8),
+    lambda: velocity_reference(0.0, 1.0, 0.0), lambda: position_reference(0.0, 1.0, math.inf),
+    lambda: current_ramp(0.0, 1.0, -1.0)])
+def test_bad_arguments_are_refused(call):
+    with pytest.raises(InputError):
+        call()

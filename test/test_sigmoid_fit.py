@@ -1,0 +1,172 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The L1 fit of Eq. 6."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from friction_comp.errors import InputError
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.procedures.least_absolute import least_absolute
+from friction_comp.procedures.sigmoid_fit import fit_sigmoid, sigmoid_error
+
+NOTE = {
+    1: (0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),
+    2: (0.3629, 1.1022, 0.3000, 2.2795, 1.8775, 0.0027),
+    3: (0.8896, 3.0735, 0.3082, 2.4381, 0.8727, 0.0032)}
+TABLE = np.radians([1, 2, 3, 5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100])
+TABLE = np.concatenate([-TABLE[::-1], TABLE])
+
+
+def random_drive(seed):
+    """Return a look-up table of a random drive: up to 50 speeds, noise of several kinds."""
+    random = np.random.default_rng(seed)
+    speeds = np.radians(np.unique(np.round(
+        np.append(random.uniform(0.5, 100.0, random.integers(4, 25)), 100.0), 2)))
+    speeds = np.concatenate([-speeds[::-1], speeds])
+    sigmoid = Sigmoid(
+        upper=random.uniform(0.05, 0.5), lower=-random.uniform(0.05, 0.5),
+        steepness=math.degrees(1.0) * 10.0 ** random.uniform(-1.3, 0.7),
+        shift=math.radians(1.5 * random.normal()), viscous=random.uniform(0.0, 0.3))
+    noise = random.normal if seed % 2 else (lambda size: random.standard_t(2, size))
+    return speeds, sigmoid(speeds) + 10.0 ** random.uniform(-4.5, -2.0) * noise(size=speeds.size)
+
+
+def exact_error(x, y, steepness, shift):
+    """E at a given transition by linear programming, independent of the package."""
+    columns = np.stack([np.ones_like(x), np.tanh(0.5 * steepness * (x - shift)), x], axis=1)
+    count = x.size
+    return linprog(
+        np.concatenate([np.zeros(3), np.ones(2 * count)]),
+        A_eq=np.hstack([columns, np.eye(count), -np.eye(count)]), b_eq=y,
+        bounds=[(None, None)] * 3 + [(0, None)] * (2 * count)).fun
+
+
+def reweighted_errors(x, y, steepness, shift, rounds=40):
+    """E over many transitions at once by reweighted least squares: close upper bounds."""
+    share = np.tanh(0.5 * steepness[:, None] * (x - shift[:, None]))
+    design = np.stack([np.ones_like(share), share, np.broadcast_to(x, share.shape)], axis=2)
+    weights = np.ones_like(share)
+    best = np.full(steepness.size, np.inf)
+    for k in range(rounds):
+        scaled = design * weights[:, :, None]
+        normal = np.einsum('gni,gnj->gij', scaled, design) + 1e-13 * np.eye(3)
+        found = np.linalg.solve(normal, np.einsum('gni,n->gi', scaled, y)[:, :, None])
+        rest = np.abs(y - np.einsum('gni,gi->gn', design, found[:, :, 0]))
+        best = np.minimum(best, rest.sum(axis=1))
+        weights = 1.0 / np.maximum(rest, 10.0 ** (-2.0 - 0.2 * k) * np.max(np.abs(y)))
+    return best
+
+
+def brute_force(speeds, currents):
+    """Search all transitions on a fine grid, then finer about the best of it."""
+    x = speeds / np.max(np.abs(speeds))
+    steepness = np.geomspace(0.5, 30.0 / np.min(np.diff(x)), 50)
+    shift = np.unique(np.concatenate([np.linspace(-1, 1, 61), np.linspace(-0.08, 0.08, 61), x]))
+    grid = np.array([(k, s) for k in steepness for s in shift])
+    errors = reweighted_errors(x, currents, *grid.T)
+    reach = np.array([math.log(steepness[1] / steepness[0]), 0.02])
+    for _ in range(5):
+        top = grid[np.argsort(errors)[:6]]
+        step = np.linspace(-1.0, 1.0, 11)
+        grid = np.array([(k * math.exp(a * reach[0]), s + b * reach[1])
+                         for k, s in top for a in step for b in step])
+        errors = reweighted_errors(x, currents, *grid.T)
+        reach /= 4.0
+    return min(exact_error(x, currents, *grid[i]) for i in np.argsort(errors)[:4])
+
+
+def test_least_absolute_deviations_agree_with_linear_programming():
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        count, size = int(random.integers(6, 60)), int(random.choice([3, 5]))
+        design, target = random.normal(size=(count, size)), random.normal(size=count)
+        found = least_absolute(design, target, np.arange(size), np.empty(size))
+        expected = linprog(
+            np.concatenate([np.zeros(size), np.ones(2 * count)]),
+            A_eq=np.hstack([design, np.eye(count), -np.eye(count)]), b_eq=target,
+            bounds=[(None, None)] * size + [(0, None)] * (2 * count)).fun
+        assert found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_fit_is_as_good_as_a_brute_force_global_search(seed):
+    speeds, currents = random_drive(seed)
+    _, error = fit_sigmoid(speeds, currents)
+    assert error <= 1.001 * brute_force(speeds, currents)
+
+
+def test_many_drives_are_fitted_below_the_truth_in_a_tenth_of_a_second():
+    fit_sigmoid(TABLE, np.sign(TABLE))
+    durations = []
+    for seed in range(100, 180):
+        speeds, currents = random_drive(seed)
+        begin = time.process_time()
+        sigmoid, error = fit_sigmoid(speeds, currents)
+        durations.append(time.process_time() - begin)
+        assert error == pytest.approx(sigmoid_error(sigmoid, speeds, currents))
+        # Nothing is found in the neighbourhood that is better by more than a per mil.
+        random = np.random.default_rng(seed)
+        x = speeds / np.max(np.abs(speeds))
+        steepness = sigmoid.steepness * np.max(np.abs(speeds)) * np.exp(
+            random.normal(scale=0.5, size=60))
+        shift = sigmoid.shift / np.max(np.abs(speeds)) + random.normal(size=60) / steepness
+        assert error <= 1.001 * np.min(reweighted_errors(x, currents, steepness, shift))
+    assert np.max(durations) < 0.1
+
+
+@pytest.mark.parametrize('number', NOTE)
+def test_curves_of_the_note_are_found_again(number):
+    truth = Sigmoid.from_coefficients(NOTE[number], 'deg/s')
+    dense = np.radians(np.concatenate([np.linspace(-4, 4, 41), np.degrees(TABLE)]))
+    found, error = fit_sigmoid(dense, truth(dense))
+    assert error < 1e-6
+    c, expected = np.array(found.coefficients('deg/s')), np.array(NOTE[number])
+    scale = (expected[3] + expected[4]) / (c[3] + c[4])
+    c[[0, 2, 3, 4]] *= scale
+    np.testing.assert_allclose(c, expected, rtol=2e-3)
+
+
+def test_transition_that_the_table_does_not_resolve_is_centred_and_gentle():
+    truth = Sigmoid(upper=0.2, lower=-0.2, steepness=2000.0, shift=0.008, viscous=0.05)
+    speeds = np.concatenate([-TABLE[TABLE > 0][::-1], TABLE[TABLE > 0]])
+    found, error = fit_sigmoid(speeds, truth(speeds))
+    assert error < 1e-6
+    assert found.shift == 0.0
+    assert abs(float(found(0.0))) < 1e-6
+    assert found.steepness < truth.steepness
+
+
+def test_resolved_shift_is_kept():
+    truth = Sigmoid(upper=0.2, lower=-0.15, steepness=60.0, shift=0.03, viscous=0.05)
+    found, _ = fit_sigmoid(TABLE, truth(TABLE))
+    assert found.shift == pytest.approx(0.03, abs=1e-3)
+    assert found.steepness == pytest.approx(60.0, rel=0.01)
+
+
+def test_an_outlier_does_not_bend_the_curve():
+    truth = Sigmoid(upper=0.2, lower=-0.15, steepness=60.0, viscous=0.05)
+    currents = truth(TABLE)
+    currents[5] += 0.1
+    found, error = fit_sigmoid(TABLE, currents)
+    assert error == pytest.approx(0.1, rel=0.01)
+    np.testing.assert_allclose(found(TABLE), truth(TABLE), atol=1e-3)
+
+
+@pytest.mark.parametrize(('speeds', 'currents'), [
+    ([1.0, 2.0], [1.0, 2.0]), ([-1.0, 1.0, 2.0], [0.0, 1.0, 1.0]),
+    ([-2.0, -1.0, 1.0, math.nan], [0.0] * 4), ([-2.0, -1.0, 1.0, 2.0], [0.0] * 3)])
+def test_bad_tables_are_refused(speeds, currents):
+    with pytest.raises(InputError, match='look-up table'):
+        fit_sigmoid(speeds, currents)
+
+
+def test_smallest_table():
+    found, error = fit_sigmoid([-2.0, -1.0, 1.0, 2.0], [-0.4, -0.3, 0.3, 0.4])
+    assert error < 1e-9
+    assert found.viscous >= -1e-9
+    assert 0.3 < float(found(1.5)) < 0.4
