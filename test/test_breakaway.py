@@ -1,0 +1,290 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Breakaway currents from ramps, and what their scatter depends on."""
+
+import os
+from pathlib import Path
+import time as clock
+
+from numba import njit
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.procedures.breakaway import breakaway_currents, BreakawayRecords
+from friction_comp.procedures.excitation import current_ramp
+from friction_comp.procedures.scatter import read_breakaway_table, scatter_report
+from friction_comp.world import kernel
+from friction_comp.world.joint import Plant
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA = Path(os.environ.get('FRICTION_COMP_DATA', ROOT.parent / 'shared' / 'data'))
+SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
+PERIOD = 10.0
+
+
+@njit
+def _play(parameters, states, random, table, memory, command, out):
+    """Step the simulated joint; return position and current."""
+    seen = np.empty((2, command.size))
+    for k in range(command.size):
+        seen[0, k], seen[1, k] = out[kernel.OUT_POSITION], out[kernel.OUT_CURRENT]
+        kernel.joint_sample(parameters, states, random, table, memory, 1e-3, command[k], 0.0, 0.0,
+                            False, out)
+    return seen
+
+
+def ramp_recording(number, cycles, seed=1):
+    """Return model, time, command, position and current of the simulated joint."""
+    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
+    plant = Plant([model], seed=seed)
+    time = np.arange(round(cycles * PERIOD * 1000)) * 1e-3
+    command = current_ramp(np.mod(time, PERIOD), SLOPES[number], PERIOD)
+    position, current = _play(
+        plant._parameters[0], plant._states[0], plant._random[0], plant._tables[0],
+        plant._memories[0], command, plant._out[0])
+    return model, time, command, position, current
+
+
+@njit
+def _drive(command, levels, kinetic, viscous, acceleration, stiffness, damping, noise):
+    """Step a joint that holds elastically up to a known level, then slides: all in A and rad."""
+    position = np.empty(command.size)
+    current = np.empty(command.size)
+    x, v, z, ramp, sliding, steps = 0.0, 0.0, 0.0, -1, False, 10
+    h = 1e-3 / steps
+    for k in range(command.size):
+        position[k], current[k] = x, command[k] + noise[k]
+        if command[k] != 0.0 and (k == 0 or command[k - 1] == 0.0):
+            ramp += 1
+        for _ in range(steps):
+            force = stiffness * z + damping * v
+            level = levels[max(ramp, 0)]
+            if not sliding and abs(force) > level:
+                sliding = True
+            if sliding:
+                limit = kinetic * level + viscous * abs(v)
+                force = limit * np.sign(v) if abs(v) > 1e-9 else limit * np.sign(command[k])
+            else:
+                z += h * v
+            before = v
+            v += h * acceleration * (command[k] - force)
+            if sliding and before * v < 0.0:
+                v, sliding = 0.0, False
+                z = 0.0
+            x += h * v
+    return position, current
+
+
+def known_ramps(slope=0.05, level=0.1, scatter=0.004, cycles=15, kinetic=0.95, viscous=0.05,
+                acceleration=119.0, deflection=4e-4, noise=2e-3, count=1.57e-5, seed=2):
+    """Return time, command, position, current of ramps whose breakaway levels are known."""
+    random = np.random.default_rng(seed)
+    levels = level + scatter * random.normal(size=2 * cycles)
+    time = np.arange(round(cycles * PERIOD * 1000)) * 1e-3
+    command = current_ramp(np.mod(time, PERIOD), slope, PERIOD)
+    stiffness = level / deflection
+    position, current = _drive(
+        command, levels, kinetic, viscous, acceleration, stiffness,
+        1.4 * np.sqrt(stiffness / acceleration), noise * random.normal(size=time.size))
+    position = np.round(position / count) * count
+    return time, command, position, current, levels * np.where(np.arange(2 * cycles) % 2, -1, 1)
+
+
+NOTE_LIKE = {
+    1: {},
+    2: {'slope': 0.06, 'level': 0.138, 'scatter': 0.0043, 'kinetic': 1.0, 'viscous': 0.6},
+    3: {'slope': 0.12, 'level': 0.336, 'scatter': 0.017, 'acceleration': 27.0,
+        'deflection': 4e-3, 'count': 3.6e-6}}
+
+
+@pytest.mark.parametrize('number', NOTE_LIKE)
+@pytest.mark.parametrize('knows_command', [True, False])
+def test_known_levels_are_measured_ramp_by_ramp(number, knows_command):
+    time, command, position, current, levels = known_ramps(**NOTE_LIKE[number])
+    records = breakaway_currents(time, position, current,
+                                 command=command if knows_command else None)
+    assert len(records) == 30
+    assert records.unresolved == []
+    error = records.current - levels
+    assert abs(np.mean(error * records.direction)) < 0.01 * np.mean(np.abs(levels))
+    np.testing.assert_allclose(records.current, levels, rtol=0.03)
+    statistics = records.statistics()
+    assert statistics.positive_mean == pytest.approx(np.mean(levels[::2]), rel=0.01)
+    assert statistics.negative_mean == pytest.approx(np.mean(levels[1::2]), rel=0.01)
+    assert statistics.positive_std == pytest.approx(np.std(levels[::2], ddof=1), rel=0.15)
+    np.testing.assert_allclose(records.slope, NOTE_LIKE[number].get('slope', 0.05), rtol=0.02)
+    assert records.cycle.tolist() == [k // 2 for k in range(30)]
+
+
+@pytest.mark.parametrize('number', SLOPES)
+def test_two_hundred_cycles_meet_the_note_in_about_a_second(number):
+    model, time, command, position, current = ramp_recording(number, 200, seed=3)
+    breakaway_currents(time[:20000], position[:20000], current[:20000])
+    begin = clock.process_time()
+    statistics = breakaway_currents(time, position, current, command=command).statistics()
+    assert clock.process_time() - begin < 2.0
+    expected = model.breakaway
+    assert statistics.positive_mean == pytest.approx(expected.positive_mean, rel=0.02)
+    assert statistics.negative_mean == pytest.approx(expected.negative_mean, rel=0.02)
+    assert statistics.positive_std == pytest.approx(expected.positive_std, rel=0.3)
+    assert statistics.negative_std == pytest.approx(expected.negative_std, rel=0.3)
+
+
+def test_presliding_creep_is_not_taken_for_motion():
+    time, command, position, current, levels = known_ramps(deflection=2e-3)
+    records = breakaway_currents(time, position, current, command=command)
+    np.testing.assert_allclose(records.current, levels, rtol=0.03)
+    # Eq. 9 to the letter would fire where the first count comes, a hundred counts early.
+    first = np.nonzero(position)[0][0]
+    assert current[first] < 0.3 * records.current[0]
+
+
+def test_encoder_dither_is_not_taken_for_motion():
+    time, command, position, current, levels = known_ramps()
+    dither = np.random.default_rng(5).integers(-1, 2, time.size) * 1.57e-5
+    records = breakaway_currents(time, position + dither, current, command=command,
+                                 resolution=1.57e-5)
+    assert len(records) == 30
+    assert abs(np.mean((records.current - levels) * records.direction)) < 0.001
+    np.testing.assert_allclose(records.current, levels, rtol=0.04)
+
+
+def test_ramps_cut_at_the_breakaway_are_enough():
+    time, command, position, current, levels = known_ramps(cycles=4)
+    whole = breakaway_currents(time, position, current, command=command)
+    keep = np.ones(time.size, dtype=bool)
+    for instant in whole.time:
+        keep &= ~((time > instant + 0.3) & (time < np.ceil(instant / 5.0) * 5.0 - 0.7))
+    cut = breakaway_currents(time[keep], position[keep], current[keep], command=command[keep])
+    np.testing.assert_allclose(cut.current, levels, rtol=0.03)
+
+
+def test_progressive_creep_before_the_slide():
+    # A Dahl-like contact: it gives the more, the closer the current comes to the level.
+    time = np.arange(0.0, 6.0, 1e-3)
+    current = 0.05 * time
+    level = 0.1731
+    begin = level / 0.05
+    slide = np.maximum(time - begin, 0.0)
+    ratio = np.minimum(current / level, 0.999)
+    position = 4e-4 * -np.log1p(-0.97 * ratio) + 0.5 * 119 * 0.05 / 3 * slide ** 3
+    position = np.round(position / 1.57e-5) * 1.57e-5
+    noise = np.random.default_rng(1).normal(scale=2e-3, size=time.size)
+    records = breakaway_currents(time, position, current + noise)
+    assert records.current == pytest.approx([level], rel=0.02)
+
+
+def test_ramps_that_stay_below_the_level_are_reported():
+    model, time, command, position, current = ramp_recording(1, 3)
+    low = command * 0.3
+    plant = Plant([model], seed=1)
+    position, current = _play(
+        plant._parameters[0], plant._states[0], plant._random[0], plant._tables[0],
+        plant._memories[0], low, plant._out[0])
+    records = breakaway_currents(time, position, current, command=low)
+    assert len(records) == 0
+    assert [side for _, side, _ in records.unresolved] == [1, -1] * 3
+    assert records.unresolved[0][2] == pytest.approx(0.06, abs=0.01)
+    with pytest.raises(InputError, match='no breakaway in the positive'):
+        records.statistics()
+
+
+def test_rest_time_position_and_temperature_are_kept():
+    _, time, command, position, current = ramp_recording(1, 6)
+    warmth = 20.0 + time / 10.0
+    records = breakaway_currents(time, position, current, command=command, temperature=warmth)
+    np.testing.assert_allclose(records.temperature, 20.0 + records.time / 10.0, atol=0.01)
+    # The joint coasts for a moment into the second of zero current between ramps.
+    assert np.all((records.rest_time[1:] > 0.5) & (records.rest_time[1:] <= 1.0))
+    index = np.searchsorted(time, records.time)
+    np.testing.assert_allclose(records.position, position[index])
+    table = records.to_dict()
+    assert len(table['current']) == 12
+    joined = BreakawayRecords.join([records, records])
+    assert len(joined) == 24
+
+
+@pytest.mark.parametrize(('change', 'word'), [
+    (lambda t, x, i: (t, x[:-1], i), 'length'), (lambda t, x, i: (t[::-1], x, i), 'increasing'),
+    (lambda t, x, i: (t, x * np.nan, i), 'finite'), (lambda t, x, i: (t, x, i * 0.0), 'ramp')])
+def test_unusable_recordings_are_refused(change, word):
+    time = np.arange(0.0, 10.0, 1e-3)
+    with pytest.raises(InputError, match=word):
+        breakaway_currents(*change(time, time * 0.0, current_ramp(time, 0.05, 10.0)))
+
+
+def scattered(random, count=200, **changes):
+    columns = {'position': random.normal(size=count), 'rest_time': random.uniform(1, 5, count),
+               'temperature': np.linspace(20, 30, count) + random.normal(size=count),
+               'slope': random.choice([0.05, 0.1], count), 'cycle': np.arange(count) // 2}
+    level = 0.1 + 0.004 * random.normal(size=count)
+    for name, gradient in changes.items():
+        level = level + gradient * columns[name]
+    direction = np.where(np.arange(count) % 2, -1, 1)
+    return BreakawayRecords(
+        time=np.arange(count) * 5.0, current=level * direction, direction=direction, **columns)
+
+
+@pytest.mark.parametrize(('name', 'gradient'), [
+    ('position', 0.003), ('rest_time', -0.004), ('slope', 0.2)])
+def test_scatter_report_names_what_the_level_depends_on(name, gradient):
+    report = scatter_report(scattered(np.random.default_rng(3), **{name: gradient}))
+    assert {item.variable for item in report.significant} == {name}
+    assert {item.direction for item in report.significant} == {1, -1}
+    for item in report.significant:
+        assert item.gradient == pytest.approx(gradient, rel=0.5)
+        assert np.sign(item.correlation) == np.sign(gradient)
+    assert any(name.split('_')[0] in line for line in report.sentences())
+
+
+def test_pure_scatter_is_seldom_taken_for_a_dependence():
+    found = 0
+    for seed in range(100):
+        random = np.random.default_rng(seed)
+        records = scattered(random)
+        # Levels that wander from cycle to cycle make naive tests find a trend almost always.
+        wander = np.zeros(len(records))
+        for k in range(1, wander.size):
+            wander[k] = 0.9 * wander[k - 1] + 0.002 * random.normal()
+        records.current[:] += wander * records.direction
+        found += bool(scatter_report(records).significant)
+    assert found <= 8
+
+
+def test_variables_that_rise_together_are_told():
+    random = np.random.default_rng(2)
+    records = scattered(random)
+    records.temperature[:] = 20.0 + records.cycle * 0.1
+    records.current[:] += 0.0005 * (records.temperature - 20.0) * records.direction
+    records.slope[:] = 0.05
+    report = scatter_report(records)
+    assert ('temperature', 'cycle') in report.confounded
+    assert report.constant == ['slope']
+    assert any('varied together' in line for line in report.sentences())
+
+
+def test_measured_breakaway_depends_on_the_ramp_rate():
+    files = sorted((DATA / 'kinova_gen3_joint7').glob('breakaway_*.txt'))
+    if not files:
+        pytest.skip(f'no measured breakaway tables in {DATA}')
+    several = [path for path in files if len(path.read_text().split()) > 40]
+    for path in several:
+        strongest = scatter_report(read_breakaway_table(path)).significant[0]
+        assert strongest.variable == 'ramp_rate'
+        assert strongest.correlation > 0.9
+    report = scatter_report(read_breakaway_table(several))
+    by_name = {item.variable: item for item in report.significant}
+    assert by_name['ramp_rate'].correlation > 0.9
+    assert by_name['ramp_rate'].gradient > 5.0
+
+
+@pytest.mark.parametrize(('text', 'word'), [
+    ('', 'no measurement'), ('1.0\n', 'line 1'), ('1 2\n3 x\n', 'line 2'), ('1 nan\n', 'finite')])
+def test_unusable_tables_are_refused(tmp_path, text, word):
+    path = tmp_path / 'table.txt'
+    path.write_text(text)
+    with pytest.raises(InputError, match=word) as caught:
+        read_breakaway_table(path)
+    assert 'table.txt' in str(caught.value)

@@ -1,0 +1,330 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Identification run against the simulated joints, and against everything that can go wrong."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.procedures.identification import (
+    IdentificationError,
+    IdentificationGoal,
+    IdentificationRun,
+)
+from friction_comp.procedures.kinetic import constant_velocity_currents, merge_points
+from friction_comp.world.joint import Plant
+from friction_comp.world.undeclared import Undeclared
+
+ROOT = Path(__file__).resolve().parents[1]
+SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
+QUICK = {'speeds': np.radians([10.0, 40.0, 100.0]).tolist(), 'breakaway_cycles': 2,
+         'longest_cycle': 4.0, 'ramp_period': 8.0, 'ramp_slope': 0.06}
+
+
+def note_model(number, **simulation):
+    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
+    model.simulation.update(simulation)
+    return model
+
+
+def identify(model, goal, plant=None, alter=None, seed=1):
+    """Run to the end; return the run, the commands and the positions."""
+    plant = plant or Plant([model], seed=seed)
+    run = IdentificationRun(goal, model.drive)
+    commands, positions = [], []
+    state = plant.state
+    while not run.finished:
+        sample = [state.time, state.position[0], state.velocity[0], state.current[0],
+                  state.temperature[0]]
+        if alter is not None:
+            sample = alter(run, sample)
+        command = 0.0 if sample is None else run.update(*sample)
+        if sample is None:
+            command = commands[-1] if commands else 0.0
+        commands.append(command)
+        positions.append(state.position[0])
+        state = plant.step([command])
+    return run, np.array(commands), np.array(positions)
+
+
+@pytest.fixture(scope='module')
+def quick():
+    model = note_model(1)
+    return model, *identify(model, IdentificationGoal(**QUICK))
+
+
+@pytest.mark.parametrize('number', SLOPES)
+def test_drives_of_the_note_are_identified(number):
+    model = note_model(number)
+    goal = IdentificationGoal(
+        speeds=np.radians([5.0, 10.0, 30.0, 100.0]), ramp_slope=SLOPES[number],
+        breakaway_cycles=12, longest_cycle=6.0)
+    run, commands, positions = identify(model, goal)
+    result = run.result()
+    assert np.max(np.abs(positions)) <= 0.5 * goal.motion_range
+    assert commands[-1] == 0.0
+    expected = model.breakaway
+    # The mean of twelve ramps scatters by a third of one ramp's scatter.
+    for found, mean, std in (
+            (result.breakaway.positive_mean, expected.positive_mean, expected.positive_std),
+            (result.breakaway.negative_mean, expected.negative_mean, expected.negative_std)):
+        assert abs(found - mean) < 0.02 * abs(mean) + 3.0 * std / math.sqrt(12.0)
+    fast = np.abs(result.speeds) > np.radians(20.0)
+    truth = model.sigmoid(result.speeds[fast])
+    np.testing.assert_allclose(result.currents[fast], truth, rtol=0.02)
+    np.testing.assert_allclose(result.sigmoid(result.speeds[fast]), truth, rtol=0.04)
+    assert result.warnings == []
+    assert result.acceleration_per_current == pytest.approx(
+        model.drive.torque_per_current / model.simulation['inertia'], rel=0.25)
+    assert result.speeds.tolist() == sorted(result.speeds.tolist())
+    assert len(result.speeds) == 8
+
+
+@pytest.mark.parametrize(('number', 'inertia'), [(1, 0.05), (1, 1.0), (2, 3.0), (3, 0.3), (3, 3.0)])
+def test_inertia_need_not_be_known(number, inertia):
+    model = note_model(number, inertia=inertia)
+    goal = IdentificationGoal(
+        speeds=np.radians([10.0, 50.0]), breakaway_cycles=1, longest_cycle=4.0,
+        ramp_slope=SLOPES[number], motion_range=1.2)
+    run, _, positions = identify(model, goal)
+    result = run.result()
+    assert np.max(np.abs(positions)) <= 0.6
+    truth = model.sigmoid(result.speeds[[0, -1]])
+    np.testing.assert_allclose(result.currents[[0, -1]], truth, rtol=0.02)
+    for point in result.points:
+        assert point.actual_speed == pytest.approx(point.speed, rel=0.05)
+
+
+def test_lag_gravity_and_noise_are_endured():
+    model = note_model(1, current_noise=0.02)
+    document = {'format': 'friction_comp_undeclared', 'version': 1, 'effects': [
+        {'name': 'actuation_lag', 'parameters': {'lag': 0.005}},
+        {'name': 'gravity', 'parameters': {'amplitude': 0.4, 'phase': 0.2}}]}
+    plant = Plant([model], seed=2, undeclared=[Undeclared.from_dict(document)])
+    run, _, positions = identify(model, IdentificationGoal(**QUICK), plant)
+    result = run.result()
+    assert np.max(np.abs(positions)) <= 0.5
+    # Gravity shifts a drive's currents in both directions alike: their difference is friction.
+    half = 0.5 * (result.currents[-1] - result.currents[0])
+    truth = 0.5 * (model.sigmoid(result.speeds[-1]) - model.sigmoid(result.speeds[0]))
+    assert half == pytest.approx(float(truth), rel=0.05)
+
+
+def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):
+    model, run, _, _ = quick
+    result = run.result()
+    assert run.phase == 'done'
+    assert (run.progress, run.remaining) == (1.0, 0.0)
+    assert run.result() is result
+    assert len(result.records) == 4
+    assert result.records.cycle.tolist() == [0, 0, 1, 1]
+    assert np.all(result.records.rest_time >= 0.2)
+    assert np.all(np.isfinite(result.records.temperature))
+    assert len(result.coefficients) == 6
+    assert np.all(result.standard_deviations > 0.001)
+    path = tmp_path / 'model.yaml'
+    result.model(model.drive, 'elbow').save(path)
+    loaded = FrictionModel.load(path)
+    assert loaded.joint == 'elbow'
+    assert loaded.breakaway == result.breakaway
+    assert loaded.lookup_table == result.lookup_table()
+    np.testing.assert_allclose(loaded.sigmoid(result.speeds), result.sigmoid(result.speeds))
+    assert loaded.notes['breakaway_scatter']
+
+
+def test_progress_never_falls_and_the_estimate_is_fair():
+    model, marks = note_model(1), []
+
+    def note(run, sample):
+        marks.append((sample[0], run.progress, run.remaining, run.phase))
+        return sample
+
+    run, _, _ = identify(model, IdentificationGoal(**QUICK), alter=note)
+    times, progress, remaining, phases = zip(*marks)
+    assert np.all(np.diff(progress) >= 0.0)
+    half = np.searchsorted(progress, 0.5)
+    assert remaining[half] == pytest.approx(times[-1] - times[half], rel=0.4)
+    order = list(dict.fromkeys(phases))
+    assert order[:2] == ['standstill', 'push']
+    assert {'travel', 'velocity', 'breakaway'} <= set(order)
+    assert run.phase == 'done'
+
+
+def test_missed_and_repeated_samples_are_endured():
+    model, random = note_model(1), np.random.default_rng(4)
+
+    def lose(run, sample):
+        if random.random() < 0.2 and sample[0] > 0.0:
+            return None
+        if random.random() < 0.1:
+            assert run.update(*sample) == run.update(*sample)
+        return sample
+
+    run, _, positions = identify(model, IdentificationGoal(**QUICK), alter=lose)
+    result = run.result()
+    assert np.max(np.abs(positions)) <= 0.5
+    np.testing.assert_allclose(
+        result.currents[[0, -1]], model.sigmoid(result.speeds[[0, -1]]), rtol=0.02)
+
+
+def at_phase(phase, change, after=0.3):
+    """Return an `alter` that changes samples from a while after a phase has begun."""
+    begun = []
+
+    def alter(run, sample):
+        if run.phase == phase and not begun:
+            begun.append(sample[0])
+        if begun and sample[0] > begun[0] + after:
+            return change(sample, begun)
+        return sample
+
+    return alter
+
+
+def replaced(index, value):
+    def change(sample, _):
+        sample[index] = value
+        return sample
+    return change
+
+
+def shifted(index, value):
+    def change(sample, _):
+        sample[index] += value
+        return sample
+    return change
+
+
+@pytest.mark.parametrize(('phase', 'change', 'words'), [
+    ('velocity', replaced(1, math.nan), 'encoder'),
+    ('breakaway', replaced(1, math.inf), 'encoder'),
+    ('velocity', replaced(1, -0.3), 'lags'),
+    ('velocity', shifted(1, 0.7), 'range'),
+    ('breakaway', shifted(1, -0.6), 'range'),
+    ('velocity', shifted(0, 0.5), 'no sample for'),
+    ('velocity', shifted(0, -2.0), 'went back'),
+    ('velocity', replaced(0, math.nan), 'time'),
+    ('velocity', replaced(3, math.nan), 'current is not finite')])
+def test_faults_end_the_run_with_zero_current(phase, change, words):
+    model = note_model(1)
+    kept = []
+
+    def keep(run, sample):
+        kept[:] = [run]
+        return faulty(run, sample)
+
+    faulty = at_phase(phase, change)
+    with pytest.raises(IdentificationError, match=words) as caught:
+        identify(model, IdentificationGoal(**QUICK), alter=keep)
+    run = kept[0]
+    assert run.phase == 'failed'
+    assert run.error == str(caught.value)
+    assert not run.finished
+    assert run.update(1e3, 0.0, 0.0, 0.0) == 0.0
+    with pytest.raises(IdentificationError, match='not complete'):
+        run.result()
+
+
+def test_ramp_that_ends_too_early_says_what_to_change():
+    model = note_model(3)
+    goal = IdentificationGoal(speeds=(0.2, 0.5), ramp_slope=0.05, breakaway_cycles=1)
+    with pytest.raises(IdentificationError, match=r'up to 0\.2 A.*steeper ramp_slope'):
+        identify(model, goal)
+
+
+def test_joint_that_moves_at_zero_current_is_refused():
+    model = note_model(1)
+    run = IdentificationRun(IdentificationGoal(**QUICK), model.drive)
+
+    def fall():
+        for k in range(20000):
+            assert run.update(k * 1e-3, 1e-5 * k, 0.0, 0.0) == 0.0
+
+    with pytest.raises(IdentificationError, match='does not come to rest'):
+        fall()
+
+
+def test_speed_that_needs_too_much_current_is_named():
+    model = note_model(1, inertia=3.0)
+    with pytest.raises(IdentificationError, match='to accelerate'):
+        identify(model, IdentificationGoal(**QUICK))
+
+
+def test_cancelling_gives_zero_current():
+    model = note_model(1)
+    plant = Plant([model], seed=1)
+    run = IdentificationRun(IdentificationGoal(**QUICK), model.drive)
+    state = plant.state
+    while run.phase != 'velocity' or abs(state.position[0]) < 0.1:
+        state = plant.step([run.update(state.time, state.position[0], None, state.current[0])])
+    run.abort()
+    assert run.error == 'cancelled'
+    assert run.update(state.time + 1e-3, state.position[0], None, 0.0) == 0.0
+    assert run.phase == 'failed'
+
+
+def test_command_never_exceeds_the_limit():
+    model = note_model(1)
+    drive = Drive(torque_constant=0.119, gear_ratio=100.0, encoder_counts=4000, current_limit=0.24)
+    model.drive = drive
+    plant, commands = Plant([model], seed=1), []
+    step = plant.step
+
+    def watched(command):
+        commands.append(abs(command[0]))
+        return step(command)
+
+    plant.step = watched
+    with pytest.raises(IdentificationError, match='current'):
+        identify(model, IdentificationGoal(**QUICK), plant)
+    assert 0.15 < max(commands) <= 0.24
+
+
+@pytest.mark.parametrize(('entry', 'value', 'word'), [
+    ('speeds', [], 'two'), ('speeds', [0.5, -0.5], 'two'), ('speeds', [0.0, 0.5], 'zero'),
+    ('speeds', [math.nan, 0.5], 'finite'), ('speeds', ['fast', 0.5], 'numbers'),
+    ('speeds', [0.5, 1.9], 'limit'), ('motion_range', 0.0, 'motion_range'),
+    ('motion_range', math.inf, 'motion_range'), ('motion_range', 0.1, 'constant velocity'),
+    ('ramp_slope', -0.1, 'ramp_slope'), ('ramp_period', 0.5, 'ramp_period'),
+    ('ramp_period', math.nan, 'ramp_period'), ('breakaway_cycles', 0, 'breakaway_cycles'),
+    ('breakaway_cycles', 2.5, 'breakaway_cycles'), ('velocity_cycles', True, 'velocity_cycles'),
+    ('longest_cycle', 0.0, 'longest_cycle')])
+def test_goals_that_make_no_sense_are_refused(entry, value, word):
+    with pytest.raises(InputError, match=word):
+        IdentificationGoal(**{**QUICK, entry: value})
+
+
+def test_ramps_above_the_current_limit_are_refused():
+    goal = IdentificationGoal(**{**QUICK, 'ramp_slope': 1.0})
+    with pytest.raises(InputError, match='current limit'):
+        IdentificationRun(goal, note_model(1).drive)
+
+
+def test_goal_drops_signs_and_repeats():
+    goal = IdentificationGoal(**{**QUICK, 'speeds': [-0.5, 0.2, 0.5, 0.2, 1.0]})
+    assert goal.speeds == (0.2, 0.5, 1.0)
+    duration, width = goal.cycle(0.2)
+    assert duration == pytest.approx(4.0)
+    assert width == pytest.approx(0.32)
+    assert IdentificationGoal(**{**QUICK, 'longest_cycle': math.inf}).cycle(0.2) == (
+        pytest.approx(2.5 * 0.9 / 0.2), 0.9)
+
+
+def test_points_of_one_speed_are_merged():
+    time = np.arange(0.0, 10.0, 1e-3)
+    position = np.where(time < 5.0, 0.1 * time, 1.0 - 0.1 * time)
+    points = []
+    for level in (0.1, 0.2):
+        current = np.where(time < 5.0, level, -level)
+        points.extend(constant_velocity_currents(time, position, current, 0.1, 10.0))
+    merged = merge_points(points)
+    assert [point.speed for point in merged] == [-0.1, 0.1]
+    assert [point.current for point in merged] == pytest.approx([-0.15, 0.15])
+    assert [point.standard_deviation for point in merged] == pytest.approx([0.05, 0.05])
+    with pytest.raises(InputError, match='too few'):
+        constant_velocity_currents(time[:100], position[:100], position[:100], 0.1, 10.0)
