@@ -21,8 +21,6 @@ from friction_comp.nodes.streams import (
     AGAIN, CommandPort, input_qos, JointColumns, NANO, nanoseconds, NEW)
 from friction_comp.procedures.compensation import CompensationLaw, LAWS
 
-# Time in s that a motor driver gets to acknowledge the last command before the node goes.
-_PATIENCE = 0.5
 
 
 class CompensatorNode(LifecycleNode):
@@ -119,16 +117,22 @@ class CompensatorNode(LifecycleNode):
 
     def on_configure(self, state):
         """Load the models and connect the topics."""
+        self._fault = ''
         try:
             if self._of('law') not in LAWS:
                 raise InputError(
                     f'parameter law: must be one of {", ".join(LAWS)}, not {self._of("law")!r}')
             self._law = self._make_law(load_models(self._of('model_files'), self._joints))
+            self._warm_up()
         except InputError as error:
             self._fault = str(error)
             self.get_logger().error(self._fault)
             return TransitionCallbackReturn.FAILURE
-        self._warm_up()
+        except Exception as error:
+            # rclpy would swallow it.
+            self._fault = f'configuration failed: {error!r}'
+            self.get_logger().error(traceback.format_exc())
+            return TransitionCallbackReturn.FAILURE
         self._say_left_out()
         size = len(self._joints)
         self._direction = Direction(size, self._of('direction_timeout'))
@@ -146,7 +150,6 @@ class CompensatorNode(LifecycleNode):
                 JointState, 'joint_states', self._on_joint_states, self._qos)]
         # The node's clock, so that a simulation that rests starves nobody.
         self._watchdog = self.create_timer(self._timeout / 2 / NANO, self._watch)
-        self._fault = ''
         return super().on_configure(state)
 
     def _warm_up(self):
@@ -158,8 +161,8 @@ class CompensatorNode(LifecycleNode):
 
     def _forget(self):
         self._stamp = 0
+        self._first = None
         self._heard = None
-        self._seen = 0
 
     def on_activate(self, state):
         """Answer joint states from now on."""
@@ -195,7 +198,7 @@ class CompensatorNode(LifecycleNode):
     def _rest(self):
         if self._active:
             self._active = False
-            self._port.zero(_PATIENCE)
+            self._port.zero()
 
     def _disconnect(self):
         self._rest()
@@ -209,7 +212,9 @@ class CompensatorNode(LifecycleNode):
 
     def leave(self):
         """Command zero current, however the node ends."""
-        self._rest()
+        if self._active:
+            self._rest()
+            self._port.wait()
 
     # Topics.
 
@@ -245,18 +250,22 @@ class CompensatorNode(LifecycleNode):
 
     def _compensate(self, message, stamp, now):
         """Return the currents for one message and set the fault that it shows, if any."""
-        if stamp < self._stamp:
-            # Time began anew: the history belongs to another run.
-            self._law.reset()
-            self._direction.forget()
-        self._stamp = stamp
         position, velocity, _ = self._columns.read(message)
         self._fault = self._fault_of(message, stamp, now, position, velocity)
         if now - stamp > self._timeout:
             self._law.reset()
             return np.zeros(len(self._joints))
+        if stamp < self._stamp:
+            # Time began anew: the history belongs to another run.
+            self._law.reset()
+            self._direction.forget()
+            self._first = stamp
+        self._stamp = stamp
+        if self._first is None:
+            self._first = stamp
+        # From the first state: seconds since 1970 are too many for a float to hold their step.
         return self._law.update(
-            stamp / NANO, position, velocity, self._direction.at(stamp),
+            (stamp - self._first) / NANO, position, velocity, self._direction.at(stamp),
             self._temperature.before(stamp))
 
     def _fault_of(self, message, stamp, now, position, velocity):

@@ -8,7 +8,6 @@ from array import array
 import math
 
 import numpy as np
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
@@ -23,16 +22,14 @@ from friction_comp.nodes.streams import (
     input_qos, JointColumns, NANO, nanoseconds, RELIABLE, set_stamp)
 from friction_comp.world.exercise import ReferenceMovement
 
-# Time in s that the compensator gets to acknowledge a new direction.
-_PATIENCE = 5.0
-
 
 class ExerciseNode(Node):
     """Publishes `reference` and `direction` from where the joints stand when it begins.
 
-    With `clock: ticks` it follows `/clock` tick by tick: a new direction is first delivered, then
-    the reference with the tick's stamp is shown. A plant in lockstep that waits for the reference
-    therefore never goes on before the direction has reached the compensator.
+    With `clock: ticks` it follows `/clock` tick by tick: first the direction goes out, then the
+    reference with the tick's stamp. A plant in lockstep that waits for the reference sends its
+    next joint states after it; since the middleware delivers to a process in the order of
+    arrival, the compensator has the direction before these states in every run.
     """
 
     def __init__(self):
@@ -58,7 +55,8 @@ class ExerciseNode(Node):
             raise InputError(f'parameter clock: must be timer or ticks, not {clock!r}')
 
         self._start = None
-        self._last = None
+        self._last = self._first = None
+        self._ticking = clock == 'ticks'
         self._values = [0] * len(self._joints)
         self._columns = JointColumns(self._joints)
         self._reference = JointState(name=list(self._joints))
@@ -71,7 +69,7 @@ class ExerciseNode(Node):
         self._origin = None
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
-        if clock == 'ticks':
+        if self._ticking:
             self.create_subscription(
                 Clock, '/clock', lambda message: self._on_tick(nanoseconds(message.clock)),
                 qos if qos is RELIABLE else qos_profile_sensor_data)
@@ -117,6 +115,10 @@ class ExerciseNode(Node):
         return np.array([not names or joint in names for joint in self._joints], dtype=float)
 
     def _on_joint_states(self, message):
+        if self._ticking and (
+                self._first is None or nanoseconds(message.header.stamp) < self._first):
+            # What came before the first tick came by chance; a run must not depend on it.
+            return
         position, _, _ = self._columns.read(message)
         if not np.isfinite(position).all():
             return
@@ -129,6 +131,8 @@ class ExerciseNode(Node):
             self._references.publish(self._reference)
             return
         self._last = now
+        if self._first is None:
+            self._first = now
         set_stamp(self._reference.header.stamp, now)
         if self._origin is None:
             # Time must go on for joint states to come; nobody holds the joints until then.
@@ -143,12 +147,10 @@ class ExerciseNode(Node):
     def _show(self, time):
         position, velocity, direction = self._movement.at(time)
         values = (direction * self._moving).astype(int).tolist()
-        changed = values != self._values
         self._values = values
         self._direction.data = array('b', values)
+        # Before the reference: see the class.
         self._directions.publish(self._direction)
-        if changed:
-            self._directions.wait_for_all_acked(Duration(seconds=_PATIENCE))
         self._reference.position = array(
             'd', (self._origin + position * self._moving).tobytes())
         self._reference.velocity = array('d', (velocity * self._moving).tobytes())
@@ -169,13 +171,10 @@ class ExerciseNode(Node):
         return OK, 'moving' if time < self._movement.duration else 'done', values
 
     def leave(self):
-        """Take the announcement back, and let the last messages arrive."""
+        """Take the announcement back."""
         if self.context.ok() and any(self._values):
             self._direction.data = array('b', [0] * len(self._joints))
             self._directions.publish(self._direction)
-        if self.context.ok():
-            self._directions.wait_for_all_acked(Duration(seconds=0.5))
-            self._references.wait_for_all_acked(Duration(seconds=0.5))
 
 
 def main(argv=None):

@@ -30,7 +30,6 @@ from friction_comp.procedures.identification import IdentificationRun
 # Real time in s between looks whether joint_states have a publisher at all: in simulated time,
 # which rests with its publisher, nothing else would tell.
 _LOOK = 0.5
-_PATIENCE = 0.5
 
 
 class IdentificationNode(Node):
@@ -153,18 +152,19 @@ class IdentificationNode(Node):
         outcome = run.result()
         path = Path(self.get_parameter('output_folder').value) / f'{joint}.yaml'
         path = path.absolute()
-        outcome.model(joint).save(path)
+        outcome.model(self._drives[self._number], joint).save(path)
         fill_result(result, outcome)
         result.model_file = str(path)
-        result.message = f'identified {joint}, wrote {path}'
+        result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
     def _end(self, end, message, zero):
         """End the run, if one is on: currents first, words later."""
         if self._run is None:
             return
-        self._run = None
+        run, self._run = self._run, None
         if zero:
             self._port.zero()
+        run.abort(message)
         self._done.set_result((end, message))
 
     # Topics.
@@ -199,9 +199,9 @@ class IdentificationNode(Node):
         if self._age(now) > self._timeout:
             raise InputError(f'joint_states are {self._age(now) / NANO:.3g} s old')
         number, drive = self._number, self._drives[self._number]
-        at = (stamp or now) / NANO
         if self._started is None:
-            self._started = at
+            self._started = stamp or now
+        at = ((stamp or now) - self._started) / NANO
         sample = [
             float(position[number]),
             math.nan if velocity is None else float(velocity[number]),
@@ -211,12 +211,12 @@ class IdentificationNode(Node):
                 f'joint_states hold no finite position and effort of {self._joints[number]}')
         temperature = self._temperature.before(stamp or now)
         current = self._run.update(
-            at - self._started, *sample,
+            at, *sample,
             None if temperature is None else float(temperature[number]))
         commands = np.zeros(len(self._joints))
         commands[number] = 0.0 if self._run.finished else current
         self._port.answer(stamp, commands)
-        self._feed_back(at - self._started, sample)
+        self._feed_back(at, sample)
         if self._run.finished:
             self._end('done', '', zero=False)
 
@@ -258,8 +258,8 @@ class IdentificationNode(Node):
     def leave(self):
         """End a running goal with zero current."""
         if self._run is not None:
-            self._end('aborted', 'the node was stopped', zero=False)
-            self._port.zero(_PATIENCE)
+            self._end('aborted', 'the node was stopped', zero=True)
+            self._port.wait()
 
 
 def main(argv=None):

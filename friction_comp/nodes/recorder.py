@@ -9,6 +9,7 @@ from collections import deque
 from functools import partial
 import struct
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, Temperature
@@ -22,7 +23,7 @@ from friction_comp.nodes.streams import input_qos, NANO
 from friction_comp.recordings.writer import RecordingWriter
 
 STATES = 'joint_states'
-# Topic, message class, its name in recordings, and whether it begins with a stamp.
+# Topic, message class, its name in recordings, and whether its stamp dates it.
 TOPICS = (
     (STATES, JointState, 'sensor_msgs/msg/JointState', True),
     ('current_command', Float64MultiArray, 'std_msgs/msg/Float64MultiArray', False),
@@ -30,6 +31,8 @@ TOPICS = (
     ('reference', JointState, 'sensor_msgs/msg/JointState', True),
     ('interaction_wrench', WrenchStamped, 'geometry_msgs/msg/WrenchStamped', True),
     ('motor_temperature', Temperature, 'sensor_msgs/msg/Temperature', True),
+    # Stamped by the clock of its node, which need not be that of the joint states.
+    ('/diagnostics', DiagnosticArray, 'diagnostic_msgs/msg/DiagnosticArray', False),
 )
 # Joint states that are remembered to date messages without stamp.
 _MEMORY = 20_000

@@ -144,24 +144,20 @@ class CommandPort:
         self._publisher.publish(self._message)
         self._answered = time.time_ns()
 
-    def zero(self, patience=0.0):
-        """Command zero current on all joints.
-
-        Parameters
-        ----------
-        patience : float
-            Time in s to wait for the driver's acknowledgement.
-        """
+    def zero(self):
+        """Command zero current on all joints."""
         if not self._node.context.ok():
             return
         self._message.data = array('d', self._zeros)
         self._publisher.publish(self._message)
         self.forget()
-        if patience:
-            self.wait(patience)
 
-    def wait(self, patience):
-        """Wait at most `patience` s until every reliable reader has what was published."""
+    def wait(self, patience=0.2):
+        """Wait at most `patience` s until every reliable reader has confirmed what was published.
+
+        Confirmations come with the middleware's heartbeat, which may take seconds: this only
+        gives a lost message a chance before the publisher goes.
+        """
         self._publisher.wait_for_all_acked(Duration(seconds=patience))
 
     def destroy(self):

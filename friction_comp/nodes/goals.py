@@ -1,0 +1,83 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Between the action's messages and the procedure's own words."""
+
+from __future__ import annotations
+
+import math
+
+from rcl_interfaces.msg import ParameterDescriptor
+
+from friction_comp.errors import InputError
+from friction_comp.nodes.parameters import declare
+from friction_comp.procedures.identification import IdentificationGoal
+
+# 4 to 100 deg/s, the note's range.
+DEFAULT_SPEEDS = [math.radians(v) for v in (4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80.0, 100.0)]
+
+
+def declare_defaults(node):
+    """Declare what a goal's empty or zero fields stand for and return it as a dict."""
+    speeds = node.declare_parameter(
+        'default_speeds', DEFAULT_SPEEDS, ParameterDescriptor(
+            description='speeds of a goal that names none [rad/s]', read_only=True)).value
+    return {
+        'speeds': list(speeds),
+        'motion_range': declare(
+            node, 'default_motion_range', 1.0, 'motion range of a goal that names none [rad]',
+            1e-3, 100.0, read_only=True),
+        'ramp_slope': declare(
+            node, 'default_ramp_slope', 0.06, 'ramp slope of a goal that names none [A/s]',
+            1e-6, 100.0, read_only=True),
+        'ramp_period': declare(
+            node, 'default_ramp_period', 10.0, 'ramp period of a goal that names none [s]',
+            1.0, 1000.0, read_only=True),
+        'breakaway_cycles': declare(
+            node, 'default_breakaway_cycles', 20, 'breakaway cycles of a goal that names none',
+            1, 100_000, read_only=True)}
+
+
+def make_goal(request, joints, drives, defaults):
+    """Turn a goal message into (number of the joint, IdentificationGoal).
+
+    Parameters
+    ----------
+    request : IdentifyFriction.Goal
+    joints : list of str
+    drives : list of Drive
+    defaults : dict
+        As from `declare_defaults`.
+
+    Raises
+    ------
+    InputError
+        If the joint is unknown, or the drive cannot do what is asked.
+    """
+    if request.joint and request.joint not in joints:
+        raise InputError(f'unknown joint {request.joint!r}; known: {", ".join(joints)}')
+    number = joints.index(request.joint) if request.joint else 0
+    fields = {}
+    for name, default in defaults.items():
+        value = getattr(request, name)
+        fields[name] = default if len_or_value(value) == 0 else value
+    goal = IdentificationGoal(**dict(fields, speeds=tuple(fields['speeds'])))
+    goal.check(drives[number])
+    return number, goal
+
+
+def len_or_value(value):
+    """Return a number as it is, of a sequence its length."""
+    return value if isinstance(value, (int, float)) else len(value)
+
+
+def fill_result(message, result):
+    """Copy an IdentificationResult into an IdentifyFriction.Result."""
+    message.speeds = [float(value) for value in result.speeds]
+    message.currents = [float(value) for value in result.currents]
+    message.standard_deviations = [float(value) for value in result.standard_deviations]
+    message.coefficients = [float(value) for value in result.coefficients]
+    breakaway = result.breakaway
+    message.breakaway_positive_mean = float(breakaway.positive_mean)
+    message.breakaway_positive_std = float(breakaway.positive_std)
+    message.breakaway_negative_mean = float(breakaway.negative_mean)
+    message.breakaway_negative_std = float(breakaway.negative_std)

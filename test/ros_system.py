@@ -1,0 +1,238 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes in processes of their own, and a node in the test that watches and feeds them."""
+
+from array import array
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import random
+import signal
+import subprocess
+import sys
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import GetParameters, SetParameters
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
+
+ROOT = Path(__file__).resolve().parent.parent
+CONFIG = ROOT / 'config'
+MODELS = [str(CONFIG / f'armin_configuration_{k}.yaml') for k in (1, 2, 3)]
+RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Discovery alone may take seconds on a busy machine.
+PATIENCE = 30.0
+
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+# One domain per test session keeps concurrent sessions apart.
+os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randrange(1, 100))
+
+
+def ros_arguments(parameters=None, remappings=None):
+    """Return command-line arguments; values are written as YAML reads them."""
+    arguments = ['--ros-args', '--log-level', 'warn']
+    for name, value in (parameters or {}).items():
+        if isinstance(value, bool):
+            value = str(value).lower()
+        elif isinstance(value, (list, tuple)):
+            value = '[' + ', '.join(f"'{v}'" if isinstance(v, str) else repr(v)
+                                    for v in value) + ']'
+        elif isinstance(value, str):
+            value = f"'{value}'"
+        arguments += ['-p', f'{name}:={value}']
+    for old, new in (remappings or {}).items():
+        arguments += ['-r', f'{old}:={new}']
+    return arguments
+
+
+class Process:
+    """A node in a process of its own; ended with the ``with`` block."""
+
+    def __init__(self, folder, name, parameters=None, remappings=None, arguments=()):
+        self.name = name
+        folder.mkdir(exist_ok=True, parents=True)
+        number = len(list(folder.iterdir()))
+        self._error = folder / f'{number}_{name}.err'
+        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(
+            [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
+            ROS_LOG_DIR=str(folder / 'log'))
+        with self._error.open('w') as error:
+            self._process = subprocess.Popen(
+                [sys.executable, '-m', 'friction_comp', name, *arguments,
+                 *ros_arguments(parameters, remappings)],
+                env=environment, stdout=error, stderr=error, cwd=folder)
+
+    def send(self, number=signal.SIGINT):
+        self._process.send_signal(number)
+
+    def wait(self, timeout=PATIENCE):
+        return self._process.wait(timeout)
+
+    @property
+    def running(self):
+        return self._process.poll() is None
+
+    @property
+    def text(self):
+        return self._error.read_text()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.running:
+            self.send()
+            try:
+                self.wait(10.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+
+
+class Probe(Node):
+    """Publishes and hears whatever a test asks for."""
+
+    def __init__(self, context, use_sim_time=False):
+        overrides = [Parameter('use_sim_time', value=use_sim_time)]
+        super().__init__(
+            f'probe_{random.randrange(10**9)}', context=context, parameter_overrides=overrides)
+        self._executor_ = SingleThreadedExecutor(context=context)
+        self._executor_.add_node(self)
+        self.heard = {}
+        self._published = {}
+
+    def listen(self, kind, topic, qos=RELIABLE):
+        self.heard.setdefault(topic, [])
+        self.create_subscription(kind, topic, self.heard[topic].append, qos)
+        return self.heard[topic]
+
+    def talk(self, kind, topic, qos=RELIABLE):
+        self._published[topic] = self.create_publisher(kind, topic, qos)
+        return self._published[topic]
+
+    def until(self, condition, what, timeout=PATIENCE):
+        """Spin until the condition holds; fail after the timeout."""
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, f'not within {timeout} s: {what}'
+            self._executor_.spin_once(timeout_sec=0.05)
+
+    def spin_for(self, seconds):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._executor_.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
+
+    def matched(self, publisher, count=1):
+        self.until(lambda: publisher.get_subscription_count() >= count,
+                   f'{publisher.topic_name} finds its subscription')
+
+    def complete(self, future, what, timeout=PATIENCE):
+        self.until(future.done, what, timeout)
+        return future.result()
+
+    def call(self, kind, name, request):
+        client = self.create_client(kind, name)
+        try:
+            self.until(client.service_is_ready, f'service {name}')
+            return self.complete(client.call_async(request), f'answer of {name}')
+        finally:
+            self.destroy_client(client)
+
+    def set_parameter(self, node, name, value):
+        """Return None when the value was taken, else the reason."""
+        request = SetParameters.Request(parameters=[ParameterMessage(
+            name=name, value=Parameter(name, value=value).get_parameter_value())])
+        result = self.call(SetParameters, f'/{node}/set_parameters', request).results[0]
+        return None if result.successful else result.reason
+
+    def get_parameter_of(self, node, name):
+        reply = self.call(
+            GetParameters, f'/{node}/get_parameters', GetParameters.Request(names=[name]))
+        return rclpy.parameter.parameter_value_to_python(reply.values[0])
+
+    def transition(self, node, label):
+        request = ChangeState.Request()
+        request.transition.label = label
+        return self.call(ChangeState, f'/{node}/change_state', request).success
+
+    def state_of(self, node):
+        return self.call(
+            GetState, f'/{node}/get_state', GetState.Request()).current_state.label
+
+    def status_of(self, node, condition=lambda status: True):
+        """Wait for a diagnostic status of the node that meets the condition, and return it."""
+        messages = self.heard.get('/diagnostics')
+        if messages is None:
+            messages = self.listen(DiagnosticArray, '/diagnostics')
+        found = []
+
+        def look():
+            for message in messages:
+                found.extend(s for s in message.status if s.name == node and condition(s))
+            messages.clear()
+            return found
+        self.until(look, f'diagnostics of {node}')
+        return found[-1]
+
+    def close(self):
+        self._executor_.shutdown()
+        self.destroy_node()
+
+
+@contextmanager
+def probe_node(use_sim_time=False):
+    context = Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    node = Probe(context, use_sim_time)
+    try:
+        yield node
+    finally:
+        node.close()
+        rclpy.try_shutdown(context=context)
+
+
+def joint_state(stamp_ns, names, position, velocity=None, effort=None):
+    message = JointState(name=list(names), position=array('d', position))
+    message.velocity = array('d', [0.0] * len(names) if velocity is None else velocity)
+    message.effort = array('d', [0.0] * len(names) if effort is None else effort)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(int(stamp_ns), 10**9)
+    return message
+
+
+class FakeDriver:
+    """Stands in for plant and exercise before a compensator: states and directions by hand."""
+
+    def __init__(self, probe, joints, qos=RELIABLE):
+        self.probe, self.joints = probe, joints
+        self.states = probe.talk(JointState, 'joint_states', qos)
+        self.directions = probe.talk(Int8MultiArray, 'direction', qos)
+        self.commands = probe.listen(Float64MultiArray, 'current_command')
+
+    def find(self):
+        self.probe.matched(self.states)
+        self.probe.matched(self.directions)
+        self.probe.until(lambda: self.probe.count_publishers('current_command') == 1,
+                         'a publisher of current_command')
+
+    def announce(self, values):
+        # Ahead of the states that follow: one process's messages arrive in order.
+        self.directions.publish(Int8MultiArray(data=array('b', values)))
+
+    def ask(self, position, velocity=None, stamp=None, names=None):
+        """Publish one joint state and return the command that answers it."""
+        before = len(self.commands)
+        stamp = time.time_ns() if stamp is None else stamp
+        self.states.publish(joint_state(stamp, names or self.joints, position, velocity))
+        self.probe.until(lambda: len(self.commands) > before, 'a command for the joint state')
+        return list(self.commands[-1].data)

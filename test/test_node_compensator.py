@@ -1,0 +1,311 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The compensator over DDS, fed by hand."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+from std_msgs.msg import Float64MultiArray
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from ros_system import (  # noqa: E402
+    BEST_EFFORT, FakeDriver, joint_state, MODELS, Probe, probe_node, Process, RELIABLE)
+
+from friction_comp.model.friction_model import FrictionModel  # noqa: E402
+from friction_comp.procedures.compensation import CompensationLaw  # noqa: E402
+
+JOINTS = ['elbow', 'shoulder']
+START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 2.0,
+         'direction_timeout': 5.0, 'law': 'paper', 'input_reliability': 'reliable'}
+ZERO = [0.0, 0.0]
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope='module')
+def room(tmp_path_factory):
+    return tmp_path_factory.mktemp('compensator')
+
+
+@pytest.fixture(scope='module')
+def probe():
+    with probe_node() as node:
+        yield node
+
+
+@pytest.fixture(scope='module')
+def shared(room, probe):
+    """One compensator for all tests that leave it as they found it."""
+    with Process(room, 'compensator', START):
+        driver = FakeDriver(probe, JOINTS)
+        driver.find()
+        yield driver
+
+
+@pytest.fixture
+def driver(shared):
+    """The shared compensator, freshly activated: without history."""
+    probe = shared.probe
+    rest(shared)
+    assert probe.transition('compensator', 'activate')
+    shared.commands.clear()
+    return shared
+
+
+def rest(driver):
+    """Deactivate the node and wait for its zero command."""
+    if driver.probe.state_of('compensator') == 'active':
+        driver.commands.clear()
+        assert driver.probe.transition('compensator', 'deactivate')
+        driver.probe.until(lambda: driver.commands, 'a last command')
+        assert list(driver.commands[-1].data) == ZERO
+
+
+def movement(count=40):
+    """Stamps in s, positions and velocities of a start from rest, two joints."""
+    steps = np.arange(count)
+    travelled = np.maximum(steps - 10, 0)[:, None] ** 2 * np.array([[2e-5, -1e-5]])
+    velocity = np.vstack((np.zeros((1, 2)), np.diff(travelled, axis=0) / 1e-3))
+    return steps * 1e-3, travelled, velocity
+
+
+@pytest.mark.parametrize('law', ['continuous', 'paper', 'kinetic', 'none'])
+def test_answers_every_state_with_the_current_of_the_law(driver, law):
+    probe = driver.probe
+    assert probe.set_parameter('compensator', 'law', law) is None
+    expected = CompensationLaw([FrictionModel.load(path) for path in MODELS[:2]], law)
+    base = time.time_ns()
+    times, position, velocity = movement()
+    # Every second message comes without velocity, as some drivers do it throughout.
+    driver.announce([1, -1])
+    largest = 0.0
+    for t, x, v in zip(times, position, velocity):
+        stamp = base + round(t * 1e9)
+        command = driver.ask(x, v, stamp)
+        wanted = expected.update(t, x, v, np.array([1.0, -1.0]))
+        np.testing.assert_allclose(command, wanted, rtol=0, atol=1e-12)
+        largest = max(largest, *np.abs(command))
+    assert len(driver.commands) == len(times)
+    assert (largest == 0.0) == (law == 'none')
+    assert probe.set_parameter('compensator', 'law', 'paper') is None
+
+
+def test_differentiates_position_where_velocity_is_empty(driver):
+    expected = CompensationLaw([FrictionModel.load(path) for path in MODELS[:2]], 'paper')
+    base = time.time_ns()
+    for t, x, _ in zip(*movement()):
+        stamp = base + round(t * 1e9)
+        command = driver.ask(x, [], stamp)
+        wanted = expected.update(t, x, None, np.zeros(2))
+        np.testing.assert_allclose(command, wanted, rtol=0, atol=1e-12)
+    assert max(np.abs(command)) > 0.01
+
+
+def test_finds_its_joints_by_name(driver):
+    driver.announce([1, 0])
+    plain = driver.ask([0.1, 0.2], ZERO)
+    assert plain[0] > 0.05
+    rest(driver)
+    assert driver.probe.transition('compensator', 'activate')
+    driver.announce([1, 0])
+    mixed = driver.ask(
+        [9.0, 0.2, 0.1], [9.0, 0.0, 0.0], names=['wrist', 'shoulder', 'elbow'])
+    np.testing.assert_allclose(mixed, plain, atol=1e-12)
+
+
+def test_a_missing_joint_gets_zero_current_and_an_error(driver):
+    driver.announce([1, 1])
+    command = driver.ask([0.1], [0.0], names=['elbow'])
+    assert command[0] > 0.05
+    assert command[1] == 0.0
+    status = driver.probe.status_of('compensator', lambda s: s.level == b'\x02')
+    assert 'shoulder' in status.message
+
+
+@pytest.mark.parametrize(('position', 'velocity', 'age', 'expected'), [
+    ([np.nan, 0.0], ZERO, 0.0, [False, True]),
+    ([0.0, 0.0], [0.0, np.inf], 0.0, [True, False]),
+    ([0.0], ZERO, 0.0, [False, False]),
+    ([0.0, 0.0], ZERO, 60.0, [False, False]),
+])
+def test_unusable_states_give_zero_current(driver, position, velocity, age, expected):
+    driver.announce([1, 1])
+    driver.ask([0.0, 0.0], ZERO)
+    command = driver.ask(position, velocity, time.time_ns() - int(age * 1e9))
+    assert [value != 0.0 for value in command] == expected
+    driver.announce([1, 1])
+    assert all(value > 0.05 for value in driver.ask([0.0, 0.0], ZERO))
+
+
+@pytest.mark.parametrize(('values', 'expected'), [
+    ([1, -1], [1, -1]), ([2, 1], [0, 1]), ([-128, -1], [0, -1]), ([1], [0, 0]),
+    ([1, 1, 1], [0, 0]), ([], [0, 0])])
+def test_only_proper_directions_count(driver, values, expected):
+    driver.announce(values)
+    assert np.sign(np.round(driver.ask([0.0, 0.0], ZERO), 2)).tolist() == expected
+
+
+def test_a_silent_direction_counts_as_none(driver):
+    assert driver.probe.set_parameter('compensator', 'direction_timeout', 0.2) is None
+    driver.announce([1, 1])
+    base = time.time_ns()
+    assert driver.ask([0.0, 0.0], ZERO, base)[0] > 0.05
+    driver.announce([1, 1])
+    assert driver.ask([0.0, 0.0], ZERO, base + 199_000_000)[0] > 0.05
+    assert driver.ask([0.0, 0.0], ZERO, base + 201_000_000)[0] < 0.02
+    assert driver.probe.set_parameter('compensator', 'direction_timeout', 5.0) is None
+
+
+def test_a_state_sent_again_is_answered_again_but_one_that_crossed_is_not(driver):
+    base = time.time_ns()
+    first = driver.ask([0.0, 0.0], ZERO, base)
+    driver.states.publish(joint_state(base, JOINTS, ZERO))
+    driver.probe.spin_for(0.2)
+    assert len(driver.commands) == 1
+    assert driver.ask([0.0, 0.0], ZERO, base) == first
+    assert len(driver.commands) == 2
+
+
+def test_lifecycle_and_zero_current_on_deactivation(driver):
+    probe = driver.probe
+    driver.announce([1, 1])
+    assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
+    assert probe.transition('compensator', 'deactivate')
+    probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+    assert probe.state_of('compensator') == 'inactive'
+    count = len(driver.commands)
+    driver.states.publish(joint_state(time.time_ns(), JOINTS, ZERO))
+    probe.spin_for(0.3)
+    assert len(driver.commands) == count
+    assert probe.transition('compensator', 'cleanup')
+    assert probe.state_of('compensator') == 'unconfigured'
+    probe.until(lambda: probe.count_publishers('current_command') == 0, 'no publisher')
+    assert probe.transition('compensator', 'configure')
+    assert probe.transition('compensator', 'activate')
+    driver.find()
+    driver.announce([1, 1])
+    assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
+
+
+def test_a_transition_that_cannot_be_made_harms_nothing(driver):
+    assert not driver.probe.transition('compensator', 'configure')
+    assert not driver.probe.transition('compensator', 'no_such_transition')
+    assert driver.probe.state_of('compensator') == 'active'
+    assert len(driver.ask([0.0, 0.0], ZERO)) == 2
+
+
+def test_silence_of_the_states_gives_zero_current(driver):
+    driver.announce([1, 1])
+    assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
+    driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current', 10.0)
+    status = driver.probe.status_of('compensator', lambda s: s.level == b'\x02')
+    assert 'no joint_states' in status.message
+
+
+def test_a_new_model_is_taken_over_while_running(driver, room):
+    probe = driver.probe
+    driver.announce([1, 1])
+    before = driver.ask([0.0, 0.0], ZERO)
+    bad = room / 'bad.yaml'
+    bad.write_text('format: friction_comp_model\nversion: 1\n')
+    for files in ([MODELS[2], str(bad)], [MODELS[2], str(room / 'none.yaml')], [MODELS[2]]):
+        assert probe.set_parameter('compensator', 'model_files', files)
+        assert probe.get_parameter_of('compensator', 'model_files') == MODELS[:2]
+        driver.announce([1, 1])
+        np.testing.assert_allclose(driver.ask([0.0, 0.0], ZERO), before, atol=1e-12)
+    assert probe.set_parameter('compensator', 'model_files', [MODELS[2], MODELS[1]]) is None
+    driver.announce([1, 1])
+    base = time.time_ns()
+    for k in range(20):
+        # The difference between the models fades in within some 0.05 s.
+        after = driver.ask([0.0, 0.0], ZERO, base + k * 50_000_000)
+    wanted = 0.9 * FrictionModel.load(MODELS[2]).breakaway.positive_mean
+    assert after == [pytest.approx(wanted, rel=1e-3), pytest.approx(before[1], abs=1e-6)]
+    assert probe.set_parameter('compensator', 'model_files', MODELS[:2]) is None
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('law', 'magic'), ('breakaway_gain', 1.1), ('breakaway_gain', -0.1),
+    ('current_limit', -1.0), ('joints', ['other', 'names']), ('joint_state_timeout', 1.0),
+    ('direction_timeout', 0.0), ('breakaway_gain', 'much')])
+def test_refuses_parameters_that_make_no_sense(driver, name, value):
+    before = driver.probe.get_parameter_of('compensator', name)
+    assert driver.probe.set_parameter('compensator', name, value)
+    assert driver.probe.get_parameter_of('compensator', name) == before
+
+
+def test_the_current_limit_holds(driver):
+    assert driver.probe.set_parameter('compensator', 'current_limit', 0.05) is None
+    driver.announce([1, -1])
+    np.testing.assert_allclose(driver.ask([0.0, 0.0], ZERO), [0.05, -0.05])
+    assert driver.probe.set_parameter('compensator', 'current_limit', 0.0) is None
+    driver.announce([1, -1])
+    assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_leave_zero_current(room, number):
+    """With default quality of service, the node hears a best-effort driver."""
+    with probe_node() as probe, Process(
+            room, 'compensator', {'joints': JOINTS, 'model_files': MODELS[:2], 'law': 'paper'},
+            {'__node': f'compensator_{number}', 'joint_states': f's{number}/joint_states',
+             'direction': f's{number}/direction',
+             'current_command': f's{number}/current_command'}) as process:
+        driver = _Remapped(probe, f's{number}')
+        driver.find()
+
+        def pushed():
+            # Best effort may lose any single message.
+            driver.announce([1, 1])
+            driver.states.publish(joint_state(time.time_ns(), JOINTS, ZERO))
+            probe.spin_for(0.05)
+            return driver.commands and driver.commands[-1].data[0] > 0.05
+        probe.until(pushed, 'a current')
+        process.send(number)
+        assert process.wait() == 0
+        probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+        assert 'Traceback' not in process.text
+
+
+class _Remapped(FakeDriver):
+    def __init__(self, probe: Probe, prefix):
+        from sensor_msgs.msg import JointState
+        from std_msgs.msg import Int8MultiArray
+        self.probe, self.joints = probe, JOINTS
+        self.states = probe.talk(JointState, f'{prefix}/joint_states', BEST_EFFORT)
+        self.directions = probe.talk(Int8MultiArray, f'{prefix}/direction', BEST_EFFORT)
+        self.commands = probe.listen(Float64MultiArray, f'{prefix}/current_command', RELIABLE)
+        self._topic = f'{prefix}/current_command'
+
+    def find(self):
+        self.probe.matched(self.states)
+        self.probe.matched(self.directions)
+        self.probe.until(lambda: self.probe.count_publishers(self._topic) == 1, 'a publisher')
+
+
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'joints': ['a'], 'model_files': ['none.yaml']}, 'none.yaml'),
+    ({'joints': ['a', 'a'], 'model_files': MODELS[:2]}, 'joints'),
+    ({'joints': ['a'], 'model_files': MODELS[:2]}, 'model_files'),
+    ({'joints': ['a'], 'model_files': MODELS[:1], 'law': 'magic'}, 'law'),
+    ({'joints': ['a'], 'model_files': MODELS[:1], 'breakaway_gain': 3.0}, 'breakaway_gain'),
+])
+def test_starts_only_with_usable_input(room, parameters, words):
+    with Process(room, 'compensator', parameters) as process:
+        assert process.wait() == 2
+        lines = [line for line in process.text.splitlines() if line.startswith('compensator: ')]
+        assert len(lines) == 1
+        assert words in lines[0]
+        assert 'Traceback' not in process.text
+
+
+def test_waits_for_its_manager_without_autostart(room):
+    with probe_node() as probe, Process(
+            room, 'compensator', {**START, 'autostart': False}, {'__node': 'managed'}):
+        assert probe.state_of('managed') == 'unconfigured'
+        assert probe.transition('managed', 'configure')
+        assert probe.state_of('managed') == 'inactive'
+        assert probe.transition('managed', 'shutdown')
+        assert probe.state_of('managed') == 'finalized'
