@@ -30,6 +30,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 
 import numpy as np  # noqa: E402
 from outside_effects import OUTSIDE  # noqa: E402
+from scipy.signal import butter, filtfilt  # noqa: E402
 
 from friction_comp.refinement import predict, refine  # noqa: E402
 from friction_comp.world.drive_cases import CASES  # noqa: E402
@@ -52,6 +53,23 @@ def error(model, trials):
     parts = [(predict(model, trial.samples) - trial.samples.current)[moving(trial.samples)]
              for trial in trials]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+
+def noise_floor(drive, trials, servo):
+    """Return the error in A that a perfect model would have on the trials.
+
+    A servo answers the steps of the encoder with current that moves the joint by less than a
+    count: nothing in the recording tells of it, and it counts as noise. It is taken as the current
+    above 40 Hz, by its median so that breakaway does not count.
+    """
+    if not servo:
+        return drive.noise_floor
+    dither = []
+    for trial in trials:
+        b, a = butter(2, 40.0, fs=1.0 / trial.samples.sample_time)
+        high = trial.noise_free - filtfilt(b, a, trial.noise_free)
+        dither.append(np.abs(high[moving(trial.samples)]))
+    return float(np.hypot(drive.noise_floor, 1.4826 * np.median(np.concatenate(dither))))
 
 
 def recordings(drive, seed, cases, outside, servo):
@@ -93,7 +111,7 @@ def one_draw(task):
         only = named and set(found) == set(wanted)
     else:
         named = only = not found
-    floor = drive.noise_floor
+    floor = noise_floor(drive, score, servo)
     return {
         'cases': list(cases), 'outside': outside, 'seed': seed, 'servo': servo, 'wanted': wanted,
         'found': [[effect['name'], effect['variable']] for effect in report['effects']],
