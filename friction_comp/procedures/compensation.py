@@ -9,18 +9,26 @@ import math
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.procedures import law_kernel as kernel
+from friction_comp.procedures import law_columns as columns, law_kernel as kernel
 
-LAWS = {'none': kernel.NONE, 'kinetic': kernel.KINETIC, 'paper': kernel.PAPER,
-        'continuous': kernel.CONTINUOUS}
+LAWS = {'none': columns.NONE, 'kinetic': columns.KINETIC, 'paper': columns.PAPER,
+        'continuous': columns.CONTINUOUS}
 
+# rad; where the encoder is unknown.
+DEFAULT_RESOLUTION = 1e-5
 # What the continuous law needs beyond the model. One encoder count a millisecond is 0.9 deg/s at
 # a gear ratio of 100: the velocity is smoothed over a few milliseconds before it enters.
-FILTER_TIME = 0.005
-RISE_TIME = 0.15
-FADE_BEGIN = math.radians(3.0)
-FADE_END = math.radians(12.0)
-BACK_SPEED = math.radians(1.0)
+FILTER_TIME = 0.004
+RISE_TIME = 0.2
+STEEPEST = 2.0
+BACK_SPEED = math.radians(3.0)
+# The gain covers an error in the mean breakaway current; its scatter from one rest to the next
+# comes on top: where the level cannot be probed it stays this many standard deviations lower.
+SCATTER_MARGIN = 4.0
+# Share of a push's deflection that the law answers; 1 would be unstable.
+ASSIST = 0.8
+# A joint that goes farther while the level rises is not sticking, rad.
+FARTHEST = math.radians(2.0)
 
 
 def law_parameters(model, law='continuous', breakaway_gain=0.9, current_limit=None,
@@ -42,7 +50,7 @@ def law_parameters(model, law='continuous', breakaway_gain=0.9, current_limit=No
 
     Returns
     -------
-    ndarray, shape (law_kernel.PARAMETERS,)
+    ndarray, shape (law_columns.PARAMETERS,)
 
     Raises
     ------
@@ -60,21 +68,34 @@ def law_parameters(model, law='continuous', breakaway_gain=0.9, current_limit=No
         limit = min(limit, float(current_limit))
     if not (math.isfinite(sample_time) and sample_time > 0.0):
         raise InputError(f'sample_time must be positive, not {sample_time!r}')
-    p = np.zeros(kernel.PARAMETERS)
-    p[kernel.LAW] = LAWS[law]
+    p = np.zeros(columns.PARAMETERS)
+    p[columns.LAW] = LAWS[law]
     sigmoid = model.sigmoid
-    p[kernel.UPPER], p[kernel.LOWER] = sigmoid.upper, sigmoid.lower
-    p[kernel.STEEPNESS], p[kernel.SHIFT] = sigmoid.steepness, sigmoid.shift
-    p[kernel.VISCOUS] = sigmoid.viscous
+    p[columns.UPPER], p[columns.LOWER] = sigmoid.upper, sigmoid.lower
+    p[columns.STEEPNESS], p[columns.SHIFT] = sigmoid.steepness, sigmoid.shift
+    p[columns.VISCOUS] = sigmoid.viscous
     if model.breakaway is not None:
-        p[kernel.BREAK_POSITIVE] = breakaway_gain * model.breakaway.positive_mean
-        p[kernel.BREAK_NEGATIVE] = -breakaway_gain * model.breakaway.negative_mean
-    p[kernel.LIMIT] = limit
-    p[kernel.SAMPLE_TIME] = sample_time
-    p[kernel.FILTER_TIME] = FILTER_TIME
-    p[kernel.RISE_TIME] = RISE_TIME
-    p[kernel.FADE_BEGIN], p[kernel.FADE_END] = FADE_BEGIN, FADE_END
-    p[kernel.BACK_SPEED] = BACK_SPEED
+        both = model.breakaway
+        for level, safe, most, mean, std in (
+                (columns.BREAK_POSITIVE, columns.SAFE_POSITIVE, columns.MOST_POSITIVE,
+                 both.positive_mean, both.positive_std),
+                (columns.BREAK_NEGATIVE, columns.SAFE_NEGATIVE, columns.MOST_NEGATIVE,
+                 -both.negative_mean, both.negative_std)):
+            p[level] = breakaway_gain * mean
+            p[safe] = max(0.0, breakaway_gain * mean - SCATTER_MARGIN * std)
+            p[most] = max(p[level], mean)
+    p[columns.LIMIT] = limit
+    p[columns.SAMPLE_TIME] = sample_time
+    p[columns.FILTER_TIME] = FILTER_TIME
+    p[columns.RISE_TIME] = RISE_TIME
+    p[columns.BACK_SPEED] = BACK_SPEED
+    p[columns.ASSIST], p[columns.FARTHEST] = ASSIST, FARTHEST
+    p[columns.RESOLUTION] = model.drive.position_resolution or DEFAULT_RESOLUTION
+    if law == 'continuous':
+        # No steeper than the encoder can tell speeds apart within one sample: the current would
+        # jump from count to count.
+        count_speed = p[columns.RESOLUTION] / sample_time
+        p[columns.STEEPNESS] = min(sigmoid.steepness, STEEPEST / count_speed)
     return p
 
 
@@ -124,7 +145,7 @@ class CompensationLaw:
         self._parameters = np.array([
             law_parameters(model, **options)
             for model, options in zip(self.models, self._options)])
-        self._states = np.zeros((self.joints, kernel.STATES))
+        self._states = np.zeros((self.joints, columns.STATES))
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [_online(model) for model in self.models]
         self._collect_left_out()
@@ -159,15 +180,15 @@ class CompensationLaw:
                             known, self._usable)
         effects, friction = np.zeros(self.joints), np.zeros(self.joints)
         for j, terms in enumerate(self._effects):
-            if terms and self._usable[j] and self._parameters[j, kernel.LAW] != kernel.NONE:
+            if terms and self._usable[j] and self._parameters[j, columns.LAW] != columns.NONE:
                 effects[j], friction[j] = self._apply(
                     terms, j, time, position[j], _entry(temperature, j), _entry(load, j))
         current = np.empty(self.joints)
         kernel.decide_bank(self._parameters, self._states, self._usable, direction, effects,
                            friction, current)
         self.terms = {
-            'kinetic': self._states[:, kernel.KINETIC_TERM].copy(),
-            'breakaway': self._states[:, kernel.BREAKAWAY_TERM].copy(),
+            'kinetic': self._states[:, columns.KINETIC_TERM].copy(),
+            'breakaway': self._states[:, columns.BREAKAWAY_TERM].copy(),
             'effects': effects}
         return current
 
@@ -195,13 +216,13 @@ class CompensationLaw:
         self.models[joint] = model
         self._parameters[joint] = parameters
         self._effects[joint] = effects
-        self._states[joint, kernel.CHANGED] = self._states[joint, kernel.STARTED]
+        self._states[joint, columns.CHANGED] = self._states[joint, columns.STARTED]
         self._collect_left_out()
 
     def _apply(self, terms, joint, time, position, temperature, load):
         """Return the sum of the joint's effects, and of those that are friction, in A."""
         signals = {'temperature': temperature, 'load': load}
-        speed = float(self._states[joint, kernel.SPEED])
+        speed = float(self._states[joint, columns.SPEED])
         total = friction = 0.0
         for effect, term in terms:
             if any(signals[name] is None for name in term.needs):

@@ -11,28 +11,42 @@ import math
 
 from numba import njit
 
-NONE, KINETIC, PAPER, CONTINUOUS = range(4)
-
-# Columns of the parameters: rad/s, A, s.
-(LAW, UPPER, LOWER, STEEPNESS, SHIFT, VISCOUS, BREAK_POSITIVE, BREAK_NEGATIVE, LIMIT, SAMPLE_TIME,
- FILTER_TIME, RISE_TIME, FADE_BEGIN, FADE_END, BACK_SPEED) = range(15)
-PARAMETERS = 15
-
-# Columns of the state.
-(STARTED, LAST_TIME, LAST_POSITION, SPEED, STEP, LEVEL, KINETIC_TERM, BREAKAWAY_TERM, OUTPUT, BUMP,
- CHANGED) = range(11)
-STATES = 11
+from friction_comp.procedures.continuous_law import continuous_current
+from friction_comp.procedures.law_columns import (
+    BREAK_NEGATIVE,
+    BREAK_POSITIVE,
+    BREAKAWAY_TERM,
+    BUMP,
+    CHANGED,
+    CONTINUOUS,
+    FILTER_TIME,
+    HALF_SPEED,
+    KINETIC,
+    KINETIC_TERM,
+    LAST_POSITION,
+    LAST_TIME,
+    LAW,
+    LIMIT,
+    LOWER,
+    NONE,
+    OUTPUT,
+    PLACE,
+    QUIET,
+    RESOLUTION,
+    SAMPLE_TIME,
+    SHIFT,
+    SPEED,
+    STARTED,
+    STEEPNESS,
+    STEP,
+    STILL_PLACE,
+    UPPER,
+    VISCOUS,
+)
 
 # A model that is exchanged while the law runs takes effect within a few of these, s.
 BUMP_TIME = 0.05
 LONGEST_STEP = 0.1
-
-
-@njit(cache=True)
-def smooth(share):
-    """Return 0 below 0, 1 above 1 and the cubic between them whose ends are level."""
-    share = min(1.0, max(0.0, share))
-    return share * share * (3.0 - 2.0 * share)
 
 
 @njit(cache=True)
@@ -50,10 +64,7 @@ def observe(p, s, time, position, velocity, known):
     """
     if not (math.isfinite(time) and math.isfinite(position)
             and (math.isfinite(velocity) or not known)):
-        s[STARTED] = 0.0
-        s[SPEED] = 0.0
-        s[LEVEL] = 0.0
-        s[BUMP] = 0.0
+        s[:] = 0.0
         return False
     if s[STARTED] > 0.0:
         # To whole nanoseconds, the resolution of stamps: a law that is driven by messages and one
@@ -62,12 +73,25 @@ def observe(p, s, time, position, velocity, known):
     else:
         step = p[SAMPLE_TIME]
         s[LAST_POSITION] = position
+        s[PLACE] = position
+        s[STILL_PLACE] = position
     if not known:
         velocity = (position - s[LAST_POSITION]) / step if step > 0.0 else s[SPEED]
     if p[LAW] == CONTINUOUS and p[FILTER_TIME] > 0.0:
-        s[SPEED] += (velocity - s[SPEED]) * (1.0 - math.exp(-step / p[FILTER_TIME]))
+        # Twice, so that a single count neither jumps nor bends the current.
+        share = 1.0 - math.exp(-step / p[FILTER_TIME])
+        s[HALF_SPEED] += (velocity - s[HALF_SPEED]) * share
+        s[SPEED] += (s[HALF_SPEED] - s[SPEED]) * share
+        s[PLACE] += (position - s[PLACE]) * share
     else:
         s[SPEED] = velocity
+        s[PLACE] = position
+    # An encoder at the edge of a count flickers between two.
+    if abs(position - s[STILL_PLACE]) > 1.5 * p[RESOLUTION]:
+        s[STILL_PLACE] = position
+        s[QUIET] = 0.0
+    else:
+        s[QUIET] += step
     s[STEP] = step
     s[STARTED] = 1.0
     s[LAST_TIME] = time
@@ -76,21 +100,32 @@ def observe(p, s, time, position, velocity, known):
 
 
 @njit(cache=True)
-def kinetic_current(p, speed):
-    """Return the kinetic term in A.
+def printed_current(p, speed):
+    """Return the kinetic term of the printed law in A.
 
-    The printed law takes Eq. 6 as it is, but only in motion: the fit says nothing about standstill
-    between the slowest speeds of its table, and its value there, up to half of the breakaway
-    current, is an accident of where the transition came to lie. The continuous law centres the
-    transition at standstill, with the same plateaus.
+    Eq. 6 as it is, but only in motion: the fit says nothing about standstill between the slowest
+    speeds of its table, and its value there, up to half of the breakaway current, is an accident
+    of where the transition came to lie.
     """
-    if p[LAW] == CONTINUOUS:
-        plateau = p[UPPER] if speed > 0.0 else -p[LOWER]
-        return p[VISCOUS] * speed + plateau * math.tanh(0.5 * p[STEEPNESS] * speed)
     if speed == 0.0:
         return 0.0
     return p[VISCOUS] * speed + p[LOWER] + (p[UPPER] - p[LOWER]) / (
         1.0 + math.exp(-p[STEEPNESS] * (speed - p[SHIFT])))
+
+
+@njit(cache=True)
+def paper_current(p, s, direction):
+    """Return the current of section 2.5 as printed; `kinetic` is the same with direction 0."""
+    kinetic = printed_current(p, s[SPEED])
+    breakaway = 0.0
+    if s[SPEED] == 0.0:
+        if direction > 0.0:
+            breakaway = p[BREAK_POSITIVE]
+        elif direction < 0.0:
+            breakaway = -p[BREAK_NEGATIVE]
+    s[KINETIC_TERM] = kinetic
+    s[BREAKAWAY_TERM] = breakaway
+    return kinetic + breakaway
 
 
 @njit(cache=True)
@@ -108,40 +143,17 @@ def decide(p, s, direction, effects, friction_effects):
     """
     if p[LAW] == NONE:
         return 0.0
-    if (direction != 1.0 and direction != -1.0) or p[LAW] == KINETIC:
+    if not (direction == 1.0 or direction == -1.0) or p[LAW] == KINETIC:
         direction = 0.0
-    speed = s[SPEED]
-    kinetic = kinetic_current(p, speed)
-    wanted = 0.0
-    if direction > 0.0:
-        wanted = p[BREAK_POSITIVE]
-    elif direction < 0.0:
-        wanted = -p[BREAK_NEGATIVE]
     if p[LAW] == CONTINUOUS:
-        # The level itself turns smoothly when the direction does.
-        largest = max(p[BREAK_POSITIVE], p[BREAK_NEGATIVE])
-        most = largest * s[STEP] / p[RISE_TIME] if p[RISE_TIME] > 0.0 else math.inf
-        s[LEVEL] += min(most, max(-most, wanted - s[LEVEL]))
-        sign = 1.0 if s[LEVEL] > 0.0 else -1.0
-        along = speed * sign
-        if along >= 0.0:
-            keep = 1.0 - smooth((along - p[FADE_BEGIN]) / (p[FADE_END] - p[FADE_BEGIN]))
-        else:
-            keep = 1.0 - smooth(-along / p[BACK_SPEED])
-        breakaway = sign * keep * max(
-            0.0, abs(s[LEVEL]) - max(0.0, sign * (kinetic + friction_effects)))
+        current = continuous_current(p, s, direction, friction_effects) + effects
     else:
-        s[LEVEL] = wanted
-        breakaway = wanted if speed == 0.0 else 0.0
-    current = kinetic + breakaway + effects
+        current = paper_current(p, s, direction) + effects
     if s[CHANGED] > 0.0:
         s[BUMP] = s[OUTPUT] - current
         s[CHANGED] = 0.0
     s[BUMP] *= math.exp(-s[STEP] / BUMP_TIME)
-    current += s[BUMP]
-    current = min(p[LIMIT], max(-p[LIMIT], current))
-    s[KINETIC_TERM] = kinetic
-    s[BREAKAWAY_TERM] = breakaway
+    current = min(p[LIMIT], max(-p[LIMIT], current + s[BUMP]))
     s[OUTPUT] = current
     return current
 

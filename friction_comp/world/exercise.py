@@ -48,7 +48,7 @@ class ReferenceMovement:
     speed: float = math.radians(20.0)
     acceleration_time: float = 0.5
     standstill: float = 2.0
-    announcement: float = 0.5
+    announcement: float = 1.0
     repetitions: int = 10
     compensated: bool = True
 

@@ -15,11 +15,12 @@ joint is pushed, which is what tells true stiction from Dahl's and LuGre's model
 friction: Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control 47(5), 2002,
 here with its plastic range shrunk to a point). The level is
 
-``g(ω) = max(|f̂(ω)|, g0) + (g_b - g0)·exp(-(ω/ω_s)²)``
+``g(ω) = max(|f̂(ω)|, g0 + (P - g0)·(1 - e)) + (g_b - g0)·e    with e = exp(-|ω|/ω_s)``
 
-with f̂ of Eq. 6, the breakaway level g_b drawn anew whenever the joint comes to rest, and
-``g0 = min(mean g_b, plateau of f̂)``: the printed sigmoid passes through zero near standstill, true
-friction does not; and it is Eq. 11 itself wherever that exceeds the breakaway level.
+with f̂ of Eq. 6 and its plateau P, the breakaway level g_b drawn anew whenever the joint sticks
+anew, and ``g0 = min(mean g_b, P)``. The printed sigmoid passes through zero near standstill, true
+friction does not: it starts at the breakaway level and is Eq. 11 itself once the transition is
+over.
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ import numpy as np
 from friction_comp.world.undeclared import heated, undeclared_torque
 
 SUBSTEPS = 8
-# A joint that has not slipped for so long has come to rest, s.
-SETTLING = 0.005
+# A joint that has not slipped for so long sticks anew, s.
+SETTLING = 0.0005
+# After sliding for so many of its own deflections the bristle stands on new ground.
+RENEWAL = 3.0
 # Whatever is added to it, friction keeps this share of its declared level.
 LEAST_LEVEL = 0.05
 
@@ -45,9 +48,9 @@ LEAST_LEVEL = 0.05
 PARAMETERS = THERMAL + 4
 
 # Columns of the state.
-(POSITION, VELOCITY, BRISTLE, CURRENT, LEVEL_POSITIVE, LEVEL_NEGATIVE, SLIDING, REST, HUMAN,
- TEMPERATURE, COUNTED, SAMPLES) = range(12)
-STATES = 12
+(POSITION, VELOCITY, BRISTLE, CURRENT, LAGGED, LEVEL_POSITIVE, LEVEL_NEGATIVE, SLIDING, REST,
+ HUMAN, TEMPERATURE, COUNTED, SAMPLES, SLID) = range(14)
+STATES = 14
 
 # Columns of what is measured.
 (OUT_POSITION, OUT_VELOCITY, OUT_CURRENT, OUT_TORQUE, OUT_TEMPERATURE) = range(5)
@@ -83,15 +86,16 @@ def draw_levels(p, s, random):
 @njit(cache=True)
 def friction_level(p, s, speed, positive):
     """Return g in N·m at a speed (rad/s, not negative) for one direction of the force."""
-    fade = math.exp(-(speed / p[STRIBECK_VELOCITY]) ** 2)
+    fade = math.exp(-speed / p[STRIBECK_VELOCITY])
     if positive:
         kinetic = p[VISCOUS] * speed + p[LOWER] + (p[UPPER] - p[LOWER]) / (
             1.0 + math.exp(-p[STEEPNESS] * (speed - p[SHIFT])))
-        return max(kinetic, p[FLOOR_POSITIVE]) + (
-            s[LEVEL_POSITIVE] - p[FLOOR_POSITIVE]) * fade
-    kinetic = p[VISCOUS] * speed - p[LOWER] - (p[UPPER] - p[LOWER]) / (
-        1.0 + math.exp(p[STEEPNESS] * (speed + p[SHIFT])))
-    return max(kinetic, p[FLOOR_NEGATIVE]) + (s[LEVEL_NEGATIVE] - p[FLOOR_NEGATIVE]) * fade
+        plateau, floor, level = p[UPPER], p[FLOOR_POSITIVE], s[LEVEL_POSITIVE]
+    else:
+        kinetic = p[VISCOUS] * speed - p[LOWER] - (p[UPPER] - p[LOWER]) / (
+            1.0 + math.exp(p[STEEPNESS] * (speed + p[SHIFT])))
+        plateau, floor, level = -p[LOWER], p[FLOOR_NEGATIVE], s[LEVEL_NEGATIVE]
+    return max(kinetic, plateau - (plateau - floor) * fade) + (level - floor) * fade
 
 
 @njit(cache=True)
@@ -150,13 +154,15 @@ def joint_sample(p, s, random, table, memory, sample_time, command, reference_po
     if not math.isfinite(command):
         command = 0.0
     command = min(p[LIMIT], max(-p[LIMIT], command))
+    # The amplifier is fast: an undeclared lag lies between the current and the torque.
+    s[CURRENT] = command
     follow = 1.0 - math.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
     muscle = 1.0 - math.exp(-h / p[HUMAN_RESPONSE]) if p[HUMAN_RESPONSE] > 0.0 else 1.0
     start = s[SAMPLES] * sample_time
     sigma0, sigma1, over_inertia = p[STIFFNESS], p[DAMPING], h / p[INERTIA]
     implicit = 1.0 / (1.0 + over_inertia * (sigma1 + h * sigma0))
     for k in range(SUBSTEPS):
-        s[CURRENT] += (command - s[CURRENT]) * follow
+        s[LAGGED] += (command - s[LAGGED]) * follow
         x, v = s[POSITION], s[VELOCITY]
         if active:
             wanted = (p[HUMAN_STIFFNESS] * (reference_position + reference_velocity * k * h - x)
@@ -164,7 +170,7 @@ def joint_sample(p, s, random, table, memory, sample_time, command, reference_po
             s[HUMAN] += (wanted - s[HUMAN]) * muscle
         else:
             s[HUMAN] = 0.0
-        torque = p[TORQUE_PER_CURRENT] * s[CURRENT] + s[HUMAN]
+        torque = p[TORQUE_PER_CURRENT] * s[LAGGED] + s[HUMAN]
         # Which way the bristle would go if it held decides which level applies.
         stuck = (v + over_inertia * (torque - sigma0 * s[BRISTLE])) * implicit
         extra = 0.0
@@ -183,6 +189,7 @@ def joint_sample(p, s, random, table, memory, sample_time, command, reference_po
             s[REST] += h
             if s[SLIDING] > 0.0 and s[REST] > SETTLING:
                 s[SLIDING] = 0.0
+                s[SLID] = 0.0
                 draw_levels(p, s, random)
         else:
             level = math.copysign(level, force)
@@ -191,6 +198,10 @@ def joint_sample(p, s, random, table, memory, sample_time, command, reference_po
             s[BRISTLE] = min(limit, max(-limit, s[BRISTLE] + h * v))
             s[REST] = 0.0
             s[SLIDING] = 1.0
+            s[SLID] += h * abs(v)
+            if s[SLID] > RENEWAL * limit:
+                s[SLID] = 0.0
+                draw_levels(p, s, random)
         s[VELOCITY] = v
         s[POSITION] = x + h * v
     s[TEMPERATURE] = heated(s[TEMPERATURE], s[CURRENT], sample_time, p[THERMAL:THERMAL + 4])

@@ -1,0 +1,270 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The continuous compensation law: breakaway friction paid until the joint moves, without a gap.
+
+The printed law drops the breakaway term at the first encoder count, when the joint has hardly
+begun to move, and pays 90 % of the mean breakaway current on a joint whose breakaway scatters by
+several per cent. This one finds out what the joint bears before anybody pushes (`probe`), answers
+a push while the joint still sticks (`push_help`), and goes over from breakaway to kinetic friction
+as a continuous function of velocity (`continuous_current`).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from friction_comp.procedures.law_columns import (
+    AIM,
+    ASSIST,
+    BACK_SPEED,
+    BEGUN,
+    BREAK_NEGATIVE,
+    BREAK_POSITIVE,
+    BREAKAWAY_TERM,
+    FARTHEST,
+    HELD,
+    HELP,
+    KINETIC_SHARE,
+    KINETIC_TERM,
+    LEVEL,
+    LOWER,
+    MARK,
+    MOST_NEGATIVE,
+    MOST_POSITIVE,
+    ORIGIN,
+    PHASE,
+    PLACE,
+    PRESLIDING,
+    QUIET,
+    RESOLUTION,
+    RISE_TIME,
+    SAFE_NEGATIVE,
+    SAFE_POSITIVE,
+    SINCE,
+    SPEED,
+    STEEPNESS,
+    STEP,
+    UPPER,
+    VISCOUS,
+    WINDOW,
+    WINDOW_COUNTS,
+    WINDOW_PLACE,
+)
+
+# Phases of the continuous law: no direction; the level rises on a joint at rest; it has borne the
+# level and the level steps back; it is held; the direction came while the joint moved.
+NOTHING, PROBING, BACKING, READY, MOVING = range(5)
+# A joint whose encoder has not moved for so long is at rest, s; a new rest takes longer.
+QUIET_TIME = 0.05
+REST_TIME = 0.1
+NEW_REST_TIME = 0.3
+# What a joint that slips while it is probed gives back of the level, and how fast, s.
+RETREAT = 0.9
+RETREAT_TIME = 0.01
+# Bristles under load creep ever more slowly, a slipping joint does not: it bears the level once it
+# gives by fewer than these counts in two windows of this length, s, and slips if it gives by more
+# in one without slowing down.
+WINDOW_TIME = 0.05
+REST_COUNTS = 1.5
+SLIP_COUNTS = 3.0
+# A joint that still has not come to rest so long after slips, s.
+RESTLESS_TIME = 0.6
+# The level steps back to this share of what the joint has borne.
+BACKED = 0.97
+# Counts by which the joint must be deflected before that counts as a push.
+PUSH_COUNTS = 0.5
+# The kinetic term comes in so slowly where the joint moved during the probe, s.
+BLEND_TIME = 0.05
+# A joint this fast is being moved, rad/s: 5 deg/s.
+MOVED_SPEED = math.radians(5.0)
+# Share of the kinetic term that is left out below about this speed while there is no direction.
+REST_SHARE = 0.15
+REST_SPEED = math.radians(2.0)
+# The place of rest follows slow creep under load so slowly, s.
+CREEP_TIME = 2.0
+
+
+@njit(cache=True)
+def smooth(share):
+    """Return 0 below 0, 1 above 1 and the cubic between them whose ends are level."""
+    share = min(1.0, max(0.0, share))
+    return share * share * (3.0 - 2.0 * share)
+
+
+@njit(cache=True)
+def approach(value, aim, most):
+    """Return `value` moved towards `aim` by at most `most`."""
+    return value + min(most, max(-most, aim - value))
+
+
+@njit(cache=True)
+def begin_probe(s, sign, wanted):
+    """Start to raise the level on a joint at rest."""
+    s[PHASE] = PROBING
+    s[MARK] = sign * s[PLACE]
+    s[BEGUN] = sign * s[LEVEL]
+    s[SINCE] = 0.0
+    s[HELD] = 0.0
+    s[WINDOW] = 0.0
+    s[WINDOW_PLACE] = s[MARK]
+    s[WINDOW_COUNTS] = 0.0
+    s[AIM] = wanted
+
+
+@njit(cache=True)
+def probe(p, s, sign):
+    """Raise the level on a joint at rest and find out what it bears.
+
+    Breakaway scatters from one rest to the next, so that the mean says little about this one. The
+    level rises before anybody pushes: if the joint begins to slip all the same, the level goes
+    back by a fifth and stays there. Kinetic friction is not compensated meanwhile, so that the
+    slip stops as soon as the level retreats. What it has borne it goes on bearing with a little
+    less, so that from then on only a push can move it. A gear that sticks still gives, and the
+    encoder shows by how much: that is the stiffness a later push is measured with.
+    """
+    place = sign * s[PLACE]
+    along = sign * s[SPEED]
+    level = sign * s[LEVEL]
+    s[SINCE] += s[STEP]
+    deflection = place - s[MARK]
+    wanted = p[BREAK_POSITIVE] if sign > 0.0 else p[BREAK_NEGATIVE]
+    if abs(deflection) > p[FARTHEST] or abs(s[SPEED]) > MOVED_SPEED:
+        s[PHASE] = MOVING
+        return
+    count_speed = p[RESOLUTION] / max(s[STEP], 1e-6)
+    slips = along > 0.7 * count_speed + 2.0 * max(0.0, deflection) / s[SINCE]
+    rests = False
+    s[HELD] = s[HELD] + s[STEP] if level == s[AIM] else 0.0
+    s[WINDOW] += s[STEP]
+    if s[WINDOW] >= WINDOW_TIME:
+        counts = (place - s[WINDOW_PLACE]) / p[RESOLUTION]
+        s[WINDOW] = 0.0
+        s[WINDOW_PLACE] = place
+        if s[HELD] > 2.0 * WINDOW_TIME:
+            rests = abs(counts) + abs(s[WINDOW_COUNTS]) < REST_COUNTS
+            slips |= counts > SLIP_COUNTS and counts > 0.8 * s[WINDOW_COUNTS]
+        s[WINDOW_COUNTS] = counts
+    if 0.0 < level <= s[AIM] and (slips or s[HELD] > RESTLESS_TIME):
+        s[AIM] = RETREAT * level
+        s[PHASE] = PROBING
+        s[HELD] = 0.0
+        rests = False
+    if level > s[AIM]:
+        s[LEVEL] = sign * approach(level, s[AIM], wanted * s[STEP] / RETREAT_TIME)
+    else:
+        s[LEVEL] = sign * approach(level, s[AIM], wanted * s[STEP] / p[RISE_TIME])
+    if not rests:
+        return
+    if s[PHASE] == BACKING:
+        s[ORIGIN] = place
+        s[PHASE] = READY
+        return
+    stiffness = 0.0
+    if p[RESOLUTION] < deflection and s[AIM] > s[BEGUN]:
+        stiffness = (s[AIM] - s[BEGUN]) / (deflection + p[RESOLUTION])
+    # A hand that leans against the joint meanwhile makes it look stiffer than it is.
+    if s[PRESLIDING] > 0.0:
+        stiffness = min(stiffness, 1.3 * s[PRESLIDING])
+    s[PRESLIDING] = stiffness
+    s[AIM] *= BACKED
+    s[HELD] = 0.0
+    s[PHASE] = BACKING
+
+
+@njit(cache=True)
+def push_help(p, s, sign):
+    """Return the current in A by which a person's push has earned more than the resting level.
+
+    A deflection in direction d beyond the place where the joint rested can only be a push. It is
+    answered with the share ASSIST of the current that would have made it; below 1 that is stable,
+    and a joint that nobody pushes gets nothing.
+    """
+    place = sign * s[PLACE]
+    level = sign * s[LEVEL]
+    most = (p[MOST_POSITIVE] if sign > 0.0 else p[MOST_NEGATIVE]) - level
+    moved = place - s[ORIGIN]
+    dead = PUSH_COUNTS * p[RESOLUTION]
+    if s[QUIET] > NEW_REST_TIME and abs(moved) * s[PRESLIDING] > 2.0 * (level + most):
+        # It slid and has come to rest elsewhere.
+        s[ORIGIN] = place
+        moved = 0.0
+    elif moved > 0.0:
+        s[ORIGIN] += moved * s[STEP] / CREEP_TIME
+    return max(0.0, min(most, p[ASSIST] * s[PRESLIDING] * (moved - dead)))
+
+
+@njit(cache=True)
+def turn_level(p, s, direction):
+    """Lead the level of the breakaway term through its phases; return its sign and size in A."""
+    step = max(p[BREAK_POSITIVE], p[BREAK_NEGATIVE]) * s[STEP] / p[RISE_TIME]
+    sign = 1.0 if s[LEVEL] > 0.0 or (s[LEVEL] == 0.0 and direction > 0.0) else -1.0
+    help_aim = 0.0
+    if direction == 0.0 or direction != sign:
+        s[PHASE] = NOTHING
+        s[LEVEL] = approach(s[LEVEL], 0.0, step)
+    elif s[PHASE] == NOTHING:
+        wanted = p[BREAK_POSITIVE] if sign > 0.0 else p[BREAK_NEGATIVE]
+        if s[QUIET] <= QUIET_TIME:
+            s[PHASE] = MOVING
+        elif sign * s[LEVEL] < 0.05 * wanted:
+            begin_probe(s, sign, wanted)
+        else:
+            # Announced again before the level was gone.
+            s[LEVEL] = approach(s[LEVEL], 0.0, step)
+    elif s[PHASE] == PROBING or s[PHASE] == BACKING:
+        probe(p, s, sign)
+    elif s[PHASE] == READY:
+        help_aim = push_help(p, s, sign)
+    else:
+        safe = p[SAFE_POSITIVE] if sign > 0.0 else p[SAFE_NEGATIVE]
+        s[LEVEL] = approach(s[LEVEL], sign * safe, step)
+        if s[QUIET] > REST_TIME and s[LEVEL] == sign * safe:
+            begin_probe(s, sign, p[BREAK_POSITIVE] if sign > 0.0 else p[BREAK_NEGATIVE])
+    # Earned at once, lost slowly.
+    s[HELP] = max(help_aim, s[HELP] - step)
+    s[KINETIC_SHARE] = 0.0 if s[PHASE] in (PROBING, BACKING) else approach(
+        s[KINETIC_SHARE], 1.0, s[STEP] / BLEND_TIME)
+    level = sign * s[LEVEL]
+    return sign, level + (s[HELP] if level > 0.0 else 0.0)
+
+
+@njit(cache=True)
+def continuous_current(p, s, direction, friction_effects):
+    """Return the current of the continuous law in A, further effects not counted.
+
+    In the direction d, from standstill to full speed,
+
+    ``i = L + (P(ω) - L)·tanh(c2·ω/2)``
+
+    with the level L of the breakaway term and P the plateau of Eq. 6 with its viscous part: L at
+    rest, Eq. 6 centred at standstill as soon as the joint moves, never less than L in between.
+    """
+    sign, level = turn_level(p, s, direction)
+    speed = s[SPEED]
+    along = speed * sign
+    plateau = p[UPPER] if speed > 0.0 else p[LOWER]
+    # How far the level is from having any say.
+    largest = max(p[BREAK_POSITIVE], p[BREAK_NEGATIVE])
+    free = max(0.0, 1.0 - 4.0 * level / largest) if largest > 0.0 else 1.0
+    # Against the direction the law turns over slowly: the recoil of a joint that sticks, a few
+    # counts, is no movement.
+    steep = p[STEEPNESS]
+    if along < 0.0:
+        steep = free * steep + (1.0 - free) * min(steep, 2.0 / p[BACK_SPEED])
+    moving = math.tanh(0.5 * steep * abs(speed))
+    kinetic = s[KINETIC_SHARE] * (p[VISCOUS] * speed + plateau * moving)
+    # Without a direction the joint is meant to come to rest where it is left: near standstill a
+    # share of its friction stays.
+    kinetic *= 1.0 - REST_SHARE * free * math.exp(-(speed / REST_SPEED) ** 2)
+    if along >= 0.0:
+        # What the moving joint needs is paid once: by the kinetic term or by the level.
+        share = 1.0 - s[KINETIC_SHARE] * moving
+        level = max(0.0, level - max(0.0, sign * friction_effects))
+    else:
+        share = 1.0 - smooth(-along / p[BACK_SPEED])
+    breakaway = sign * share * level
+    s[KINETIC_TERM] = kinetic
+    s[BREAKAWAY_TERM] = breakaway
+    return kinetic + breakaway
