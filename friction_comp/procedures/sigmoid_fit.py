@@ -25,7 +25,7 @@ from friction_comp.procedures.least_absolute import independent_rows, least_abso
 TOLERANCE = 3e-4
 """Share by which the error may rise for the sake of a well-behaved transition."""
 
-_STARTS = 24
+_STARTS = 20
 # Distances between table points and trial transitions, in units of one over the steepness. At
 # eight a transition hardly reaches the point any more, but it still shifts its residual.
 _CLOSE = (-8.0, -5.5, -3.5, -1.8, -0.6, 0.6, 1.8, 3.5, 5.5, 8.0)
@@ -233,13 +233,20 @@ def _search(x, y, values, gentlest, steepest):
                   for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
     minima = np.argwhere(errors <= np.min(neighbours, axis=0)).tolist()
     minima = sorted(minima, key=lambda index: errors[tuple(index)])[:_STARTS]
+    # Steep transitions beside a point lie in valleys along which the error hardly changes, so
+    # that they are no minima of the grid: start in each valley at a few steepnesses.
+    beside = np.min([padded[1:-1, :-2], padded[1:-1, 2:]], axis=0)
+    for row in (rows // 2, 3 * rows // 4, rows - 1):
+        valleys = np.nonzero(errors[row] <= beside[row])[0]
+        best = valleys[np.argsort(errors[row, valleys], kind='stable')[:4]]
+        minima.extend([row, int(column)] for column in best)
     found = []
     for row, column in minima:
         transition = np.array([steepnesses[row, column], shifts[row, column]])
         error = _descend(x, y, transition, steepest, gentlest, 12)
         found.append((error, *transition))
     best = (np.inf, 1.0, 0.0)
-    for start in sorted(found)[:4]:
+    for start in sorted(found)[:5]:
         transition = np.array(start[1:])
         error = _descend(x, y, transition, steepest, gentlest, 150)
         best = min(best, (error, *transition))
