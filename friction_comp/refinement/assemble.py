@@ -19,7 +19,8 @@ def final_fit(data, fits):
     """Return the fit on all usable rows, started from the constants of either fold."""
     best = None
     for start in fits:
-        fit = Fit(data, data.usable, start.steepness, start.terms, start.lag)
+        fit = Fit(data, data.usable, start.steepness, start.terms, start.lag,
+                  transition=start.transition)
         fit.polish()
         size = float(np.mean(np.abs(fit.residual[data.usable])))
         if best is None or size < best[0]:
@@ -41,7 +42,7 @@ def to_model(fit, samples, usable, drive, settings):
     """
     if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
         whole = Data(samples, usable, None, None, None, 0.0, fit.data.scene, '')
-        fit = Fit(whole, usable, fit.steepness, fit.terms, fit.lag)
+        fit = Fit(whole, usable, fit.steepness, fit.terms, fit.lag, transition=fit.transition)
     offset, coulomb, viscous = (float(value) for value in fit.coefficients[:3])
     sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb,
                       steepness=fit.steepness, viscous=viscous)

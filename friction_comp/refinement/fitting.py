@@ -26,6 +26,12 @@ class Term:
     kind: type
     constants: dict = field(default_factory=dict)
 
+    def turned(self, transition):
+        """Return the term with another velocity over which its friction changes sign."""
+        if self.constants.get('transition', transition) == transition:
+            return self
+        return Term(self.kind, {**self.constants, 'transition': transition})
+
     def columns(self, samples, window):
         """Return the design matrix; ripple is damped as the averaging of samples damps it."""
         matrix = self.kind.columns(samples, **self.constants)
@@ -80,13 +86,17 @@ class Fit:
     terms : sequence of Term
     offset : ndarray, shape (N,), optional
         Current in A that is known and not fitted.
+    transition : float, optional
+        Velocity in rad/s over which the friction of the terms changes sign: one for all, which
+        need not be the sigmoid's own. That of the sigmoid when omitted.
     """
 
-    def __init__(self, data, rows, steepness, terms=(), lag=0.0, offset=None):
+    def __init__(self, data, rows, steepness, terms=(), lag=0.0, offset=None, transition=None):
         self.data, self.rows, self.steepness, self.lag = data, rows, steepness, lag
         self.offset = offset
         self.index = np.nonzero(rows)[0]
-        self.terms = list(terms)
+        self.transition = transition or 2.0 / steepness
+        self.terms = [term.turned(self.transition) for term in terms]
         self.refresh()
 
     def copy(self):
@@ -138,6 +148,7 @@ class Fit:
             twin.terms.append(Term(term.kind, {'lag': twin.lag}))
             twin.refresh()
             return twin
+        term = term.turned(self.transition)
         twin.terms.append(term)
         twin.parts = self.parts + [term.columns(self.samples, self.data.window)]
         twin.solve()
@@ -220,6 +231,8 @@ class Fit:
         """Search all constants of all terms together with the coefficients, one by one."""
         for _ in range(sweeps):
             self._polish_steepness(evaluations)
+            if any('transition' in term.constants for term in self.terms):
+                self._polish_transition(evaluations)
             for place, term in enumerate(list(self.terms)):
                 if not any(how is not None for how in term.kind.constants.values()):
                     continue
@@ -243,9 +256,17 @@ class Fit:
             self.__dict__.update(twin.__dict__)
 
     def _with_steepness(self, steepness):
+        return self._with_turns(steepness, self.transition * self.steepness / steepness)
+
+    def _with_turns(self, steepness, transition):
         twin = self.copy()
-        twin.steepness = steepness
-        twin.parts = [base_columns(self.samples, steepness)] + self.parts[1:]
+        twin.steepness, twin.transition = steepness, transition
+        twin.terms = [term.turned(transition) for term in self.terms]
+        base = (self.parts[0] if steepness == self.steepness
+                else base_columns(self.samples, steepness))
+        twin.parts = [base] + [
+            new.columns(self.samples, self.data.window) if new is not old else part
+            for new, old, part in zip(twin.terms, self.terms, self.parts[1:])]
         twin.solve(3)
         return twin
 
@@ -263,6 +284,17 @@ class Fit:
             found = minimize_scalar(loss, bounds=(low, high), method='bounded',
                                     options={'maxiter': evaluations, 'xatol': 0.02})
             self._take_better(self._with_steepness(math.exp(found.x)))
+
+    def _polish_transition(self, evaluations):
+        scale = self.scale
+
+        def loss(x):
+            twin = self._with_turns(self.steepness, math.exp(x))
+            return float(np.mean(huber_loss(twin.residual[self.index], scale)))
+        own = math.log(2.0 / self.steepness)
+        found = minimize_scalar(loss, bounds=(own - 3.0, own + 0.5), method='bounded',
+                                options={'maxiter': evaluations, 'xatol': 0.05})
+        self._take_better(self._with_turns(self.steepness, math.exp(found.x)))
 
     def _polish_lag(self, place, evaluations):
         step = self.data.scene.sample_time

@@ -15,9 +15,11 @@ from friction_comp.refinement.data import correlation_samples
 from friction_comp.refinement.fitting import huber_loss, robust_scale
 
 # Chance of any wrong effect in a step, over all candidates together.
-ALPHA = 0.002
+ALPHA = 0.01
 # An effect has to lower the held-out loss by this share, or it is not worth its place.
-LEAST_SHARE = 0.004
+LEAST_SHARE = 0.01
+# Nor one whose current is a smaller share of the signal than this: no drive is known as well.
+LEAST_SIZE = 0.003
 _MOST_EFFECTS = 10
 _MOST_STRETCHES = 400
 _POLISHED = 3
@@ -95,6 +97,13 @@ def advantage(data, old, new):
     if spread <= 0:
         return total / size, 0.0, 1.0
     p_value = float(stats.t.sf(total / spread, number - 1))
+    # An effect that shows in few stretches only (a bump, a start from rest) has a spread made by
+    # itself; of the square roots of the sums it stands out. Two tests, so twice the chance.
+    roots = np.sign(sums) * np.sqrt(np.abs(sums))
+    deviation = float(np.std(roots, ddof=1)) / math.sqrt(number)
+    if total > 0 and deviation > 0:
+        p_value = min(1.0, 2.0 * min(
+            p_value, float(stats.t.sf(float(roots.mean()) / deviation, number - 1))))
     # Few flips cannot show a very small chance; there Student's t has to do.
     if 1e-3 < p_value < 0.2:
         p_value = max(p_value, flipped_signs(sums))
@@ -105,7 +114,7 @@ def stretch_sums(data, values, residual):
     """Sum values of usable samples over stretches longer than the residual's memory."""
     usable = data.usable
     size = int(usable.sum())
-    length = 4 * correlation_samples(residual, usable)
+    length = 2 * correlation_samples(residual, usable)
     length = int(max(length, size / _MOST_STRETCHES))
     length = max(2, min(length, size // 20))
     number = np.arange(size) // length
@@ -165,6 +174,7 @@ def select(data, fits, report=None):
     """
     steps = []
     residual = held_out_residual(data, fits)
+    least = (LEAST_SIZE * rms(data.samples.current[data.usable])) ** 2
     while len(steps) < _MOST_EFFECTS:
         loss = float(np.mean(huber_loss(residual, robust_scale(residual[data.usable]))[
             data.usable]))
@@ -181,7 +191,7 @@ def select(data, fits, report=None):
             polish(data, residual, trial)
         worthy = [trial for trial in trials
                   if trial.p_value < ALPHA / len(kinds)
-                  and trial.advantage > LEAST_SHARE * loss]
+                  and trial.advantage > max(LEAST_SHARE * loss, least)]
         if not worthy:
             break
         chosen = simplest_of_the_best(data, worthy)

@@ -52,10 +52,10 @@ def breaks(samples):
 
 
 class Hysteresis(Effect):
-    """``A·(z - tanh(v/v_t))`` with Dahl's state z over a presliding distance.
+    """``A·z`` with Dahl's state z over a presliding distance.
 
-    A moves a share of Coulomb friction from the sigmoid, which turns with the velocity, to the
-    bristles, which turn with the distance since the reversal.
+    A is the share of Coulomb friction that turns round with the distance since the reversal; the
+    sigmoid keeps the share that turns round with the velocity.
     """
 
     name = 'hysteresis'
@@ -77,11 +77,11 @@ class Hysteresis(Effect):
         """Return one column."""
         direction = sign(samples.velocity, transition)
         position = np.ascontiguousarray(samples.position, dtype=float)
-        state = dahl_state(position, breaks(samples), np.sign(direction), distance)
-        return (state - direction)[:, None]
+        state = dahl_state(position, breaks(samples), direction, distance)
+        return state[:, None]
 
     def online(self):
-        """Return the term; at standstill it holds what the bristles hold, and adds nothing."""
+        """Return the term; it fades at standstill, where stored torque would push the joint."""
         return _Bristles(self)
 
     def describe(self):
@@ -92,33 +92,28 @@ class Hysteresis(Effect):
     def formula(self):
         """Return the formula with its numbers."""
         c = self.values
-        return (f'{self.coefficients[0]:+.4g}·(z - tanh(v/{c["transition"]:.3g})), '
-                f'dz/dq = (1 - z·sgn v)/{c["distance"]:.3g}')
+        return (f'{self.coefficients[0]:+.4g}·z, '
+                f'dz/dq = (1 - z·sgn(v))/{c["distance"]:.3g}')
 
 
 class _Bristles(OnlineTerm):
     def __init__(self, effect):
         self._gain = effect.coefficients[0]
         self._constants = effect.values
-        self._state = None
-        self._position = None
+        self.reset()
 
     def update(self, time, position, velocity, temperature=None, load=None):
-        direction = math.tanh(velocity / self._constants['transition'])
-        if self._position is None:
-            self._state = direction
-        else:
-            step = position - self._position
+        moving = abs(math.tanh(velocity / self._constants['transition']))
+        step = 0.0 if self._position is None else position - self._position
+        if step:
+            side = math.copysign(1.0, step)
             keep = math.exp(-abs(step) / self._constants['distance'])
-            side = math.copysign(1.0, step) if step else 0.0
-            self._state = side + (self._state - side) * keep if step else self._state
+            self._state = side + (self._state - side) * keep
         self._position = position
-        # Only while moving and only as far as bristles and motion agree in direction: otherwise
-        # the stored torque would push a joint that nobody touches.
-        agree = max(0.0, direction * self._state)
-        return self._gain * (self._state - direction) * min(1.0, abs(direction)) if agree else (
-            -self._gain * direction)
+        # What the bristles hold at rest is held by friction: fed to the motor it would push a
+        # joint that nobody touches.
+        return self._gain * self._state * moving
 
     def reset(self):
-        self._state = None
+        self._state = 0.0
         self._position = None

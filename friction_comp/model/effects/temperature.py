@@ -12,7 +12,10 @@ from friction_comp.model.effects.base import Effect, sign, StaticTerm
 
 
 class Temperature(Effect):
-    """``(A·tanh(v/v_t) + B·v)·(T - T0)``: Coulomb and viscous friction change with T."""
+    """``(A·s + B·v + C·s²)·(T - T0)``, s = tanh(v/v_t): friction changes with temperature.
+
+    A is Coulomb and B viscous friction; C is for directions that change differently.
+    """
 
     name = 'temperature'
     variable = 'temperature'
@@ -26,30 +29,32 @@ class Temperature(Effect):
 
     @classmethod
     def columns(cls, samples, reference_temperature, transition):
-        """Return two columns."""
+        """Return three columns."""
         v = samples.velocity
         difference = samples.temperature - reference_temperature
-        return np.column_stack((sign(v, transition) * difference, v * difference))
+        side = sign(v, transition)
+        return np.column_stack((side * difference, v * difference, side * side * difference))
 
     def online(self):
         """Return the term; it needs the temperature and passes through zero with the velocity."""
-        a, b = self.coefficients
+        a, b, even = self.coefficients
         c = self.values
 
         def term(_time, _position, v, temperature, _load):
             difference = temperature - c['reference_temperature']
-            return (a * math.tanh(v / c['transition']) + b * v) * difference
+            side = math.tanh(v / c['transition'])
+            return (a * side + b * v + even * side * side) * difference
         return StaticTerm(term, needs=('temperature',))
 
     def describe(self):
         """Return the effect in words."""
-        a, b = self.coefficients
+        a, b, _ = self.coefficients
         return (f'Temperature: per kelvin Coulomb friction changes by {a:+.3g} A and viscous '
                 f'friction by {b:+.3g} A per rad/s')
 
     def formula(self):
         """Return the formula with its numbers."""
-        a, b = self.coefficients
+        a, b, even = self.coefficients
         c = self.values
-        return (f'({a:+.4g}·tanh(v/{c["transition"]:.3g}) {b:+.4g}·v)'
-                f'·(T - {c["reference_temperature"]:.3g})')
+        return (f'({a:+.4g}·s {b:+.4g}·v {even:+.4g}·s²)·(T - {c["reference_temperature"]:.3g}), '
+                f's = tanh(v/{c["transition"]:.3g})')

@@ -12,7 +12,11 @@ from friction_comp.model.effects.base import Effect, geometric, OnlineTerm, sign
 
 
 class WarmUp(Effect):
-    """``(A·tanh(v/v_t) + B·v)·exp(-t/τ)``, t from the start of each recording."""
+    """``(A·s + B·v + C·s²)·exp(-t/τ)``, s = tanh(v/v_t), t from the start of each recording.
+
+    The last term is there because friction that differs between the directions (Eq. 6 has two
+    plateaus) also changes differently.
+    """
 
     name = 'warm_up'
     variable = 'time'
@@ -26,10 +30,11 @@ class WarmUp(Effect):
 
     @classmethod
     def columns(cls, samples, time_constant, transition):
-        """Return two columns."""
+        """Return three columns."""
         v = samples.velocity
         fade = np.exp(-np.maximum(samples.time, 0.0) / time_constant)
-        return np.column_stack((sign(v, transition) * fade, v * fade))
+        side = sign(v, transition)
+        return np.column_stack((side * fade, v * fade, side * side * fade))
 
     def online(self):
         """Return the term; its time counts from the first sample after a reset."""
@@ -37,16 +42,16 @@ class WarmUp(Effect):
 
     def describe(self):
         """Return the effect in words."""
-        a, b = self.coefficients
+        a, b, _ = self.coefficients
         return (f'Warm-up: {a:+.3g} A of Coulomb and {b:+.3g} A per rad/s of viscous friction at '
                 f'the start, fading with {self.values["time_constant"]:.3g} s')
 
     def formula(self):
         """Return the formula with its numbers."""
-        a, b = self.coefficients
+        a, b, even = self.coefficients
         c = self.values
-        return (f'({a:+.4g}·tanh(v/{c["transition"]:.3g}) {b:+.4g}·v)'
-                f'·exp(-t/{c["time_constant"]:.4g})')
+        return (f'({a:+.4g}·s {b:+.4g}·v {even:+.4g}·s²)'
+                f'·exp(-t/{c["time_constant"]:.4g}), s = tanh(v/{c["transition"]:.3g})')
 
 
 class OffsetDrift(Effect):
@@ -84,7 +89,7 @@ class OffsetDrift(Effect):
 
 class _Fading(OnlineTerm):
     def __init__(self, effect):
-        self._coulomb, self._viscous = effect.coefficients
+        self._coulomb, self._viscous, self._even = effect.coefficients
         self._constants = effect.values
         self._start = None
 
@@ -93,8 +98,8 @@ class _Fading(OnlineTerm):
             self._start = time
         c = self._constants
         fade = math.exp(-(time - self._start) / c['time_constant'])
-        return (self._coulomb * math.tanh(velocity / c['transition'])
-                + self._viscous * velocity) * fade
+        side = math.tanh(velocity / c['transition'])
+        return (self._coulomb * side + self._viscous * velocity + self._even * side * side) * fade
 
     def reset(self):
         # A reset of the compensator does not cool the motor: the clock keeps running.

@@ -185,7 +185,7 @@ def choose_differentiation(samples, clipped):
     best = None
     thin = max(1, len(samples) // 20000)
     usable = None
-    for settings in recordings.bandwidths(samples):
+    for settings in reversed(recordings.bandwidths(samples)):
         moving = differentiate(samples, settings)
         if usable is None:
             speed = np.abs(moving.velocity)
@@ -197,7 +197,7 @@ def choose_differentiation(samples, clipped):
         part = moving.take(rows)
         top = float(np.percentile(np.abs(part.velocity), 95))
         error = min(_motion_error(part, top / share) for share in (3.0, 10.0, 30.0, 100.0, 300.0))
-        # Wider than needed brings noise only, so that a narrower one wins when as good.
+        # Narrower than needed blunts reversals, so that a wider one wins when as good.
         if best is None or error < 0.995 * best[0]:
             best = (error, settings)
     return best[1]
