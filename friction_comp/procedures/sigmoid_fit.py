@@ -246,7 +246,12 @@ def _search(x, y, values, gentlest, steepest):
         error = _descend(x, y, transition, steepest, gentlest, 12)
         found.append((error, *transition))
     best = (np.inf, 1.0, 0.0)
-    for start in sorted(found)[:5]:
+    finalists = []
+    for start in sorted(found):
+        # Several starts end in one place; one of them goes on.
+        if not finalists or start[0] > finalists[-1][0] * (1.0 + 1e-5):
+            finalists.append(start)
+    for start in finalists[:4]:
         transition = np.array(start[1:])
         error = _descend(x, y, transition, steepest, gentlest, 150)
         best = min(best, (error, *transition))
