@@ -8,8 +8,8 @@ import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement import newton
 from friction_comp.refinement.data import Data
-from friction_comp.refinement.fitting import Fit
 
 # More samples than this gain nothing, and would cost memory.
 _MOST_SAMPLES = 200_000
@@ -19,13 +19,20 @@ def final_fit(data, fits):
     """Return the fit on all usable rows, started from the constants of either fold."""
     best = None
     for start in fits:
-        fit = Fit(data, data.usable, start.steepness, start.terms, start.lag,
-                  transition=start.transition)
-        fit.polish()
+        fit = newton.polish(moved(start, data, data.usable))
         size = float(np.mean(np.abs(fit.residual[data.usable])))
         if best is None or size < best[0]:
             best = (size, fit)
     return best[1]
+
+
+def moved(fit, data, rows):
+    """Return a fit with the same terms and constants on other rows, solved."""
+    twin = fit.copy()
+    twin.data, twin.rows, twin.index = data, rows, np.nonzero(rows)[0]
+    twin.forget()
+    twin.refresh()
+    return twin
 
 
 def to_model(fit, samples, usable, drive, settings):
@@ -42,10 +49,10 @@ def to_model(fit, samples, usable, drive, settings):
     """
     if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
         whole = Data(samples, usable, None, None, None, 0.0, fit.data.scene, '')
-        fit = Fit(whole, usable, fit.steepness, fit.terms, fit.lag, transition=fit.transition)
+        fit = moved(fit, whole, usable)
     offset, coulomb, viscous = (float(value) for value in fit.coefficients[:3])
     sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb,
-                      steepness=fit.steepness, viscous=viscous)
+                      steepness=fit.steepness, shift=fit.shift, viscous=viscous)
     effects, place = [], 3
     for term, part in zip(fit.terms, fit.parts[1:]):
         number = part.shape[1]

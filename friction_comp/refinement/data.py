@@ -107,6 +107,25 @@ def sticking_speed(samples):
     return float(min(max(0.01 * top, noise), 0.05 * top))
 
 
+def in_motion(samples, slowest, settings):
+    """Return which samples tell of friction: the joint moves, and has moved for a moment.
+
+    Beside standstill, the smoothing of the positions blends rest and motion over about the
+    inverse of its bandwidth. Those samples are left out as well, unless so much of the recording
+    is near a reversal that little else would remain.
+    """
+    moving = np.abs(samples.velocity) > slowest
+    bandwidth = settings.get('bandwidth')
+    if not bandwidth:
+        return moving
+    width = round(0.5 / (bandwidth * samples.sample_time))
+    sums = np.concatenate(([0], np.cumsum(~moving)))
+    place = np.arange(len(moving))
+    near = sums[np.minimum(place + width + 1, len(moving))] - sums[np.maximum(place - width, 0)]
+    inner = moving & (near == 0)
+    return inner if inner.sum() > 0.8 * moving.sum() else moving
+
+
 def clipped(current):
     """Return which samples sit at the very limits of the current signal, shape (N,).
 

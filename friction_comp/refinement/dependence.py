@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import itertools
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from friction_comp.model.effects.hysteresis import breaks
 from friction_comp.refinement.data import correlation_samples
 from friction_comp.refinement.fitting import robust_scale
 
-_FLIPS = 1000
+_FLIPS = 1500
 _CHANCE = 0.001
 # Share of the residual's variance below which a dependence is not worth a word.
 LEAST_STRENGTH = 0.02
@@ -120,28 +121,84 @@ def unexplained(samples, usable, residual, slowest):
     if power <= 0:
         return found
     while cells:
-        length = max(4 * correlation_samples(values, np.ones(len(values), dtype=bool)),
-                     len(values) // _MOST_STRETCHES, 2)
-        stretch = np.arange(len(values)) // min(length, max(2, len(values) // 20))
+        stretch = _stretches(values)
         best = None
         share = float(values @ values) / power
         for name, cell in cells.items():
             strength, p_value = test_dependence(values, cell, stretch, rng)
-            if p_value <= 2.0 * _CHANCE and strength * share > LEAST_STRENGTH and (
+            if p_value <= _CHANCE and strength * share > LEAST_STRENGTH and (
                     best is None or strength > best[1]):
                 best = (name, strength)
         if best is None:
             break
         name, strength = best
-        cell = cells.pop(name)
-        size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
-        found.append(Dependence(
-            name, strength * share,
-            f'about {size:.2g} A RMS of the remaining error go with {name}, and no effect known '
-            'to the package describes how'))
-        mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
-        values = values - mean[cell]
-    return found
+        found.append(Dependence(name, strength * share, _note(name, strength, values)))
+        values = _less_means(values, cells.pop(name))
+    pair = strongest_pair(values, samples, usable, rng)
+    if pair is not None:
+        names, strength = pair
+        share = strength * float(values @ values) / power
+        known = {item.variable for item in found}
+        if share > 2.0 * LEAST_STRENGTH:
+            found += [Dependence(name, share, _note(' and '.join(names), strength, values))
+                      for name in names if name not in known]
+    return sorted(found, key=lambda item: -item.strength)
+
+
+def strongest_pair(values, samples, usable, rng):
+    """Return the two variables whose joint cells explain most, and the strength; None if none.
+
+    Parameters
+    ----------
+    values : ndarray, shape (M,)
+        Residual of the usable samples.
+    samples : Samples
+    usable : ndarray of bool, shape (N,)
+    rng : numpy.random.Generator
+    """
+    moving = samples.take(usable)
+    ranges = {'position': _ranges(moving.position, 12), 'velocity': _ranges(moving.velocity, 8),
+              'time': _ranges(moving.time, 12), 'acceleration': _ranges(moving.acceleration, 6)}
+    if moving.load is not None:
+        ranges['load'] = _ranges(moving.load, 8)
+    if moving.temperature is not None:
+        ranges['temperature'] = _ranges(moving.temperature, 6)
+    side = (moving.velocity > 0).astype(int)
+    stretch = _stretches(values)
+    best = None
+    for names in itertools.combinations(ranges, 2):
+        cell = _pair(*(ranges[name] for name in names))
+        if 'velocity' not in names:
+            cell = _pair(cell, side)
+        cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
+        strength, p_value = test_dependence(values, cell, stretch, rng)
+        if p_value <= _CHANCE and (best is None or strength > best[1]):
+            best = (names, strength)
+    return best
+
+
+def whiteness(values):
+    """Return the share of variance that neighbouring samples have in common, 0 for white noise."""
+    power = float(values @ values)
+    return float(values[1:] @ values[:-1]) / power if power > 0 else 0.0
+
+
+def _stretches(values):
+    """Return the number of the stretch of each value; stretches outlast the values' memory."""
+    length = max(2 * correlation_samples(values, np.ones(len(values), dtype=bool)),
+                 len(values) // _MOST_STRETCHES, 2)
+    return np.arange(len(values)) // min(length, max(2, len(values) // 20))
+
+
+def _less_means(values, cell):
+    mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
+    return values - mean[cell]
+
+
+def _note(name, strength, values):
+    size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
+    return (f'about {size:.2g} A RMS of the remaining error go with {name}, and no effect known '
+            'to the package describes how')
 
 
 def _way_since_reversal(samples, slowest):

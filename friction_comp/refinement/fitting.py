@@ -41,10 +41,10 @@ class Term:
         return matrix
 
 
-def base_columns(samples, steepness):
+def base_columns(samples, steepness, shift=0.0):
     """Return the columns of Eq. 6: constant, transition and viscous."""
     v = samples.velocity
-    return np.column_stack((np.ones_like(v), 2.0 * expit(steepness * v) - 1.0, v))
+    return np.column_stack((np.ones_like(v), 2.0 * expit(steepness * (v - shift)) - 1.0, v))
 
 
 def robust_scale(residual):
@@ -93,7 +93,7 @@ class Fit:
 
     def __init__(self, data, rows, steepness, terms=(), lag=0.0, offset=None, transition=None):
         self.data, self.rows, self.steepness, self.lag = data, rows, steepness, lag
-        self.offset = offset
+        self.offset, self.shift = offset, 0.0
         self.index = np.nonzero(rows)[0]
         self.transition = transition or 2.0 / steepness
         self.terms = [term.turned(self.transition) for term in terms]
@@ -106,17 +106,26 @@ class Fit:
         twin.terms = list(self.terms)
         return twin
 
+    def forget(self):
+        """Drop what was kept of the samples, for they are others now."""
+        self._pick = None
+
     def refresh(self):
         """Compute all columns anew and solve."""
-        self.samples = advance(self.data.samples, self.lag)
-        self.parts = [base_columns(self.samples, self.steepness)]
-        self.parts += [term.columns(self.samples, self.data.window) for term in self.terms]
+        self.fill()
         self.solve()
+
+    def fill(self):
+        """Compute all columns anew."""
+        self.samples = advance(self.data.samples, self.lag)
+        self.terms = [term.turned(self.transition) for term in self.terms]
+        self.parts = [base_columns(self.samples, self.steepness, self.shift)]
+        self.parts += [term.columns(self.samples, self.data.window) for term in self.terms]
 
     @staticmethod
     def matrix(samples, fit):
         """Return a fit's design matrix for other samples."""
-        return np.hstack([base_columns(samples, fit.steepness)]
+        return np.hstack([base_columns(samples, fit.steepness, fit.shift)]
                          + [term.columns(samples, fit.data.window) for term in fit.terms])
 
     @property
@@ -204,10 +213,10 @@ class Fit:
         """Return the samples a term needs: only the fitted ones, unless it has a memory."""
         if term.kind.variable == 'history':
             return self.samples
-        key = (len(index), id(self.samples))
-        if getattr(self, '_pick', (None,))[0] != key:
-            self._pick = (key, self.samples.take(index))
-        return self._pick[1]
+        held = getattr(self, '_pick', None)
+        if held is None or held[0] is not self.samples or len(held[1]) != len(index):
+            self._pick = held = (self.samples, self.samples.take(index))
+        return held[1]
 
     def search(self, term, every=1, evaluations=14):
         """Return the term with its constants searched around where they are, and its gain."""
@@ -226,92 +235,6 @@ class Fit:
                 best = -found.fun
                 term = Term(term.kind, {**term.constants, name: float(back(found.x))})
         return term, best
-
-    def polish(self, sweeps=1, evaluations=10):
-        """Search all constants of all terms together with the coefficients, one by one."""
-        for _ in range(sweeps):
-            self._polish_steepness(evaluations)
-            if any('transition' in term.constants for term in self.terms):
-                self._polish_transition(evaluations)
-            for place, term in enumerate(list(self.terms)):
-                if not any(how is not None for how in term.kind.constants.values()):
-                    continue
-                if 'lag' in term.constants:
-                    self._polish_lag(place, evaluations)
-                    continue
-                rest = self.without(place)
-                better, _ = rest.search(term, evaluations=evaluations)
-                if better != term:
-                    twin = self.copy()
-                    twin.terms[place] = better
-                    twin.parts = list(self.parts)
-                    twin.parts[place + 1] = better.columns(self.samples, self.data.window)
-                    twin.solve()
-                    self._take_better(twin)
-
-    def _take_better(self, twin):
-        residual, other = self.residual[self.index], twin.residual[self.index]
-        scale = self.scale
-        if np.sum(huber_loss(other, scale)) < np.sum(huber_loss(residual, scale)):
-            self.__dict__.update(twin.__dict__)
-
-    def _with_steepness(self, steepness):
-        return self._with_turns(steepness, self.transition * self.steepness / steepness)
-
-    def _with_turns(self, steepness, transition):
-        twin = self.copy()
-        twin.steepness, twin.transition = steepness, transition
-        twin.terms = [term.turned(transition) for term in self.terms]
-        base = (self.parts[0] if steepness == self.steepness
-                else base_columns(self.samples, steepness))
-        twin.parts = [base] + [
-            new.columns(self.samples, self.data.window) if new is not old else part
-            for new, old, part in zip(twin.terms, self.terms, self.parts[1:])]
-        twin.solve(3)
-        return twin
-
-    def _polish_steepness(self, evaluations):
-        scale = self.scale
-        slowest = self.data.scene.speed
-
-        def loss(x):
-            twin = self._with_steepness(math.exp(x))
-            return float(np.mean(huber_loss(twin.residual[self.index], scale)))
-        middle = math.log(self.steepness)
-        low = max(middle - 0.8, math.log(2.0 / slowest))
-        high = min(middle + 0.8, math.log(2000.0 / slowest))
-        if low < high:
-            found = minimize_scalar(loss, bounds=(low, high), method='bounded',
-                                    options={'maxiter': evaluations, 'xatol': 0.02})
-            self._take_better(self._with_steepness(math.exp(found.x)))
-
-    def _polish_transition(self, evaluations):
-        scale = self.scale
-
-        def loss(x):
-            twin = self._with_turns(self.steepness, math.exp(x))
-            return float(np.mean(huber_loss(twin.residual[self.index], scale)))
-        own = math.log(2.0 / self.steepness)
-        found = minimize_scalar(loss, bounds=(own - 3.0, own + 0.5), method='bounded',
-                                options={'maxiter': evaluations, 'xatol': 0.05})
-        self._take_better(self._with_turns(self.steepness, math.exp(found.x)))
-
-    def _polish_lag(self, place, evaluations):
-        step = self.data.scene.sample_time
-        rest = self.without(place)
-
-        def with_lag(lag):
-            twin = rest.copy()
-            twin.terms.insert(place, Term(self.terms[place].kind, {'lag': lag}))
-            twin.lag = lag
-            twin.refresh()
-            return twin
-        scale = self.scale
-        found = minimize_scalar(
-            lambda x: float(np.mean(huber_loss(with_lag(x).residual[self.index], scale))),
-            bounds=(self.lag - step, self.lag + step), method='bounded',
-            options={'maxiter': evaluations, 'xatol': 0.02 * step})
-        self._take_better(with_lag(float(found.x)))
 
 
 def bracket(name, how, value, constants, scene):
@@ -339,6 +262,4 @@ def first_fit(data, rows, offset=None, most_rows=8000):
         size = float(np.sum(np.abs(fit.residual[fit.index])))
         if best is None or size < best[0]:
             best = (size, fit.steepness)
-    fit = Fit(data, rows, best[1], offset=offset)
-    fit.polish()
-    return fit
+    return Fit(data, rows, best[1], offset=offset)

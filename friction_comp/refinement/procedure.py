@@ -12,8 +12,9 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement import data as recordings
+from friction_comp.refinement import data as recordings, newton
 from friction_comp.refinement.assemble import final_fit, to_model
+from friction_comp.refinement.asymmetry import carve_out, named_asymmetry
 from friction_comp.refinement.dependence import unexplained
 from friction_comp.refinement.fitting import (
     first_fit,
@@ -102,16 +103,23 @@ def refine(recorded, model=None, drive=None, progress=None):
     settings = choose_differentiation(samples, clipped)
     samples = differentiate(samples, settings)
     slowest = recordings.sticking_speed(samples)
-    usable = (np.abs(samples.velocity) > slowest) & ~clipped
+    usable = recordings.in_motion(samples, slowest, settings) & ~clipped
     if usable.sum() < recordings.FEWEST:
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(usable.sum())} samples of motion are too few')
     data = prepare(samples, usable, drive, slowest)
     terms = [Term(type(effect), dict(effect.values)) for effect in model.effects] if model else []
-    bases = [_started(first_fit(data, data.fit_rows(fold)), terms) for fold in (0, 1)]
+    bases = [newton.polished(_started(first_fit(data, data.fit_rows(fold)), terms))
+             for fold in (0, 1)]
     steps = select(data, bases, progress)
     fits = steps[-1].fits if steps else bases
-    refined = to_model(final_fit(data, fits), samples, usable, drive, settings)
+    if not model:
+        named = named_asymmetry(data, fits, steps)
+        if named:
+            steps.append(named)
+            fits = named.fits
+    refined = carve_out(to_model(final_fit(data, fits), samples, usable, drive, settings),
+                        samples, usable)
     refined.joint = refined.joint or (model.joint if model else '')
     if model:
         refined.breakaway, refined.simulation = model.breakaway, dict(model.simulation)

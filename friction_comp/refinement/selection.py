@@ -4,12 +4,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
 from scipy import stats
 
+from friction_comp.refinement import newton
 from friction_comp.refinement.candidates import best_term, kinds_for, plausible
 from friction_comp.refinement.data import correlation_samples
 from friction_comp.refinement.fitting import huber_loss, robust_scale
@@ -17,7 +18,7 @@ from friction_comp.refinement.fitting import huber_loss, robust_scale
 # Chance of any wrong effect in a step, over all candidates together.
 ALPHA = 0.01
 # An effect has to lower the held-out loss by this share, or it is not worth its place.
-LEAST_SHARE = 0.01
+LEAST_SHARE = 0.02
 # Nor one whose current is a smaller share of the signal than this: no drive is known as well.
 LEAST_SIZE = 0.003
 _MOST_EFFECTS = 10
@@ -149,10 +150,9 @@ def try_kind(data, fits, residual, kind):
     return trial
 
 
-def polish(data, residual, trial):
-    """Search all constants of a trial together and count its advantage anew."""
-    for fit in trial.fits:
-        fit.polish()
+def polish(data, residual, trial, thorough=False):
+    """Adjust all constants of a trial together and count its advantage anew."""
+    trial.fits = [(newton.polished if thorough else newton.polish)(fit) for fit in trial.fits]
     trial.residual = held_out_residual(data, trial.fits)
     trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
 
@@ -195,6 +195,7 @@ def select(data, fits, report=None):
         if not worthy:
             break
         chosen = simplest_of_the_best(data, worthy)
+        polish(data, residual, chosen, thorough=True)
         fits = chosen.fits
         polished = chosen.residual
         rivals = find_rivals(data, chosen, trials, residual)
@@ -204,7 +205,46 @@ def select(data, fits, report=None):
              'standard_errors': chosen.advantage / max(chosen.error, 1e-300),
              'p_value': chosen.p_value, 'candidates': len(kinds)}, rivals))
         residual = polished
+    return prune(data, steps, least)
+
+
+def prune(data, steps, least):
+    """Take back effects that those found later have made needless.
+
+    The greedy order may add an effect as a stand-in for one that comes later. Every effect but
+    the last is left out in turn, the others fitted anew, and stays out where held-out data do not
+    miss it.
+    """
+    place = len(steps) - 2
+    while place >= 0 and len(steps) > 1:
+        fits = steps[-1].fits
+        first = len(fits[0].terms) - len(steps)
+        poorer = [fit.without(first + place) for fit in fits]
+        full = held_out_residual(data, fits)
+        loss = float(np.mean(huber_loss(full, robust_scale(full[data.usable]))[data.usable]))
+        missed, _, p_value = advantage(data, held_out_residual(data, poorer), full)
+        if missed < 3.0 * max(LEAST_SHARE * loss, least):
+            poorer = [newton.polished(fit) for fit in poorer]
+            missed, _, p_value = advantage(data, held_out_residual(data, poorer), full)
+        if missed < max(LEAST_SHARE * loss, least) or p_value > ALPHA:
+            steps = without_step(data, steps, place, poorer)
+        place -= 1
     return steps
+
+
+def without_step(data, steps, place, fits):
+    """Return the steps less one; the last of them has the fits of the whole."""
+    first = len(steps[0].fits[0].terms) - 1
+    kept = []
+    for number, step in enumerate(steps):
+        if number == place:
+            continue
+        if number > place:
+            step = replace(step, fits=[fit.without(first + place) for fit in step.fits])
+        kept.append(step)
+    kept[-1] = replace(kept[-1], fits=fits)
+    return [replace(step, held_out_rmse=rms(held_out_residual(data, step.fits)[data.usable]))
+            for step in kept]
 
 
 def simplest_of_the_best(data, trials):

@@ -12,13 +12,16 @@ from friction_comp.model.effects.base import Effect, geometric, sign, StaticTerm
 
 
 class Bump(Effect):
-    """``A·s·exp(-(q - q0)²/(2w²))`` with s = tanh(v/v_t), or s = 1 where `directional` is 0."""
+    """``A·s·exp(-|q - q0|^p/(2·w^p))`` with s = tanh(v/v_t), or s = 1 where `directional` is 0.
+
+    p = 2 is a bell; a larger exponent has a flatter top.
+    """
 
     name = 'bump'
     variable = 'position'
     repeatable = True
-    constants = {'position': ('linear', 0.5), 'width': ('log', 1.5), 'directional': None,
-                 'transition': None}
+    constants = {'position': ('linear', 0.5), 'width': ('log', 1.5), 'exponent': ('log', 2.2),
+                 'directional': None, 'transition': None}
 
     @classmethod
     def grid(cls, scene):
@@ -29,16 +32,17 @@ class Bump(Effect):
         points = []
         for width in geometric(0.008 * span, 0.12 * span, 5):
             places = np.arange(scene.lowest, scene.highest + 0.5 * width, width)
-            points += [{'position': float(place), 'width': width, 'directional': directional,
-                        'transition': scene.transition}
+            points += [{'position': float(place), 'width': width, 'exponent': 2.0,
+                        'directional': directional, 'transition': scene.transition}
                        for place in places for directional in (1.0, 0.0)]
         return points
 
     @classmethod
-    def columns(cls, samples, position, width, directional, transition):
+    def columns(cls, samples, position, width, exponent, directional, transition):
         """Return one column."""
-        distance = (samples.position - position) / width
-        bell = np.exp(-np.minimum(0.5 * distance * distance, 700.0))
+        distance = np.abs(samples.position - position) / width
+        power = distance * distance if exponent == 2.0 else distance ** exponent
+        bell = np.exp(-np.minimum(0.5 * power, 700.0))
         if directional:
             bell = bell * sign(samples.velocity, transition)
         return bell[:, None]
@@ -49,7 +53,8 @@ class Bump(Effect):
         c = self.values
 
         def term(_time, position, v, _temperature, _load):
-            bell = math.exp(-min(0.5 * ((position - c['position']) / c['width']) ** 2, 700.0))
+            distance = min(abs(position - c['position']) / c['width'], 1e6)
+            bell = math.exp(-min(0.5 * distance ** c['exponent'], 700.0))
             side = math.tanh(v / c['transition']) if c['directional'] else 1.0
             return gain * side * bell
         return StaticTerm(term)
@@ -65,5 +70,5 @@ class Bump(Effect):
         """Return the formula with its numbers."""
         c = self.values
         side = f'·tanh(v/{c["transition"]:.3g})' if c['directional'] else ''
-        return (f'{self.coefficients[0]:+.4g}·exp(-(q - {c["position"]:.4g})²'
-                f'/(2·{c["width"]:.3g}²)){side}')
+        return (f'{self.coefficients[0]:+.4g}·exp(-½·(|q - {c["position"]:.4g}|'
+                f'/{c["width"]:.3g})^{c["exponent"]:.3g}){side}')

@@ -12,28 +12,29 @@ from friction_comp.model.effects.base import Effect, sign, StaticTerm
 
 
 class DirectionAsymmetry(Effect):
-    """``(A + B·|v|)·tanh²(v/v_t)``: half the difference between positive and negative direction.
+    """``A·h + B·|v|``: half the difference between the positive and the negative direction.
 
-    A is what differs at low speed (Coulomb asymmetry or a constant offset, which no recording of
-    current alone can tell apart), B what differs per speed. The sigmoid of Eq. 6 can hold A
+    A is what differs at low speed, B what differs per speed. Where `offset` is 1, h is 1: a
+    constant current that is there at rest as well. Where it is 0, h = tanh²(v/v_t): Coulomb
+    friction that differs between the directions of motion. The sigmoid of Eq. 6 can hold A
     itself; refinement moves it here where it is worth a name.
     """
 
     name = 'direction_asymmetry'
     variable = 'direction'
-    constants = {'transition': None}
+    constants = {'offset': None, 'transition': None}
 
     @classmethod
     def grid(cls, scene):
         """There is nothing to search."""
-        return [{'transition': scene.transition}]
+        return [{'offset': 1.0, 'transition': scene.transition}]
 
     @classmethod
-    def columns(cls, samples, transition):
-        """Return two columns, even in the velocity and zero at standstill."""
+    def columns(cls, samples, offset, transition):
+        """Return two columns, even in the velocity."""
         v = samples.velocity
-        even = sign(v, transition) ** 2
-        return np.column_stack((even, even * np.abs(v)))
+        even = np.ones_like(v) if offset else sign(v, transition) ** 2
+        return np.column_stack((even, np.abs(v)))
 
     def online(self):
         """Return the term; it is zero at standstill, where breakaway has its own two values."""
@@ -41,7 +42,7 @@ class DirectionAsymmetry(Effect):
         transition = self.values['transition']
 
         def term(_time, _position, v, _temperature, _load):
-            return (a + b * abs(v)) * math.tanh(v / transition) ** 2
+            return a * math.tanh(v / transition) ** 2 + b * abs(v)
         return StaticTerm(term)
 
     def describe(self):
@@ -53,4 +54,5 @@ class DirectionAsymmetry(Effect):
     def formula(self):
         """Return the formula with its numbers."""
         a, b = self.coefficients
-        return f'({a:+.4g} {b:+.4g}·|v|)·tanh²(v/{self.values["transition"]:.3g})'
+        shape = '' if self.values['offset'] else f'·tanh²(v/{self.values["transition"]:.3g})'
+        return f'{a:+.4g}{shape} {b:+.4g}·|v|'

@@ -1,0 +1,88 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Difference between the directions that the sigmoid has taken up, given its name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.fitting import Term
+from friction_comp.refinement.selection import advantage, ALPHA, held_out_residual, rms, Step
+
+# Plateaus of Eq. 6 that differ by less are drawn as they are: the note's three drives do.
+WORTH_A_NAME = 0.10
+_KIND = EFFECTS['direction_asymmetry']
+
+
+def without_offset(fit):
+    """Return a fit whose sigmoid must be the same in both directions."""
+    twin = fit.copy()
+    twin.parts = [twin.parts[0] * np.array([0.0, 1.0, 1.0]), *twin.parts[1:]]
+    twin.solve()
+    return twin
+
+
+def named_asymmetry(data, fits, steps):
+    """Return a step for the asymmetry in the sigmoid, or None where it is not worth a name.
+
+    The sigmoid of Eq. 6 may have another plateau in each direction, so that it takes up a
+    constant offset or Coulomb friction that differs between the directions without any effect
+    being added. Where the difference is large it is reported like any other effect.
+
+    Parameters
+    ----------
+    data : Data
+    fits : list of Fit
+        Of both folds, the effects included.
+    steps : list of Step
+        What was added so far.
+    """
+    if any(step.kind is _KIND for step in steps) or not both_directions(data):
+        return None
+    if any(abs(fit.coefficients[0]) < WORTH_A_NAME * abs(fit.coefficients[1]) for fit in fits):
+        return None
+    full = held_out_residual(data, fits)
+    even = held_out_residual(data, [without_offset(fit) for fit in fits])
+    gain, error, p_value = advantage(data, even, full)
+    if p_value > ALPHA:
+        return None
+    return Step(
+        _KIND, [fit.with_term(Term(_KIND, {'offset': 1.0, 'transition': fit.transition}))
+                for fit in fits], rms(full[data.usable]),
+        {'standard_errors': gain / max(error, 1e-300), 'p_value': p_value,
+         'note': 'the sigmoid of the model before has taken it up; compared is a sigmoid that is '
+                 'the same in both directions'})
+
+
+def both_directions(data):
+    """Tell whether the data hold motion in both directions."""
+    share = float(np.mean(data.samples.velocity[data.usable] > 0))
+    return 0.1 < share < 0.9
+
+
+def carve_out(model, samples, usable):
+    """Move the sigmoid's asymmetry into the model's effect of that name, where it has one.
+
+    The current predicted in motion stays the same. At rest it depends on what the difference is:
+    an offset stays, Coulomb friction vanishes. Rest in the recording decides.
+    """
+    place = next((k for k, effect in enumerate(model.effects) if effect.name == _KIND.name), None)
+    if place is None:
+        return model
+    effect, sigmoid = model.effects[place], model.sigmoid
+    middle = 0.5 * (sigmoid.upper + sigmoid.lower)
+    a, b = effect.coefficients
+    total = a + middle
+    half = 0.5 * (sigmoid.upper - sigmoid.lower)
+    model.sigmoid = type(sigmoid)(upper=half, lower=-half, steepness=sigmoid.steepness,
+                                  shift=sigmoid.shift, viscous=sigmoid.viscous)
+    values = {**effect.values, 'offset': 1.0, 'coefficients': [total, b]}
+    model.effects[place] = _KIND(values)
+    resting = np.abs(samples.velocity) < 0.2 * np.percentile(np.abs(samples.velocity[usable]), 5)
+    if resting.sum() > 100:
+        left = samples.current[resting] - model.predict(samples)[resting]
+        # With Coulomb's asymmetry the prediction at rest would be lower by all of it.
+        if abs(np.median(left) + total) < abs(np.median(left)):
+            model.effects[place] = _KIND({**values, 'offset': 0.0})
+    return model
