@@ -6,13 +6,14 @@ Taken to the letter, Eq. 9 fires at the first encoder count. A real joint flicke
 while it stands, and creeps by tens of counts on its elastic contacts before it slides. So each
 ramp is read backwards: first the run-away is found that no flicker and no creep can be (a speed
 held over many samples), then the instant at which it began, by fitting the position about it
-with a straight creep that turns into an accelerated slide at an unknown time. The current at
+with a smooth creep that turns into a slide at an unknown time. The current at
 that instant is a local mean of the measured current, corrected for the ramp's slope.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+import math
 
 from numba import njit
 import numpy as np
@@ -26,7 +27,8 @@ stiffness is a few mrad/s at most."""
 
 _SPEED_WINDOW = 0.03   # s over which the speed is taken
 _CURRENT_WINDOW = 0.1  # s each side over which the current is averaged
-_POINTS = 160          # of the fit
+_POINTS = 240          # of the fit
+_MISFIT = 0.1          # of the way slid, by which the fit may be wrong
 
 
 @dataclass(frozen=True)
@@ -258,65 +260,77 @@ def _slide_begin(time, position, begin, end, sign, resolution, runaway_speed):
             break
     if found < 0:
         return np.nan, rest
-    window = 0.4
-    instant = np.nan
-    for _ in range(3):
+    window, instant = 0.4, np.nan
+    for _ in range(4):
         first = found
         while first > begin and time[found] - time[first] < window:
             first -= 1
-        instant = _hinge(time, position, first, found, sign)
-        if not np.isfinite(instant):
-            return np.nan, rest
-        window = max(3.0 * (time[found] - instant), 0.06)
+        instant = _hinge(time, position, first, found, sign, resolution)
+        window = max(4.0 * (time[found] - instant), 0.15)
     return instant, rest
 
 
 @njit(cache=True)
-def _hinge(time, position, first, last, sign):
-    """Least-squares instant at which a straight creep turns into an accelerated slide."""
+def _hinge(time, position, first, last, sign, resolution):
+    """Least-squares instant at which creep turns into a slide.
+
+    Creep is a parabola; the slide adds to it a jump in speed, an acceleration and a growing one,
+    none of them backwards. No formula holds far into the slide, so the farther the joint has
+    gone, the less a sample weighs.
+    """
     count = min(_POINTS, last - first + 1)
     if count < 12:
         return time[first]
-    t = np.empty(count)
-    x = np.empty(count)
+    t, x, weight = np.empty(count), np.empty(count), np.empty(count)
     span = time[last] - time[first]
     for k in range(count):
         i = first + (last - first) * k // (count - 1)
         t[k] = (time[i] - time[first]) / span
         x[k] = sign * (position[i] - position[first])
-    best, instant = np.inf, np.nan
-    low, high, steps = 0.0, 0.97, 40
+    early = max(6, int(0.4 * count))
+    t_mean, x_mean = t[:early].mean(), x[:early].mean()
+    away = t[:early] - t_mean
+    speed = np.sum(away * (x[:early] - x_mean)) / np.sum(away ** 2)
+    for k in range(count):
+        gone = max(0.0, x[k] - x_mean - speed * (t[k] - t_mean))
+        weight[k] = 1.0 / math.hypot(0.5 * resolution + 1e-12, _MISFIT * gone)
+    best, instant = np.inf, 0.0
+    low, high, steps = 0.02, 0.97, 60
     for _ in range(3):
-        centre = instant if np.isfinite(instant) else 0.0
         for k in range(steps + 1):
             knee = low + (high - low) * k / steps
-            error = _hinge_error(t, x, knee)
+            error = _hinge_error(t, x, weight, knee)
             if error < best:
-                best, centre = error, knee
-        instant = centre
+                best, instant = error, knee
         width = (high - low) / steps
         low, high, steps = max(0.0, instant - width), min(0.97, instant + width), 12
     return time[first] + instant * span
 
 
 @njit(cache=True)
-def _hinge_error(t, x, knee):
-    """Sum of squares left by 1, t, (t-knee)²₊ and (t-knee)³₊, the last two not negative."""
-    design = np.empty((t.size, 4))
+def _hinge_error(t, x, weight, knee):
+    """Weighted sum of squares left by a parabola and the powers 1 to 3 of (t - knee)₊."""
+    design = np.empty((t.size, 6))
     for k in range(t.size):
         slide = max(t[k] - knee, 0.0)
-        design[k, 0] = 1.0
-        design[k, 1] = t[k]
-        design[k, 2] = slide ** 2
-        design[k, 3] = slide ** 3
-    error, coefficients = _least_squares(design, x)
-    if coefficients[3] < 0.0:
-        error, coefficients = _least_squares(design[:, :3].copy(), x)
-        if coefficients[2] < 0.0:
-            return np.inf
-    elif coefficients[2] < 0.0:
-        design[:, 2] = design[:, 3]
-        error, coefficients = _least_squares(design[:, :3].copy(), x)
+        design[k, 0] = weight[k]
+        design[k, 1] = weight[k] * t[k]
+        design[k, 2] = weight[k] * t[k] ** 2
+        for power in range(1, 4):
+            design[k, 6 - power] = weight[k] * slide ** power
+    target = weight * x
+    kept = np.ones(6, dtype=np.bool_)
+    error = np.inf
+    for _ in range(4):
+        columns = np.nonzero(kept)[0]
+        error, coefficients = _least_squares(np.ascontiguousarray(design[:, columns]), target)
+        backwards, lowest = -1, 0.0
+        for j in range(3, columns.size):
+            if coefficients[j] < lowest:
+                backwards, lowest = columns[j], coefficients[j]
+        if backwards < 0:
+            break
+        kept[backwards] = False
     return error
 
 
