@@ -27,7 +27,7 @@ stiffness is a few mrad/s at most."""
 
 _SPEED_WINDOW = 0.03   # s over which the speed is taken
 _CURRENT_WINDOW = 0.1  # s each side over which the current is averaged
-_POINTS = 240          # of the fit
+_POINTS = 160          # of the fit
 _MISFIT = 0.1          # of the way slid, by which the fit may be wrong
 
 
@@ -295,7 +295,7 @@ def _hinge(time, position, first, last, sign, resolution):
         gone = max(0.0, x[k] - x_mean - speed * (t[k] - t_mean))
         weight[k] = 1.0 / math.hypot(0.5 * resolution + 1e-12, _MISFIT * gone)
     best, instant = np.inf, 0.0
-    low, high, steps = 0.02, 0.97, 60
+    low, high, steps = 0.02, 0.97, 40
     for _ in range(3):
         for k in range(steps + 1):
             knee = low + (high - low) * k / steps
