@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, lfilter, sosfiltfilt
 
 from friction_comp.errors import InputError
 
@@ -88,6 +90,48 @@ def advance(samples, lag):
         for name, values in changes.items():
             values[part] = np.interp(time + lag, time, getattr(samples, name)[part])
     return samples.with_(**changes)
+
+
+def earlier(values, samples, lag):
+    """Return values as they will be at the time t + lag, stretch by stretch.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,) or (N, M)
+    samples : Samples
+        Of the same time base.
+    lag : float
+        s.
+    """
+    result = np.array(values, dtype=float)
+    flat, source = result.reshape(len(result), -1), np.reshape(values, (len(result), -1))
+    for part in samples.segments():
+        time = samples.time[part]
+        for column in range(flat.shape[1]):
+            flat[part, column] = np.interp(time + lag, time, source[part, column])
+    return result
+
+
+def delayed(values, samples, time_constant):
+    """Return values behind a first-order low pass, as a filter in the sensor makes them.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,) or (N, M)
+    samples : Samples
+        Of the same time base.
+    time_constant : float
+        s; values are returned as they are for zero.
+    """
+    if not time_constant:
+        return values
+    result = np.array(values, dtype=float)
+    keep = math.exp(-max(samples.sample_time, 1e-9) / time_constant)
+    for part in samples.segments():
+        stretch = result[part]
+        result[part] = lfilter(
+            [1.0 - keep], [1.0, -keep], stretch, axis=0, zi=keep * stretch[:1])[0]
+    return result
 
 
 def _smooth(signal, sample_time, bandwidth):

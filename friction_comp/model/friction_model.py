@@ -14,7 +14,7 @@ import yaml
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
-from friction_comp.model.differentiation import advance
+from friction_comp.model.differentiation import advance, delayed
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
 
@@ -84,17 +84,21 @@ class FrictionModel:
         samples : Samples
             With velocity, and with what the effects ask for.
         """
-        samples = advance(samples, self.lag)
+        lag, smoothing = self.delays
+        samples = advance(samples, lag)
         current = np.asarray(self.sigmoid(samples.velocity), dtype=float)
         for effect in self.effects:
             current = current + effect.current(samples)
-        return current
+        return delayed(current, samples, smoothing)
 
     @property
-    def lag(self):
-        """Time in s by which torque follows the current, from the effect of that name."""
-        return sum(effect.values['lag'] for effect in self.effects
-                   if effect.name == 'actuation_lag')
+    def delays(self):
+        """Lag of the motion, and time constant of the smoothing of the current, in s."""
+        for effect in self.effects:
+            if effect.name == 'actuation_lag':
+                lag = effect.values['lag']
+                return (0.0, lag) if effect.values['first_order'] else (lag, 0.0)
+        return 0.0, 0.0
 
     def to_dict(self):
         """Return the model as the plain values of its file."""

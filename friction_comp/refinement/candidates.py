@@ -8,9 +8,9 @@ import math
 
 import numpy as np
 
-from friction_comp.model.differentiation import advance
+from friction_comp.model.differentiation import delayed, earlier
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.fitting import Fit, solve, Term
+from friction_comp.refinement.fitting import solve, Term
 from friction_comp.refinement.spectrum import highest_frequency, peaks, position_spectrum
 
 _COARSE_ROWS = 4000
@@ -96,12 +96,20 @@ def _best_lag(fit, kind):
     every = max(1, len(fit.index) // _COARSE_ROWS)
     index, weights = fit.index[::every], fit.weights[::every]
     goal = fit.target[index]
-    best, least = None, None
-    for constants in [{'lag': 0.0}, *kind.grid(fit.data.scene)]:
-        samples = advance(fit.data.samples, constants['lag'])
-        matrix = Fit.matrix(samples, fit)[index]
-        residual = goal - matrix @ solve(matrix, goal, weights)
-        size = float(weights @ residual ** 2)
-        if least is None or size < least:
+
+    def error(matrix):
+        inner = matrix[index]
+        residual = goal - inner @ solve(inner, goal, weights)
+        return float(weights @ residual ** 2)
+    matrix = np.hstack(fit.parts)
+    best, least = None, error(matrix)
+    for constants in kind.grid(fit.data.scene):
+        lag = constants['lag']
+        if constants['first_order']:
+            trial = delayed(matrix, fit.samples, lag)
+        else:
+            trial = earlier(matrix, fit.samples, lag)
+        size = error(trial)
+        if size < least:
             best, least = constants, size
-    return Term(kind, best) if best['lag'] else None
+    return Term(kind, best) if best else None

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import expit
 
-from friction_comp.model.differentiation import advance
+from friction_comp.model.differentiation import advance, delayed
 
 # Residuals beyond this many standard deviations weigh less (Huber 1964 has 1.345 for 95 %
 # efficiency; the wider band keeps the short accelerations, where much of the information is).
@@ -91,8 +91,8 @@ class Fit:
         need not be the sigmoid's own. That of the sigmoid when omitted.
     """
 
-    def __init__(self, data, rows, steepness, terms=(), lag=0.0, offset=None, transition=None):
-        self.data, self.rows, self.steepness, self.lag = data, rows, steepness, lag
+    def __init__(self, data, rows, steepness, terms=(), offset=None, transition=None):
+        self.data, self.rows, self.steepness = data, rows, steepness
         self.offset, self.shift = offset, 0.0
         self.index = np.nonzero(rows)[0]
         self.transition = transition or 2.0 / steepness
@@ -117,16 +117,28 @@ class Fit:
 
     def fill(self):
         """Compute all columns anew."""
-        self.samples = advance(self.data.samples, self.lag)
+        self.samples = advance(self.data.samples, self.delays[0])
         self.terms = [term.turned(self.transition) for term in self.terms]
-        self.parts = [base_columns(self.samples, self.steepness, self.shift)]
-        self.parts += [term.columns(self.samples, self.data.window) for term in self.terms]
+        self.parts = [self.base()] + [self.columns(term) for term in self.terms]
 
-    @staticmethod
-    def matrix(samples, fit):
-        """Return a fit's design matrix for other samples."""
-        return np.hstack([base_columns(samples, fit.steepness, fit.shift)]
-                         + [term.columns(samples, fit.data.window) for term in fit.terms])
+    @property
+    def delays(self):
+        """Lag of the motion and time constant of the smoothing in s, from the term for them."""
+        for term in self.terms:
+            if 'lag' in term.constants:
+                lag, smoothed = term.constants['lag'], term.constants['first_order']
+                return (0.0, lag) if smoothed else (lag, 0.0)
+        return 0.0, 0.0
+
+    def base(self):
+        """Return the sigmoid's columns, shape (N, 3)."""
+        return delayed(base_columns(self.samples, self.steepness, self.shift), self.samples,
+                       self.delays[1])
+
+    def columns(self, term):
+        """Return a term's columns, shape (N, M)."""
+        return delayed(term.columns(self.samples, self.data.window), self.samples,
+                       self.delays[1])
 
     @property
     def target(self):
@@ -153,13 +165,12 @@ class Fit:
         """Return a copy with one more term, solved."""
         twin = self.copy()
         if 'lag' in term.constants:
-            twin.lag = self.lag + term.constants['lag']
-            twin.terms.append(Term(term.kind, {'lag': twin.lag}))
+            twin.terms.append(term)
             twin.refresh()
             return twin
         term = term.turned(self.transition)
         twin.terms.append(term)
-        twin.parts = self.parts + [term.columns(self.samples, self.data.window)]
+        twin.parts = self.parts + [self.columns(term)]
         twin.solve()
         return twin
 
@@ -168,7 +179,6 @@ class Fit:
         twin = self.copy()
         gone = twin.terms.pop(place)
         if 'lag' in gone.constants:
-            twin.lag = 0.0
             twin.refresh()
             return twin
         twin.parts = self.parts[:place + 1] + self.parts[place + 2:]
@@ -191,10 +201,10 @@ class Fit:
     def gain(self, term, every=1):
         """Return by how much a term would lower the weighted sum of squares, in A²."""
         index, root, q, residual = self.basis(every)
-        samples = self._picked(index, term)
-        columns = term.columns(samples, self.data.window)
-        if len(columns) != len(index):
-            columns = columns[index]
+        if term.kind.variable == 'history' or self.delays[1]:
+            columns = self.columns(term)[index]
+        else:
+            columns = term.columns(self._picked(index), self.data.window)
         columns = columns * root[:, None]
         before = np.linalg.norm(columns, axis=0)
         columns = columns - q @ (q.T @ columns)
@@ -209,10 +219,8 @@ class Fit:
         product = columns.T @ residual
         return float(product @ np.linalg.solve(gram, product)) * every
 
-    def _picked(self, index, term):
-        """Return the samples a term needs: only the fitted ones, unless it has a memory."""
-        if term.kind.variable == 'history':
-            return self.samples
+    def _picked(self, index):
+        """Return the fitted samples alone."""
         held = getattr(self, '_pick', None)
         if held is None or held[0] is not self.samples or len(held[1]) != len(index):
             self._pick = held = (self.samples, self.samples.take(index))

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from friction_comp.refinement.fitting import base_columns, bracket, huber_loss, solve, Term
+from friction_comp.refinement.fitting import bracket, huber_loss, solve, Term
 
 _HALVINGS = 4
 _ENOUGH = 1e-4
@@ -73,7 +73,7 @@ def shifted(fit, moves):
     moves : list of (Handle, float)
     """
     twin = fit.copy()
-    lag = None
+    delay = False
     for handle, step in moves:
         value = value_of(fit, handle)
         value = (value * math.exp(handle.unit * step) if handle.logarithmic
@@ -82,18 +82,20 @@ def shifted(fit, moves):
             setattr(twin, handle.name, within(twin, handle.name, value))
         else:
             old = twin.terms[handle.place]
+            if handle.name == 'lag':
+                delay = True
+                if old.constants['first_order']:
+                    value = max(value, 0.1 * handle.unit)
             twin.terms[handle.place] = Term(old.kind, {**old.constants, handle.name: value})
-            lag = value if handle.name == 'lag' else lag
     twin.terms = [term.turned(twin.transition) for term in twin.terms]
-    if lag is not None:
-        twin.lag = lag
+    if delay:
         twin.fill()
         return twin
     base = fit.parts[0]
     if (twin.steepness, twin.shift) != (fit.steepness, fit.shift):
-        base = base_columns(twin.samples, twin.steepness, twin.shift)
+        base = twin.base()
     twin.parts = [base] + [
-        part if new is old else new.columns(twin.samples, fit.data.window)
+        part if new is old else twin.columns(new)
         for new, old, part in zip(twin.terms, fit.terms, fit.parts[1:])]
     return twin
 

@@ -178,8 +178,7 @@ def refine(recorded, model=None, drive=None, progress=None):
 def _started(fit, terms):
     if not terms:
         return fit
-    lag = sum(term.constants.get('lag', 0.0) for term in terms)
-    return Fit(fit.data, fit.rows, fit.steepness, terms, lag)
+    return Fit(fit.data, fit.rows, fit.steepness, terms)
 
 
 def fold_of_all(data, size):

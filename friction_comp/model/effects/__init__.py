@@ -12,6 +12,7 @@ from friction_comp.model.effects.inertia import Inertia
 from friction_comp.model.effects.load import LoadFriction, LoadTorque
 from friction_comp.model.effects.rest import RestTime
 from friction_comp.model.effects.ripple import Cogging, FrictionRipple
+from friction_comp.model.effects.spring import Spring
 from friction_comp.model.effects.stribeck import Stribeck
 from friction_comp.model.effects.temperature import Temperature
 from friction_comp.model.effects.viscous_shape import ViscousShape
@@ -22,6 +23,7 @@ EFFECTS = {effect.name: effect for effect in (
     ViscousShape,
     DirectionAsymmetry,
     Gravity,
+    Spring,
     Cogging,
     FrictionRipple,
     Bump,

@@ -6,31 +6,42 @@ from __future__ import annotations
 
 import numpy as np
 
+from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 
 
 class ActuationLag(Effect):
-    """The current at time t is what the motion at t + lag asks for.
+    """Current and motion do not belong to the same moment.
 
-    It adds no current of its own: the model evaluates all its terms for the motion shifted in
-    time. A negative lag says that the recorded current comes after the motion, as a filtered or
-    late current signal does.
+    It adds no current of its own. Where `first_order` is 0 the current at time t is what the motion
+    at t + lag asks for: positive where torque follows the current late, negative where the
+    recorded current comes after the motion. Where it is 1, the recorded current is behind a
+    first-order low pass of that time constant.
     """
 
     name = 'actuation_lag'
     variable = 'history'
-    constants = {'lag': ('linear', 1.0)}
+    constants = {'lag': ('linear', 1.0), 'first_order': None}
+
+    @classmethod
+    def check(cls, values):
+        """Refuse a time constant that is none."""
+        super().check(values)
+        if values['first_order'] and values['lag'] <= 0:
+            raise InputError(f"lag must be positive for a low pass, not {values['lag']!r}")
 
     @classmethod
     def grid(cls, scene):
-        """Lags of one to some forty samples either way."""
+        """Lags of half a sample to some thirty, either way, and low passes of as much."""
         step = scene.sample_time
         steps = np.array([0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32])
         steps = steps[steps * step <= 0.15]
-        return [{'lag': float(side * value * step)} for value in steps for side in (1.0, -1.0)]
+        grid = [{'lag': float(side * value * step), 'first_order': 0.0}
+                for value in steps for side in (1.0, -1.0)]
+        return grid + [{'lag': float(value * step), 'first_order': 1.0} for value in steps]
 
     @classmethod
-    def columns(cls, samples, lag):
+    def columns(cls, samples, lag, first_order):
         """Return no column."""
         return np.empty((len(samples), 0))
 
@@ -40,9 +51,15 @@ class ActuationLag(Effect):
 
     def describe(self):
         """Return the effect in words."""
-        lag = self.values['lag']
-        return f'Lag: torque follows the recorded current by {1e3 * lag:.2g} ms'
+        lag = 1e3 * self.values['lag']
+        if self.values['first_order']:
+            return f'Lag: the recorded current is behind a low pass of {lag:.2g} ms'
+        if lag < 0:
+            return f'Lag: the recorded current comes {-lag:.2g} ms after the motion'
+        return f'Lag: torque follows the recorded current by {lag:.2g} ms'
 
     def formula(self):
         """Return the formula with its numbers."""
+        if self.values['first_order']:
+            return f'all behind 1/(1 + {self.values["lag"]:.4g}·s)'
         return f'all terms at t {self.values["lag"]:+.4g} s'

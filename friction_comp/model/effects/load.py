@@ -46,35 +46,37 @@ class LoadTorque(Effect):
 
 
 class LoadFriction(Effect):
-    """``A·tanh(v/v_t)·|τ_b|``: friction that grows with the load on the teeth."""
+    """``A·tanh(v/v_t)·|τ_b|^p``: friction that grows with the load on the teeth."""
 
     name = 'load_friction'
     variable = 'load'
     needs = ('load',)
-    constants = {'transition': None}
+    constants = {'exponent': ('log', 1.6), 'transition': None}
 
     @classmethod
     def grid(cls, scene):
         """There is nothing to search."""
-        return [{'transition': scene.transition}]
+        return [{'exponent': exponent, 'transition': scene.transition} for exponent in (1.0, 2.0)]
 
     @classmethod
-    def columns(cls, samples, transition):
+    def columns(cls, samples, exponent, transition):
         """Return one column."""
-        return (sign(samples.velocity, transition) * np.abs(samples.load))[:, None]
+        return (sign(samples.velocity, transition) * np.abs(samples.load) ** exponent)[:, None]
 
     def online(self):
         """Return the term; it needs the load and passes through zero with the velocity."""
-        gain, transition = self.coefficients[0], self.values['transition']
+        gain, c = self.coefficients[0], self.values
 
         def term(_time, _position, v, _temperature, load):
-            return gain * math.tanh(v / transition) * abs(load)
+            return gain * math.tanh(v / c['transition']) * abs(load) ** c['exponent']
         return StaticTerm(term, needs=('load',))
 
     def describe(self):
         """Return the effect in words."""
-        return f'Load-dependent friction: {self.coefficients[0]:+.4g} A per N·m of load'
+        return (f'Load-dependent friction: {self.coefficients[0]:+.4g} A at 1 N·m of load, growing '
+                f'with its power {self.values["exponent"]:.3g}')
 
     def formula(self):
         """Return the formula with its numbers."""
-        return f'{self.coefficients[0]:+.4g}·tanh(v/{self.values["transition"]:.3g})·|τ_b|'
+        return (f'{self.coefficients[0]:+.4g}·tanh(v/{self.values["transition"]:.3g})'
+                f'·|τ_b|^{self.values["exponent"]:.3g}')

@@ -1,0 +1,41 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Torque proportional to the joint angle, as a spring or a cable makes."""
+
+from __future__ import annotations
+
+from friction_comp.model.effects.base import Effect, StaticTerm
+
+
+class Spring(Effect):
+    """``A·(q - q0)``, independent of the direction of motion."""
+
+    name = 'spring'
+    variable = 'position'
+    constants = {'position': None}
+
+    @classmethod
+    def grid(cls, scene):
+        """The middle of the range stands for where the spring is slack: see the sigmoid."""
+        return [{'position': 0.5 * (scene.lowest + scene.highest)}]
+
+    @classmethod
+    def columns(cls, samples, position):
+        """Return one column."""
+        return (samples.position - position)[:, None]
+
+    def online(self):
+        """Return the term; it holds the joint whether it moves or not."""
+        gain, middle = self.coefficients[0], self.values['position']
+
+        def term(_time, position, _v, _temperature, _load):
+            return gain * (position - middle)
+        return StaticTerm(term)
+
+    def describe(self):
+        """Return the effect in words."""
+        return f'Spring-like: {self.coefficients[0]:+.3g} A per rad'
+
+    def formula(self):
+        """Return the formula with its numbers."""
+        return f'{self.coefficients[0]:+.4g}·(q {-self.values["position"]:+.4g})'
