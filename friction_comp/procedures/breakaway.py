@@ -28,7 +28,7 @@ stiffness is a few mrad/s at most."""
 _SPEED_WINDOW = 0.03   # s over which the speed is taken
 _CURRENT_WINDOW = 0.1  # s each side over which the current is averaged
 _POINTS = 160          # of the fit
-_MISFIT = 0.1          # of the way slid, by which the fit may be wrong
+_MISFIT = 0.13         # of the way slid, by which the fit may be wrong
 
 
 @dataclass(frozen=True)
