@@ -39,7 +39,7 @@ def velocity_controller_parameters(acceleration_per_current, current_limit, push
     ----------
     acceleration_per_current : float
         k_t·n/J in rad/s² per A. An error of a factor two either way is harmless: the phase
-        margin stays above 40 degrees.
+        margin stays near 40 degrees or above.
     current_limit : float
         A.
     push_positive, push_negative : float
