@@ -249,9 +249,13 @@ def _driven(drive, undeclared, path, load, rng):
         'inertia': inertia, 'presliding_stiffness': level / drive.presliding,
         'current_noise': 0.0,
         'human': {'stiffness': softness, 'damping': 0.0, 'response_time': 0.0}}), undeclared)
+    # As one would tune it: slower where the drive answers late, for it would swing otherwise.
+    bandwidth = velocity_control.BANDWIDTH
+    if undeclared.actuation_lag > 0:
+        bandwidth = min(bandwidth, 0.4 / undeclared.actuation_lag)
     control = velocity_control.velocity_controller_parameters(
         model.drive.torque_per_current / inertia, model.drive.current_limit,
-        model.sigmoid.upper, model.sigmoid.lower)
+        model.sigmoid.upper, model.sigmoid.lower, bandwidth)
     state = np.zeros(kernel.STATES)
     random = random_states(int(rng.integers(2 ** 31)), 1)[0]
     kernel.start_state(parameters, state, random)
