@@ -11,11 +11,19 @@ from std_msgs.msg import Float64MultiArray
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import (  # noqa: E402
-    BEST_EFFORT, FakeDriver, joint_state, MODELS, Probe, probe_node, Process, RELIABLE)
+from ros_system import (
+    BEST_EFFORT,
+    FakeDriver,
+    joint_state,
+    MODELS,
+    Probe,
+    probe_node,
+    Process,
+    RELIABLE,
+)
 
-from friction_comp.model.friction_model import FrictionModel  # noqa: E402
-from friction_comp.procedures.compensation import CompensationLaw  # noqa: E402
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.procedures.compensation import CompensationLaw
 
 JOINTS = ['elbow', 'shoulder']
 START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 2.0,

@@ -18,9 +18,15 @@ from friction_comp.nodes.held import Direction, MotorTemperature
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.running import run
 from friction_comp.nodes.streams import (
-    AGAIN, CommandPort, input_qos, JointColumns, NANO, nanoseconds, NEW)
+    AGAIN,
+    CommandPort,
+    input_qos,
+    JointColumns,
+    NANO,
+    nanoseconds,
+    NEW,
+)
 from friction_comp.procedures.compensation import CompensationLaw, LAWS
-
 
 
 class CompensatorNode(LifecycleNode):

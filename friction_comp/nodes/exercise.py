@@ -19,7 +19,13 @@ from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
 from friction_comp.nodes.parameters import declare, declare_joints
 from friction_comp.nodes.running import run
 from friction_comp.nodes.streams import (
-    input_qos, JointColumns, NANO, nanoseconds, RELIABLE, set_stamp)
+    input_qos,
+    JointColumns,
+    NANO,
+    nanoseconds,
+    RELIABLE,
+    set_stamp,
+)
 from friction_comp.world.exercise import ReferenceMovement
 
 

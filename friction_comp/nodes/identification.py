@@ -24,7 +24,14 @@ from friction_comp.nodes.held import MotorTemperature
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.running import run
 from friction_comp.nodes.streams import (
-    AGAIN, CommandPort, input_qos, JointColumns, NANO, nanoseconds, NEW)
+    AGAIN,
+    CommandPort,
+    input_qos,
+    JointColumns,
+    NANO,
+    nanoseconds,
+    NEW,
+)
 from friction_comp.procedures.identification import IdentificationRun
 
 # Real time in s between looks whether joint_states have a publisher at all: in simulated time,

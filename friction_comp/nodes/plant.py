@@ -61,6 +61,9 @@ class PlantNode(Node):
         self._clock_every = max(1, round(declare(
             self, 'clock_period', 0.01, 'simulated time between ticks of /clock in lockstep [s]',
             1e-4, 1.0, read_only=True) / sample_time))
+        self._wrench_every = max(1, round(declare(
+            self, 'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0,
+            read_only=True) / sample_time))
         self._temperature_every = max(1, round(declare(
             self, 'temperature_period', 0.1, 'time between motor temperatures [s]', 1e-3, 60.0,
             read_only=True) / sample_time))
@@ -152,10 +155,11 @@ class PlantNode(Node):
     def _publish(self):
         """Publish what the sensors show: joint states last, since a command answers them."""
         state, stamp = self._plant.state, self._stamp
-        for wrench, torque in zip(self._wrench_messages, state.interaction_torque.tolist()):
-            set_stamp(wrench.header.stamp, stamp)
-            wrench.wrench.torque.z = torque
-            self._wrench.publish(wrench)
+        if self._samples % self._wrench_every == 0:
+            for wrench, torque in zip(self._wrench_messages, state.interaction_torque.tolist()):
+                set_stamp(wrench.header.stamp, stamp)
+                wrench.wrench.torque.z = torque
+                self._wrench.publish(wrench)
         if self._samples % self._temperature_every == 0:
             for heat, temperature in zip(self._heat_messages, state.temperature.tolist()):
                 set_stamp(heat.header.stamp, stamp)

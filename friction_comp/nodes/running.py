@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import signal
 import sys
 import traceback
@@ -70,6 +71,9 @@ def run(name, description, make_node, argv=None):
     try:
         node = make_node()
         executor = StreamExecutor(node)
+        # What lives until the end is not to be searched for garbage between two samples.
+        gc.collect()
+        gc.freeze()
         try:
             return _spin(executor, node, caught)
         finally:

@@ -1,0 +1,153 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's part in ROS 2: an action client, service calls, and an ear for diagnostics."""
+
+from __future__ import annotations
+
+import time
+
+from action_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticArray
+from friction_comp_interfaces.action import IdentifyFriction
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import SetParameters
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from friction_comp.errors import InputError
+
+
+class DemoClient:
+    """A node of its own for a tool; closed with the ``with`` block.
+
+    Parameters
+    ----------
+    check : callable
+        Called while waiting; may raise.
+    patience : float
+        s that anything but an identification may take.
+    """
+
+    def __init__(self, check=lambda: None, patience=60.0):
+        self._check = check
+        self._patience = patience
+        self._status = {}
+
+    def __enter__(self):
+        self._context = Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node('demo', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._node.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
+        self._action = ActionClient(self._node, IdentifyFriction, 'identify_friction')
+        return self
+
+    def __exit__(self, *_):
+        self._executor.shutdown()
+        self._action.destroy()
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            self._status[status.name] = {item.key: item.value for item in status.values}
+
+    def value(self, node, key):
+        """Return what a node last said of a key in its diagnostics, or None."""
+        return self._status.get(node, {}).get(key)
+
+    def forget(self, node):
+        """Forget what a node has said."""
+        self._status.pop(node, None)
+
+    def until(self, condition, what, patience=None):
+        """Wait until a condition holds.
+
+        Raises
+        ------
+        InputError
+            If it takes too long; `what` names it.
+        """
+        end = time.monotonic() + (patience or self._patience)
+        while not condition():
+            self._check()
+            if time.monotonic() > end:
+                raise InputError(f'{what}: nothing within {patience or self._patience:g} s')
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def until_connected(self, topic, publishers, subscriptions):
+        """Wait until a topic has so many publishers and subscriptions."""
+        self.until(
+            lambda: (self._node.count_publishers(topic) >= publishers
+                     and self._node.count_subscribers(topic) >= subscriptions),
+            f'{topic} with {publishers} publishers and {subscriptions} subscriptions')
+
+    def set_parameter(self, node, name, value):
+        """Set a parameter of a running node.
+
+        Raises
+        ------
+        InputError
+            If the node refuses; the text gives its reason.
+        """
+        client = self._node.create_client(SetParameters, f'{node}/set_parameters')
+        try:
+            self.until(client.service_is_ready, f'the parameters of {node}')
+            future = client.call_async(SetParameters.Request(parameters=[ParameterMessage(
+                name=name, value=Parameter(name, value=value).get_parameter_value())]))
+            self.until(future.done, f'the parameters of {node}')
+            result = future.result().results[0]
+        finally:
+            self._node.destroy_client(client)
+        if not result.successful:
+            raise InputError(f'{node} refuses {name}: {result.reason}')
+
+    def identify(self, goal, report):
+        """Send a goal to the identification node and return its result.
+
+        Parameters
+        ----------
+        goal : dict
+            Fields of IdentifyFriction's goal.
+        report : callable
+            Called with each feedback message.
+
+        Raises
+        ------
+        InputError
+            If the goal is refused or not reached.
+        """
+        self.until(self._action.server_is_ready, 'the action identify_friction')
+        message = IdentifyFriction.Goal(**goal)
+        handle = None
+        end = time.monotonic() + self._patience
+        while handle is None or not handle.accepted:
+            # Refused at first where the node has not heard of its joint yet.
+            if time.monotonic() > end:
+                raise InputError('identification refuses the goal')
+            future = self._action.send_goal_async(
+                message, lambda feedback: report(feedback.feedback))
+            self.until(future.done, 'an answer to the goal')
+            handle = future.result()
+            if not handle.accepted:
+                self.wait(0.2)
+        future = handle.get_result_async()
+        self.until(future.done, 'the result of identification', 1800.0)
+        outcome = future.result()
+        if outcome.status != GoalStatus.STATUS_SUCCEEDED:
+            raise InputError(f'identification failed: {outcome.result.message}')
+        return outcome.result
+
+    def wait(self, seconds):
+        """Attend to messages for a while."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._check()
+            self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))

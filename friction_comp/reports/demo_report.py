@@ -1,0 +1,181 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's one page: what compensation achieved, and what the refined model added."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from friction_comp.reports.evaluation import evaluate
+from friction_comp.reports.figures import band, COLOURS, new_figure
+from friction_comp.reports.html import number, Report
+from friction_comp.reports.refinement_report import (
+    formula,
+    honesty,
+    model_words,
+    residual_figure,
+    steps_figure,
+)
+
+_COLOURS = ('grey', 'blue', 'orange', 'green')
+
+
+class Trial:
+    """One recorded trial, evaluated on its own.
+
+    Parameters
+    ----------
+    name : str
+        Short name.
+    title : str
+        What was different in it.
+    samples : Samples
+
+    Attributes
+    ----------
+    evaluation : Evaluation
+    peak_torque, rms_torque : float
+        N·m, the mean over both movements.
+    """
+
+    def __init__(self, name, title, samples):
+        self.name, self.title = name, title
+        self.evaluation = evaluate([samples], [name])
+        self.peak_torque = self._mean('peak_torque')
+        self.rms_torque = self._mean('rms_torque')
+
+    def _mean(self, name):
+        return float(np.mean([getattr(c, name) for c in self.evaluation.conditions]))
+
+    @property
+    def false_starts(self):
+        """Movements that began without the person."""
+        return sum(condition.false_starts for condition in self.evaluation.conditions)
+
+
+def residuals(refined):
+    """Return the model's error in A on data not fitted, before and after refinement."""
+    return tuple(refined.report[when]['held_out_rmse'] for when in ('before', 'after'))
+
+
+def table_rows(trials, refined):
+    """Return the demo's table: name, peak and RMS torque in N·m, residual in mA; all text."""
+    before, after = (number(1e3 * value) for value in residuals(refined))
+    shown = {'compensated': before, 'refined': after}
+    return [[trial.title, number(trial.peak_torque), number(trial.rms_torque),
+             shown.get(trial.name, '')] for trial in trials]
+
+
+def torque_figure(trials):
+    """Draw the back-driving torque of all trials, one movement beside the other."""
+    movements = ('positive', 'negative')
+    figure, axes = new_figure(1, 2, width=8.4, height=3.4, sharey='row', squeeze=False)
+    for below, movement in zip(axes[0], movements):
+        for trial, colour in zip(trials, _COLOURS):
+            for condition in trial.evaluation.conditions:
+                if condition.movement == movement:
+                    band(below, condition.time, condition.torque, condition.torque_std,
+                         colour, trial.title)
+        below.axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
+        below.set_title(f'Movement in the {movement} direction')
+        below.set_xlabel('time since the movement began [s]')
+    axes[0, 0].set_ylabel('back-driving torque [N·m]')
+    axes[0, 0].legend(loc='best')
+    return figure
+
+
+def identification_figure(model):
+    """Draw look-up table, fitted curve and breakaway currents."""
+    figure, axes = new_figure(height=3.2)
+    speeds = np.array(model.lookup_table['speeds'])
+    currents = np.array(model.lookup_table['currents'])
+    fine = np.linspace(1.05 * speeds.min(), 1.05 * speeds.max(), 801)
+    axes.plot(fine, 1e3 * model.sigmoid(fine), color=COLOURS['blue'], label='fit of Eq. 6')
+    axes.plot(speeds, 1e3 * currents, 'o', color=COLOURS['orange'], label='look-up table')
+    breakaway = model.breakaway
+    axes.errorbar(
+        [0.0, 0.0], [1e3 * breakaway.positive_mean, 1e3 * breakaway.negative_mean],
+        [1e3 * breakaway.positive_std, 1e3 * breakaway.negative_std], fmt='s', capsize=4,
+        color=COLOURS['green'], label='breakaway')
+    axes.set_xlabel('joint velocity [rad/s]')
+    axes.set_ylabel('motor current [mA]')
+    axes.legend(loc='best')
+    return figure
+
+
+def demo_report(trials, refined, model, undeclared):
+    """Return the page.
+
+    Parameters
+    ----------
+    trials : list of Trial
+        Without compensation, with the kinetic term, compensated, with the refined model.
+    refined : RefineResult
+    model : FrictionModel
+        As identified.
+    undeclared : path-like
+        The file that only the simulated joint was given.
+
+    Returns
+    -------
+    Report
+    """
+    _, kinetic, compensated, last = trials
+    before, after = residuals(refined)
+    effects = refined.report['effects']
+    page = Report('The whole loop, on a simulated joint',
+                  'Identify, compensate, evaluate, refine, compensate again')
+    page.numbers([
+        (f'{number(kinetic.peak_torque)} N·m', 'to set the joint in motion, d = 0'),
+        (f'{number(compensated.peak_torque)} N·m', 'with the direction known, d = ±1'),
+        (f'{number(last.peak_torque)} N·m', 'and with the refined model'),
+        (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'error of the model')])
+    page.text(_summary(trials, effects, before, after))
+    page.table(['', 'peak [N·m]', 'RMS [N·m]', 'model error [mA]'], table_rows(trials, refined),
+               'Back-driving torque: mean over both directions of the peak of the ensemble '
+               'average, and of the RMS during movement. Model error: on data not fitted.')
+    page.figure(torque_figure(trials), 'Back-driving torque of all trials, mean and standard '
+                'deviation over the repetitions.')
+    page.heading('Identified')
+    page.text('Constant velocities in both directions give the kinetic friction, slow current '
+              'ramps the breakaway friction. The joint hides an effect from this procedure: '
+              f'`{Path(undeclared).name}` was given to the simulation alone.')
+    page.figure(identification_figure(model), 'Friction curve and breakaway currents as the '
+                'identification action measured them.')
+    page.heading('What the model lacked')
+    page.table(['effect', 'depends on', 'error with it [mA]', 'in words'],
+               [[effect['name'], effect['variable'], 1e3 * effect['held_out_rmse'],
+                 effect.get('in_words', '')] for effect in effects] or [['none', '', None, '']])
+    page.figure(steps_figure(refined), 'Error on data not fitted as effects were added.')
+    for name, label in (('position', 'position (rad)'), ('velocity', 'velocity (rad/s)')):
+        page.figure(residual_figure(refined, name, label), f'Residual over {name}.')
+    page.heading('The refined model')
+    page.text(model_words(refined.model))
+    page.code(formula(refined.model))
+    page.heading('What the recordings cannot tell')
+    page.text(honesty(refined.report))
+    return page
+
+
+def _summary(trials, effects, before, after):
+    none, kinetic, compensated, last = trials
+    words = [
+        f'Without compensation the person needs **{number(none.peak_torque)} N·m** to set the '
+        f'joint in motion. Compensating kinetic friction alone leaves '
+        f'{number(kinetic.peak_torque)} N·m, since before the joint moves nothing tells which way '
+        f'to help. With the direction known it is **{number(compensated.peak_torque)} N·m**.']
+    if effects:
+        found = ', '.join(f"{effect['name']} ({effect['variable']})" for effect in effects)
+        words.append(
+            f'The recordings show what the identified model lacks: {found}. With it, the error of '
+            f'the predicted current falls from {number(1e3 * before)} to {number(1e3 * after)} mA, '
+            f'and the person needs **{number(last.peak_torque)} N·m** at most and '
+            f'{number(last.rms_torque)} N·m RMS, after {number(compensated.rms_torque)} N·m.')
+    else:
+        words.append('The recordings show no effect that the identified model lacks.')
+    starts = sum(trial.false_starts for trial in trials)
+    words.append('In no trial did the joint start without the person.' if not starts else
+                 f'In {starts} movements the joint set out before the person pushed.')
+    return '\n\n'.join(words)

@@ -1,0 +1,111 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes as processes of a tool: started together, watched, and never left behind."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from friction_comp.errors import InputError
+
+
+def ros_arguments(parameters):
+    """Return the command-line arguments that set parameters, each value as YAML reads it."""
+    arguments = ['--ros-args', '--log-level', 'warn']
+    for name, value in parameters.items():
+        arguments += ['-p', f'{name}:={_yaml(value)}']
+    return arguments
+
+
+def _yaml(value):
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return '[' + ', '.join(_yaml(item) for item in value) + ']'
+    if isinstance(value, (str, os.PathLike)):
+        return "'" + str(value).replace("'", "''") + "'"
+    return repr(value)
+
+
+class Nodes:
+    """Runs nodes of this package, each in a process of its own.
+
+    Leaving the ``with`` block ends them all.
+
+    Parameters
+    ----------
+    logs : path-like
+        Folder for what they print.
+    environment : dict of str, optional
+        Changes to the environment.
+    """
+
+    def __init__(self, logs, environment=None):
+        self._logs = Path(logs)
+        self._environment = {**os.environ, **(environment or {})}
+        self._running = {}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.stop(*self._running)
+
+    def start(self, name, parameters):
+        """Start a node.
+
+        Parameters
+        ----------
+        name : str
+            As after ``python3 -m friction_comp``.
+        parameters : dict
+        """
+        self._logs.mkdir(parents=True, exist_ok=True)
+        with (self._logs / f'{name}.log').open('ab') as log:
+            # A session of its own: an interrupt from the keyboard goes to the tool, which ends the
+            # nodes in order.
+            self._running[name] = subprocess.Popen(
+                [sys.executable, '-m', 'friction_comp', name, *ros_arguments(parameters)],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=self._environment,
+                start_new_session=True)
+
+    def check(self):
+        """Raise InputError if a node has failed."""
+        for name, process in self._running.items():
+            if process.poll():
+                raise InputError(
+                    f'node {name} ended with status {process.returncode}: {self._last(name)}')
+
+    def ended(self, name):
+        """Tell whether a node has ended by itself; a failure raises InputError."""
+        self.check()
+        if self._running[name].poll() is None:
+            return False
+        del self._running[name]
+        return True
+
+    def stop(self, *names, patience=10.0):
+        """Interrupt nodes, wait for them, and kill what does not end."""
+        processes = [self._running.pop(name) for name in names if name in self._running]
+        for process in processes:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        end = time.monotonic() + patience
+        for process in processes:
+            try:
+                process.wait(max(0.0, end - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def _last(self, name):
+        try:
+            lines = (self._logs / f'{name}.log').read_text(errors='replace').strip().splitlines()
+        except OSError:
+            lines = []
+        return lines[-1] if lines else 'it printed nothing'
