@@ -69,6 +69,9 @@ RETREAT_TIME = 0.01
 WINDOW_TIME = 0.05
 REST_COUNTS = 1.5
 SLIP_COUNTS = 3.0
+# After the step back it must not go forward by this part of a count for so long, s.
+FORWARD_COUNTS = 0.7
+PROOF_TIME = 0.3
 # A joint that still has not come to rest so long after slips, s.
 RESTLESS_TIME = 0.6
 # The level steps back to this share of what the joint has borne.
@@ -83,7 +86,7 @@ MOVED_SPEED = math.radians(5.0)
 REST_SHARE = 0.15
 REST_SPEED = math.radians(2.0)
 # The place of rest follows slow creep under load so slowly, s.
-CREEP_TIME = 2.0
+CREEP_TIME = 1.0
 
 
 @njit(cache=True)
@@ -138,7 +141,12 @@ def probe(p, s, sign):
     rests = False
     s[HELD] = s[HELD] + s[STEP] if level == s[AIM] else 0.0
     s[WINDOW] += s[STEP]
-    if s[WINDOW] >= WINDOW_TIME:
+    if s[PHASE] == BACKING:
+        # It recoils as the level steps back. If it ever goes forward again, it still slips.
+        s[WINDOW_PLACE] = min(s[WINDOW_PLACE], place)
+        slips |= place - s[WINDOW_PLACE] > FORWARD_COUNTS * p[RESOLUTION]
+        rests = s[HELD] > PROOF_TIME
+    elif s[WINDOW] >= WINDOW_TIME:
         counts = (place - s[WINDOW_PLACE]) / p[RESOLUTION]
         s[WINDOW] = 0.0
         s[WINDOW_PLACE] = place
@@ -170,6 +178,7 @@ def probe(p, s, sign):
     s[PRESLIDING] = stiffness
     s[AIM] *= BACKED
     s[HELD] = 0.0
+    s[WINDOW_PLACE] = place
     s[PHASE] = BACKING
 
 

@@ -19,6 +19,7 @@ from friction_comp.procedures.law_columns import (
     BUMP,
     CHANGED,
     CONTINUOUS,
+    DEAD_SPEED,
     FILTER_TIME,
     HALF_SPEED,
     KINETIC,
@@ -105,9 +106,10 @@ def printed_current(p, speed):
 
     Eq. 6 as it is, but only in motion: the fit says nothing about standstill between the slowest
     speeds of its table, and its value there, up to half of the breakaway current, is an accident
-    of where the transition came to lie.
+    of where the transition came to lie. DEAD_SPEED, 0 in the law, lets `reproduce` show what slow
+    motion contributes.
     """
-    if speed == 0.0:
+    if abs(speed) <= p[DEAD_SPEED]:
         return 0.0
     return p[VISCOUS] * speed + p[LOWER] + (p[UPPER] - p[LOWER]) / (
         1.0 + math.exp(-p[STEEPNESS] * (speed - p[SHIFT])))
