@@ -23,7 +23,7 @@ def final_fit(data, fits):
         size = float(np.mean(np.abs(fit.residual[data.usable])))
         if best is None or size < best[0]:
             best = (size, fit)
-    return best[1]
+    return newton.upright(best[1])
 
 
 def moved(fit, data, rows):

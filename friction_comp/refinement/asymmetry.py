@@ -15,15 +15,16 @@ WORTH_A_NAME = 0.10
 _KIND = EFFECTS['direction_asymmetry']
 
 
-def without_offset(fit):
-    """Return a fit whose sigmoid must be the same in both directions."""
+def without_offset(fit, known):
+    """Return a fit whose sigmoid must have the offset that is known, in A."""
     twin = fit.copy()
+    twin.offset = np.full(len(fit.residual), known)
     twin.parts = [twin.parts[0] * np.array([0.0, 1.0, 1.0]), *twin.parts[1:]]
     twin.solve()
     return twin
 
 
-def named_asymmetry(data, fits, steps):
+def named_asymmetry(data, fits, steps, known=0.0):
     """Return a step for the asymmetry in the sigmoid, or None where it is not worth a name.
 
     The sigmoid of Eq. 6 may have another plateau in each direction, so that it takes up a
@@ -37,13 +38,21 @@ def named_asymmetry(data, fits, steps):
         Of both folds, the effects included.
     steps : list of Step
         What was added so far.
+    known : float
+        Half the sum of the plateaus of the model before, A.
     """
-    if any(step.kind is _KIND for step in steps) or not both_directions(data):
+    # With a spring the constant says where it is slack, with a drift where that leads to.
+    taken = {_KIND.name, 'spring', 'warm_up', 'offset_drift'}
+    if any(step.kind.name in taken for step in steps):
         return None
-    if any(abs(fit.coefficients[0]) < WORTH_A_NAME * abs(fit.coefficients[1]) for fit in fits):
+    if not both_directions(data):
         return None
+    for fit in fits:
+        offset, coulomb = fit.coefficients[:2]
+        if abs(offset - known) < WORTH_A_NAME * abs(coulomb):
+            return None
     full = held_out_residual(data, fits)
-    even = held_out_residual(data, [without_offset(fit) for fit in fits])
+    even = held_out_residual(data, [without_offset(fit, known) for fit in fits])
     gain, error, p_value = advantage(data, even, full)
     if p_value > ALPHA:
         return None

@@ -146,13 +146,14 @@ def clipped(current):
 
 def bandwidths(samples):
     """Return the differentiation settings worth comparing."""
-    rate = 1.0 / samples.sample_time
-    choices = [value for value in (5.0, 10.0, 20.0, 40.0, 80.0, 120.0) if value <= 0.25 * rate]
-    settings = [{'source': 'position', 'bandwidth': value} for value in choices]
+    rate = 1.0 / max(samples.sample_time, 1e-9)
+    choices = [value for value in (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
+               if value <= 0.3 * rate]
+    sources = ['position']
     if samples.velocity is not None and np.any(samples.velocity):
-        settings += [{'source': 'velocity', 'bandwidth': value} for value in choices]
-    return [{'method': METHOD, **setting} for setting in settings] or [
-        {'method': METHOD, 'source': 'position', 'bandwidth': None}]
+        sources.append('velocity')
+    return [{'method': METHOD, 'source': source, 'bandwidth': value}
+            for source in sources for value in [*choices, None]]
 
 
 def thinned(samples, usable):

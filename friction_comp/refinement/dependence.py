@@ -12,6 +12,7 @@ import numpy as np
 from friction_comp.model.effects.hysteresis import breaks
 from friction_comp.refinement.data import correlation_samples
 from friction_comp.refinement.fitting import robust_scale
+from friction_comp.refinement.spectrum import position_spectrum
 
 _FLIPS = 1500
 _CHANCE = 0.001
@@ -142,7 +143,71 @@ def unexplained(samples, usable, residual, slowest):
         if share > 2.0 * LEAST_STRENGTH:
             found += [Dependence(name, share, _note(' and '.join(names), strength, values))
                       for name in names if name not in known]
+    tone = strongest_tone(values, samples.take(usable))
+    if tone is not None and 'time' not in {item.variable for item in found}:
+        frequency, share = tone
+        share *= float(values @ values) / power
+        if share > 2.0 * LEAST_STRENGTH:
+            found.append(Dependence(
+                'time', share, f'the remaining error swings {frequency:.3g} times a second, '
+                'whatever the position; no effect known to the package does'))
     return sorted(found, key=lambda item: -item.strength)
+
+
+def strongest_tone(values, moving):
+    """Return frequency in Hz and share of variance of the strongest swing in time; None if none.
+
+    A swing counts where it stands out of its neighbourhood in the spectrum, as the rising slope
+    that correlated noise has does not.
+    """
+    k, tone = np.empty(0), np.empty(0)
+    highest = 2.0 * np.pi * 0.3 / max(moving.sample_time, 1e-9)
+    for number in np.unique(moving.recording):
+        rows = moving.recording == number
+        found = position_spectrum(moving.time[rows], values[rows], np.ones(int(rows.sum())),
+                                  highest, periods=10.0)
+        if len(found[0]) and (not len(k) or found[0].size > k.size):
+            k, tone = found
+            power = float(values[rows] @ values[rows])
+    if not len(k) or power <= 0:
+        return None
+    peak = int(np.argmax(tone))
+    near = tone[max(0, peak - 400):peak + 400]
+    # Power of noise is spread like an exponential: 14 times its median by chance is one in 10,000.
+    if tone[peak] < 30.0 * float(np.median(near)):
+        return None
+    return float(k[peak] / (2.0 * np.pi)), float(tone[peak]) / power
+
+
+def fallback(values, samples, usable, slowest):
+    """Return the variable that explains most of a residual that should be noise but is not.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+        Residual of all samples.
+    samples, usable, slowest
+        As in `unexplained`.
+
+    Returns
+    -------
+    Dependence
+    """
+    part = values[usable]
+    rng = np.random.default_rng(0)
+    stretch = _stretches(part)
+    best = ('history', 0.0)
+    for name, cell in cells_of(samples, slowest).items():
+        strength, _ = test_dependence(part - part.mean(), cell[usable], stretch, rng)
+        if strength > best[1]:
+            best = (name, strength)
+    if best[1] < 0.5 * LEAST_STRENGTH:
+        # Slow, and with nothing that was recorded: the past decides.
+        best = ('history', max(0.0, whiteness(part - part.mean())))
+    name, strength = best
+    return Dependence(
+        name, strength, 'the remaining error is larger than noise from sample to sample and '
+        f'changes slowly; of what was recorded it goes most with {name}')
 
 
 def strongest_pair(values, samples, usable, rng):

@@ -38,9 +38,11 @@ class Handle:
     logarithmic: bool
 
 
-def handles(fit):
-    """Return the constants of a fit that may be adjusted."""
-    found = [Handle(-1, 'steepness', 1.0, True), Handle(-1, 'shift', 1.0 / fit.steepness, False)]
+def handles(fit, upright):
+    """Return the constants of a fit that may be adjusted; `upright` leaves the shift alone."""
+    found = [Handle(-1, 'steepness', 1.0, True)]
+    if not upright:
+        found.append(Handle(-1, 'shift', 1.0 / fit.steepness, False))
     if any('transition' in term.constants for term in fit.terms):
         found.append(Handle(-1, 'transition', 1.0, True))
     for place, term in enumerate(fit.terms):
@@ -110,7 +112,7 @@ def within(fit, name, value):
     return min(max(value, -0.1 * speed), 0.1 * speed)
 
 
-def polish(fit, rounds=6):
+def polish(fit, rounds=6, upright=False):
     """Return the fit with all its constants adjusted together.
 
     Each round solves for the coefficients and for small changes of the constants at once, from
@@ -121,6 +123,8 @@ def polish(fit, rounds=6):
     fit : Fit
     rounds : int
         At most so many.
+    upright : bool
+        Whether the middle of the sigmoid's transition has to stay where it is.
 
     Returns
     -------
@@ -130,7 +134,7 @@ def polish(fit, rounds=6):
     scale = fit.scale
     best = float(np.mean(huber_loss(fit.residual[index], scale)))
     for _ in range(rounds):
-        knobs = handles(fit)
+        knobs = handles(fit, upright)
         small = 1e-3
         slopes = []
         for handle in knobs:
@@ -182,3 +186,20 @@ def polished(fit):
     other = polish(fresh[1])
     size = float(np.mean(huber_loss(other.residual[index], scale)))
     return other if size < limit else near
+
+
+def upright(fit):
+    """Return the fit with its sigmoid's transition at zero velocity, unless the data object.
+
+    Between standstill and the slowest motion recorded, the place of the transition is a matter of
+    chance. It decides on the current at standstill, so that the plain choice is the safe one.
+    """
+    scale, index = fit.scale, fit.index
+    twin = fit.copy()
+    twin.shift = 0.0
+    twin.fill()
+    twin.solve()
+    twin = polish(twin, upright=True)
+    plain = float(np.mean(huber_loss(twin.residual[index], scale)))
+    tilted = float(np.mean(huber_loss(fit.residual[index], scale)))
+    return twin if plain < 1.01 * tilted else fit

@@ -15,18 +15,19 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import data as recordings, newton
 from friction_comp.refinement.assemble import final_fit, to_model
 from friction_comp.refinement.asymmetry import carve_out, named_asymmetry
-from friction_comp.refinement.dependence import unexplained
 from friction_comp.refinement.fitting import (
     first_fit,
     Fit,
-    huber_weights,
-    robust_scale,
-    solve,
     Term,
 )
+from friction_comp.refinement.honest_names import bulk, clipping, left_over, LOUD, without_stand_ins
 from friction_comp.refinement.honesty import ambiguities, warnings
+from friction_comp.refinement.motion import choose_differentiation, sharpest
 from friction_comp.refinement.report import noise_floor, scores, words_of
-from friction_comp.refinement.selection import rms, select
+from friction_comp.refinement.selection import held_out_residual, rms, select
+
+# A second pass over more samples than this would take too long.
+_TWICE = 200_000
 
 
 @dataclass
@@ -98,10 +99,47 @@ def refine(recorded, model=None, drive=None, progress=None):
         If the recordings cannot be used.
     """
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
-    samples = recordings.join(recorded)
-    clipped = recordings.clipped(samples.current)
-    settings = choose_differentiation(samples, clipped)
-    samples = differentiate(samples, settings)
+    raw = recordings.join(recorded)
+    clipped = recordings.clipped(raw.current)
+    settings = choose_differentiation(raw, clipped)
+    found = choose(raw, clipped, settings, model, drive, progress)
+    # Which bandwidth suits is seen better once the effects are known.
+    better = sharpest(found.model, raw, found.usable, settings)
+    if better != settings and len(raw) < _TWICE:
+        found = choose(raw, clipped, better, model, drive, progress)
+    refined = found.model
+    refined.joint = refined.joint or (model.joint if model else '')
+    if model:
+        refined.breakaway, refined.simulation = model.breakaway, dict(model.simulation)
+        refined.notes = dict(model.notes)
+    # Samples near standstill do not decide which effects there are; what the model is worth beside
+    # rest and at reversals does depend on how sharply the two are told apart.
+    settings = sharpest(refined, raw, ~clipped, refined.differentiation)
+    refined.differentiation = dict(settings)
+    samples = differentiate(raw, settings)
+    return summarise(found, samples, clipped, model, drive, settings)
+
+
+@dataclass
+class Choice:
+    """Effects chosen for one way of differentiating."""
+
+    model: FrictionModel
+    data: object
+    bases: list
+    steps: list
+    left: list
+    usable: np.ndarray
+
+    @property
+    def fits(self):
+        """The fits of both folds with all effects."""
+        return self.steps[-1].fits if self.steps else self.bases
+
+
+def choose(raw, clipped, settings, model, drive, progress):
+    """Choose the effects, and fit the model with them to all samples."""
+    samples = differentiate(raw, settings)
     slowest = recordings.sticking_speed(samples)
     usable = recordings.in_motion(samples, slowest, settings) & ~clipped
     if usable.sum() < recordings.FEWEST:
@@ -112,19 +150,21 @@ def refine(recorded, model=None, drive=None, progress=None):
     bases = [newton.polished(_started(first_fit(data, data.fit_rows(fold)), terms))
              for fold in (0, 1)]
     steps = select(data, bases, progress)
-    fits = steps[-1].fits if steps else bases
-    if not model:
-        named = named_asymmetry(data, fits, steps)
-        if named:
-            steps.append(named)
-            fits = named.fits
-    refined = carve_out(to_model(final_fit(data, fits), samples, usable, drive, settings),
-                        samples, usable)
-    refined.joint = refined.joint or (model.joint if model else '')
-    if model:
-        refined.breakaway, refined.simulation = model.breakaway, dict(model.simulation)
-        refined.notes = dict(model.notes)
+    steps, left = honest(data, bases, steps, slowest)
+    found = Choice(None, data, bases, steps, left, usable)
+    known = 0.5 * (model.sigmoid.upper + model.sigmoid.lower) if model else 0.0
+    named = named_asymmetry(data, found.fits, steps, known)
+    if named:
+        steps.append(named)
+    found.model = carve_out(
+        to_model(final_fit(data, found.fits), samples, usable, drive, settings), samples, usable)
+    return found
 
+
+def summarise(found, samples, clipped, model, drive, settings):
+    """Return the `RefineResult` of a choice."""
+    data, steps, bases, usable, refined = (
+        found.data, found.steps, found.bases, found.usable, found.model)
     fold = fold_of_all(data, len(samples))
 
     def held_out(pair):
@@ -144,10 +184,13 @@ def refine(recorded, model=None, drive=None, progress=None):
         after = held_out(step.fits)
         trail.append((step.kind.name, rms(after[usable])))
     if model and not steps:
-        after = held_out(fits)
+        after = held_out(bases)
     after_fit = samples.current - refined.predict(samples)
-    thin = after[data.origin]
-    effects = refined.effects[len(terms):]
+    left = list(found.left)
+    clip = clipping(samples, clipped)
+    if clip:
+        left.append(clip)
+    effects = refined.effects[len(model.effects) if model else 0:]
     first = ('the given model' if model else 'sigmoid of Eq. 6 fitted to the recording')
     report = {
         'unit': 'A', 'joint': refined.joint, 'samples': len(samples),
@@ -166,13 +209,35 @@ def refine(recorded, model=None, drive=None, progress=None):
             for effect, step, (_, error) in zip(effects, steps, trail[1:])],
         'unexplained': [
             {'variable': item.variable, 'strength': item.strength, 'note': item.note}
-            for item in unexplained(data.samples, data.usable, thin, slowest)],
+            for item in left],
         'ambiguous': ambiguities(data.samples, data.usable, steps, data.scene),
         'warnings': warnings(data.samples, data.usable, data.scene),
         'differentiation': dict(settings),
     }
     return RefineResult(report, refined, start, samples, usable, before, after, data.scene,
                         trail)
+
+
+def honest(data, bases, steps, slowest):
+    """Return the effects that may keep their names, and what has none.
+
+    Returns
+    -------
+    list of Step, list of Dependence
+    """
+    def state(kept):
+        fits = kept[-1].fits if kept else bases
+        residual = held_out_residual(data, fits)
+        floor = noise_floor(data.samples, data.usable, residual)
+        loud = bulk(residual[data.usable]) > LOUD * floor
+        return left_over(data, residual, slowest, floor), loud
+    left, loud = state(steps)
+    if left and loud:
+        kept = without_stand_ins(steps)
+        if len(kept) < len(steps):
+            steps = kept
+            left, _ = state(steps)
+    return steps, left
 
 
 def _started(fit, terms):
@@ -185,40 +250,6 @@ def fold_of_all(data, size):
     """Return the fold of every original sample, shape (size,)."""
     place = np.searchsorted(data.origin, np.arange(size), side='right') - 1
     return data.fold[np.clip(place, 0, len(data.fold) - 1)]
-
-
-def choose_differentiation(samples, clipped):
-    """Return the settings whose motion explains the current best, by sigmoid and inertia."""
-    best = None
-    thin = max(1, len(samples) // 20000)
-    usable = None
-    for settings in reversed(recordings.bandwidths(samples)):
-        moving = differentiate(samples, settings)
-        if usable is None:
-            speed = np.abs(moving.velocity)
-            usable = (speed > 0.05 * np.percentile(speed, 95)) & ~clipped
-        rows = np.nonzero(usable)[0][::thin]
-        if len(rows) < 50:
-            raise InputError('the joint hardly moves in the recordings: '
-                             f'{len(rows)} samples of motion are too few')
-        part = moving.take(rows)
-        top = float(np.percentile(np.abs(part.velocity), 95))
-        error = min(_motion_error(part, top / share) for share in (3.0, 10.0, 30.0, 100.0, 300.0))
-        # Narrower than needed blunts reversals, so that a wider one wins when as good.
-        if best is None or error < 0.995 * best[0]:
-            best = (error, settings)
-    return best[1]
-
-
-def _motion_error(part, transition):
-    v = part.velocity
-    matrix = np.column_stack((
-        np.ones_like(v), np.tanh(v / transition), v, part.acceleration))
-    weights = np.ones(len(v))
-    for _ in range(3):
-        residual = part.current - matrix @ solve(matrix, part.current, weights)
-        weights = huber_weights(residual, 2.0 * robust_scale(residual))
-    return rms(residual)
 
 
 def prepare(samples, usable, drive, slowest):

@@ -1,0 +1,91 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What stays without a name: left-over dependence, clipping, and names that are only stand-ins."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.refinement.dependence import Dependence, fallback, LEAST_STRENGTH, unexplained
+from friction_comp.refinement.fitting import robust_scale
+
+# Residuals this many times the noise from sample to sample hold something that is no noise.
+LOUD = 1.5
+# While something loud has no name, an effect that lowers the loss by less is likely a stand-in.
+STAND_IN = 0.25
+
+
+def left_over(data, residual, slowest, floor):
+    """Return what the residual still depends on.
+
+    Parameters
+    ----------
+    data : Data
+    residual : ndarray, shape (N,)
+        Held-out residual of the samples of `data`.
+    slowest : float
+        Speed of standstill, rad/s.
+    floor : float
+        Noise from sample to sample of these samples, A.
+
+    Returns
+    -------
+    list of Dependence
+    """
+    found = unexplained(data.samples, data.usable, residual, slowest)
+    if not found and bulk(residual[data.usable]) > LOUD * floor:
+        entry = fallback(residual, data.samples, data.usable, slowest)
+        if entry.strength > LEAST_STRENGTH:
+            found = [entry]
+    return found
+
+
+def bulk(values):
+    """Return the RMS of values without their outliers."""
+    limit = 4.0 * robust_scale(values)
+    return float(np.sqrt(np.mean(np.clip(values, -limit, limit) ** 2)))
+
+
+def clipping(samples, clipped):
+    """Return the entry for a current signal that ends before the current does; None if it does not.
+
+    The variable named is the one on which it depends most whether a sample is clipped.
+    """
+    if not clipped.any():
+        return None
+    share = float(clipped.mean())
+    signals = {'velocity': samples.velocity, 'acceleration': samples.acceleration,
+               'position': samples.position, 'load': samples.load,
+               'temperature': samples.temperature}
+    best = ('velocity', 0.0)
+    for name, values in signals.items():
+        if values is None:
+            continue
+        edges = np.unique(np.quantile(values, np.linspace(0, 1, 16)[1:-1]))
+        cell = np.searchsorted(edges, values)
+        count = np.maximum(np.bincount(cell), 1)
+        rate = np.bincount(cell, clipped.astype(float)) / count
+        spread = float(count @ (rate - share) ** 2) / (len(cell) * share * (1.0 - share))
+        # Velocity is what friction follows: another has to be clearly better to be named.
+        if spread > (1.5 * best[1] if best[0] == 'velocity' else best[1]):
+            best = (name, spread)
+    low, high = samples.current[clipped].min(), samples.current[clipped].max()
+    ends = f'{high:.4g} A' if low == high else f'{low:.4g} and {high:.4g} A'
+    return Dependence(
+        best[0], best[1], f'the current signal ends at {ends} in {100 * share:.2g} % of the '
+        f'samples, mostly by {best[0]}: the sensor saturates, and these samples are not fitted')
+
+
+def without_stand_ins(steps, keep=1):
+    """Return the steps without small effects at the end.
+
+    Parameters
+    ----------
+    steps : list of Step
+    keep : int
+        The first steps are kept in any case.
+    """
+    steps = list(steps)
+    while len(steps) > keep and steps[-1].evidence.get('loss_reduction', 1.0) < STAND_IN:
+        steps.pop()
+    return steps

@@ -1,0 +1,71 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How velocity and acceleration are best had of a recording: which signal, which bandwidth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.model.differentiation import differentiate
+from friction_comp.refinement import data as recordings
+from friction_comp.refinement.fitting import huber_weights, robust_scale, solve
+from friction_comp.refinement.selection import rms
+
+
+def choose_differentiation(samples, clipped):
+    """Return the settings whose motion explains the current best, by sigmoid and inertia."""
+    best = None
+    thin = max(1, len(samples) // 20000)
+    usable = None
+    for settings in reversed(recordings.bandwidths(samples)):
+        moving = differentiate(samples, settings)
+        if usable is None:
+            speed = np.abs(moving.velocity)
+            usable = (speed > 0.05 * np.percentile(speed, 95)) & ~clipped
+        rows = np.nonzero(usable)[0][::thin]
+        if len(rows) < 50:
+            raise InputError('the joint hardly moves in the recordings: '
+                             f'{len(rows)} samples of motion are too few')
+        part = moving.take(rows)
+        top = float(np.percentile(np.abs(part.velocity), 95))
+        error = min(_motion_error(part, top / share) for share in (3.0, 10.0, 30.0, 100.0, 300.0))
+        # Narrower than needed blunts reversals, so that a wider one wins when as good.
+        if best is None or error < 0.995 * best[0]:
+            best = (error, settings)
+    return best[1]
+
+
+def sharpest(model, samples, rows, settings):
+    """Return the settings by which a finished model predicts some samples best.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    samples : Samples
+        As recorded.
+    rows : ndarray of bool, shape (N,)
+        The samples that count.
+    settings : dict
+        The present settings, which are kept unless others are clearly better.
+    """
+    thin = max(1, len(samples) // 200_000)
+    errors = []
+    for choice in [settings, *recordings.bandwidths(samples)]:
+        moving = differentiate(samples, choice)
+        error = (samples.current - model.predict(moving))[rows][::thin]
+        limit = np.quantile(np.abs(error), 0.999)
+        errors.append((rms(np.minimum(np.abs(error), limit)), choice))
+    best = min(errors, key=lambda item: item[0])
+    return best[1] if best[0] < 0.97 * errors[0][0] else settings
+
+
+def _motion_error(part, transition):
+    v = part.velocity
+    matrix = np.column_stack((
+        np.ones_like(v), np.tanh(v / transition), v, part.acceleration))
+    weights = np.ones(len(v))
+    for _ in range(3):
+        residual = part.current - matrix @ solve(matrix, part.current, weights)
+        weights = huber_weights(residual, 2.0 * robust_scale(residual))
+    return rms(residual)
