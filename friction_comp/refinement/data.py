@@ -279,7 +279,8 @@ def scene_of(samples, usable, drive, transition, slowest):
         temperature=(25.0 if samples.temperature is None
                      else float(np.median(samples.temperature))),
         gear_ratio=drive.gear_ratio,
-        resolution=float(steps.min()) if steps.size else 0.0)
+        resolution=float(steps.min()) if steps.size else 0.0,
+        both_directions=0.02 < float(np.mean(moving.velocity > 0)) < 0.98)
 
 
 def _renumber(values):

@@ -132,8 +132,12 @@ class Fit:
 
     def base(self):
         """Return the sigmoid's columns, shape (N, 3)."""
-        return delayed(base_columns(self.samples, self.steepness, self.shift), self.samples,
-                       self.delays[1])
+        columns = base_columns(self.samples, self.steepness, self.shift)
+        if not self.data.scene.both_directions:
+            # From motion in one direction a constant cannot be told from Coulomb friction, and the
+            # two together would bend into any shape: friction is taken to be odd.
+            columns[:, 0] = 0.0
+        return delayed(columns, self.samples, self.delays[1])
 
     def columns(self, term):
         """Return a term's columns, shape (N, M)."""

@@ -36,7 +36,7 @@ def choose_differentiation(samples, clipped):
     return best[1]
 
 
-def sharpest(model, samples, rows, settings):
+def sharpest(model, samples, rows, settings, keep=None):
     """Return the settings by which a finished model predicts some samples best.
 
     Parameters
@@ -48,16 +48,21 @@ def sharpest(model, samples, rows, settings):
         The samples that count.
     settings : dict
         The present settings, which are kept unless others are clearly better.
+    keep : ndarray of bool, shape (N,), optional
+        Samples on which others must not be worse.
     """
     thin = max(1, len(samples) // 200_000)
     errors = []
     for choice in [settings, *recordings.bandwidths(samples)]:
         moving = differentiate(samples, choice)
-        error = (samples.current - model.predict(moving))[rows][::thin]
-        limit = np.quantile(np.abs(error), 0.999)
-        errors.append((rms(np.minimum(np.abs(error), limit)), choice))
-    best = min(errors, key=lambda item: item[0])
-    return best[1] if best[0] < 0.97 * errors[0][0] else settings
+        error = np.abs(samples.current - model.predict(moving))
+        limit = np.quantile(error[rows][::thin], 0.999)
+        kept = 0.0 if keep is None else rms(np.minimum(error[keep][::thin], limit))
+        errors.append((rms(np.minimum(error[rows][::thin], limit)), kept, choice))
+    present = errors[0]
+    allowed = [entry for entry in errors if entry[1] <= 1.005 * present[1]]
+    best = min(allowed, key=lambda entry: entry[0])
+    return best[2] if best[0] < 0.97 * present[0] else settings
 
 
 def _motion_error(part, transition):

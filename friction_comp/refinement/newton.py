@@ -41,7 +41,7 @@ class Handle:
 def handles(fit, upright):
     """Return the constants of a fit that may be adjusted; `upright` leaves the shift alone."""
     found = [Handle(-1, 'steepness', 1.0, True)]
-    if not upright:
+    if not upright and fit.data.scene.both_directions:
         found.append(Handle(-1, 'shift', 1.0 / fit.steepness, False))
     if any('transition' in term.constants for term in fit.terms):
         found.append(Handle(-1, 'transition', 1.0, True))

@@ -114,7 +114,7 @@ def refine(recorded, model=None, drive=None, progress=None):
         refined.notes = dict(model.notes)
     # Samples near standstill do not decide which effects there are; what the model is worth beside
     # rest and at reversals does depend on how sharply the two are told apart.
-    settings = sharpest(refined, raw, ~clipped, refined.differentiation)
+    settings = sharpest(refined, raw, ~clipped, refined.differentiation, found.usable)
     refined.differentiation = dict(settings)
     samples = differentiate(raw, settings)
     return summarise(found, samples, clipped, model, drive, settings)

@@ -40,6 +40,8 @@ class Scene:
         n; a hint for spatial frequencies.
     resolution : float
         Smallest step of the recorded position in rad.
+    both_directions : bool
+        Whether there is motion in both directions.
     """
 
     transition: float
@@ -52,6 +54,7 @@ class Scene:
     temperature: float = 25.0
     gear_ratio: float = 1.0
     resolution: float = 0.0
+    both_directions: bool = True
 
 
 class Effect(ABC):
