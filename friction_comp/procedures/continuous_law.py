@@ -85,6 +85,8 @@ MOVED_SPEED = math.radians(5.0)
 # Share of the kinetic term that is left out below about this speed while there is no direction.
 REST_SHARE = 0.15
 REST_SPEED = math.radians(2.0)
+# Below about this speed a joint creeps, rad/s.
+CREEP_SPEED = 0.05
 # The place of rest follows slow creep under load so slowly, s.
 CREEP_TIME = 1.0
 
@@ -240,8 +242,30 @@ def turn_level(p, s, direction):
 
 
 @njit(cache=True)
+def creep_excess(p, s, current, friction_effects):
+    """Return what has to be taken off friction effects near standstill, in A.
+
+    An effect that was fitted to slow motion may turn over within a few mrad/s, more steeply than
+    velocity can be known, and adds to a kinetic term that is already nearly all of friction. So it
+    comes in no more steeply than the sigmoid, and at creep the sum stays below the breakaway level
+    in use, as if the gain held for all friction current there.
+    """
+    if friction_effects == 0.0:
+        return 0.0
+    speed = abs(s[SPEED])
+    softened = friction_effects * math.tanh(0.5 * p[STEEPNESS] * speed)
+    fade = math.exp(-(speed / CREEP_SPEED) ** 2)
+    away = 1.0 if current > 0.0 else -1.0
+    bound = p[BREAK_POSITIVE] if away > 0.0 else p[BREAK_NEGATIVE]
+    over = away * (current + softened) - bound
+    if over > 0.0 and away * softened > 0.0:
+        softened -= away * min(over, away * softened) * fade
+    return softened - friction_effects
+
+
+@njit(cache=True)
 def continuous_current(p, s, direction, friction_effects):
-    """Return the current of the continuous law in A, further effects not counted.
+    """Return the current of the continuous law in A, to which further effects are added.
 
     In the direction d, from standstill to full speed,
 
@@ -276,4 +300,4 @@ def continuous_current(p, s, direction, friction_effects):
     breakaway = sign * share * level
     s[KINETIC_TERM] = kinetic
     s[BREAKAWAY_TERM] = breakaway
-    return kinetic + breakaway
+    return kinetic + breakaway + creep_excess(p, s, kinetic + breakaway, friction_effects)

@@ -14,7 +14,7 @@ from friction_comp.world.exercise import ReferenceMovement
 RAMP_PERIOD = 10.0
 """T of Eq. 8 in s, all configurations."""
 
-FALSE_START = math.radians(0.5)
+FALSE_START = math.radians(1.0)
 """rad. An untouched joint that goes farther has started by itself. Sticking joints give by 0.01
 to 0.02 degrees under the breakaway term alone, and that is no start."""
 
@@ -69,6 +69,6 @@ class Experiment:
 
 EXPERIMENTS = (
     Experiment(1, 0.0995, 0.0034, 0.05, 0.98, 0.39, 0.60, (3.0,)),
-    Experiment(2, 0.1377, 0.0043, 0.06, 1.28, 0.44, 0.65, (2.5,)),
+    Experiment(2, 0.1377, 0.0043, 0.06, 1.28, 0.44, 0.65, (2.25,)),
     Experiment(3, 0.3357, 0.0172, 0.12, 6.02, 1.21, 0.80, (0.35, 1.0, 2.0)),
 )

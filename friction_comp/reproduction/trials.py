@@ -21,7 +21,7 @@ REPETITIONS = 10
 CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
 # What nobody does twice alike: standard deviations of the person's stiffness (relative), of the
 # instant at which the movement begins, s, and of its speed (relative).
-STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.1, 0.01, 0.02
+STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
 _FRICTION = (
     kernel.UPPER, kernel.LOWER, kernel.VISCOUS, kernel.FLOOR_POSITIVE, kernel.FLOOR_NEGATIVE,
     kernel.BREAK_POSITIVE, kernel.BREAK_NEGATIVE, kernel.STD_POSITIVE, kernel.STD_NEGATIVE)

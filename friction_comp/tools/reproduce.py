@@ -1,0 +1,136 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``reproduce``: the technical note's experiments on its three configurations."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+import multiprocessing
+
+from rich.console import Console
+from rich.table import Table
+
+from friction_comp.reproduction.experiment_set import run_experiment
+from friction_comp.reproduction.identify import identify_table
+from friction_comp.reproduction.note import EXPERIMENTS
+from friction_comp.reproduction.report import reproduction_report
+from friction_comp.tools.common import Arguments, output_folder, progress, to_json, whole_number
+
+DESCRIPTION = """Repeat all of the technical note's experiments on simulated joints, and print its
+figures beside ours."""
+
+
+def main(argv=None):
+    """Reproduce the note.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The process's own arguments by default.
+
+    Returns
+    -------
+    int
+        0.
+
+    Raises
+    ------
+    InputError
+        If the output folder cannot be written.
+    """
+    parser = Arguments('reproduce', DESCRIPTION).add_output()
+    parser.add_argument('--cycles', metavar='N', type=whole_number(2), default=200,
+                        help='current ramps per direction and configuration (200)')
+    parser.add_argument('--seed', metavar='N', type=whole_number(0), default=9,
+                        help='of noise, scatter and the persons (9)')
+    arguments = parser.parse(argv)
+    with output_folder(arguments.output) as folder, progress('starting') as report:
+        outcomes = run_all(arguments.cycles, arguments.seed, report)
+        results = {'configurations': {
+            str(outcome.experiment.number): outcome.as_dict() for outcome in outcomes}}
+        (folder / 'results.json').write_text(to_json(results), encoding='utf-8')
+        reproduction_report(outcomes).save(folder / 'report.html')
+    _print(outcomes)
+    print(arguments.output / 'report.html')
+    return 0
+
+
+def run_all(cycles, seed, report, experiments=EXPERIMENTS):
+    """Run the experiments of every configuration.
+
+    The look-up tables are measured by the identification procedure as it drives a real joint,
+    sample by sample, in a process of their own; everything else runs compiled and in parallel.
+
+    Parameters
+    ----------
+    cycles : int
+        Ramps per direction.
+    seed : int
+    report : callable
+        ``report(share, description)``.
+    experiments : sequence of Experiment
+
+    Returns
+    -------
+    list of Outcome
+    """
+    outcomes = []
+    # A fresh interpreter: a fork of one that has run compiled threads may hang.
+    context = multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
+        tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
+        try:
+            for k, experiment in enumerate(experiments):
+                def tell(share, what, k=k, number=experiment.number):
+                    report((k + share) / len(experiments), f'configuration {number}: {what}')
+
+                outcomes.append(run_experiment(
+                    experiment, tables[k].result, cycles, seed, tell))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return outcomes
+
+
+def _print(outcomes):
+    table = Table(title='The note and its repetition (the note in brackets)')
+    for heading in ('', *(f'configuration {o.experiment.number}' for o in outcomes)):
+        table.add_column(heading, justify='left' if not heading else 'right')
+    for name, cells in summary_rows(outcomes):
+        table.add_row(name, *cells)
+    Console().print(table)
+
+
+def summary_rows(outcomes):
+    """Return the rows of the table that is printed: a name, and one text per configuration."""
+    def row(name, text):
+        return name, [text(outcome) for outcome in outcomes]
+
+    return [
+        row('breakaway [mA]', lambda o: (
+            f'{_mean(o):.1f} ± {_std(o):.1f} '
+            f'({1e3 * o.experiment.breakaway:.1f} ± {1e3 * o.experiment.breakaway_std:.1f})')),
+        row('peak, no compensation [N·m]', lambda o: f'{o.peaks["none"]:.2f}'),
+        row('peak, d = 0 [N·m]', lambda o: (
+            f'{o.peaks["kinetic"]:.2f} ({o.experiment.peak_kinetic})')),
+        row('peak, printed law [N·m]', lambda o: (
+            f'{o.peaks["paper"]:.2f} ({o.experiment.peak_compensated})')),
+        row('peak, continuous law [N·m]', lambda o: f'{o.peaks["continuous"]:.2f}'),
+        row('peak, inertia alone [N·m]', lambda o: f'{o.peaks["inertia"]:.2f}'),
+        row('reduction, printed law', lambda o: (
+            f'{100 * o.reduction("paper"):.0f} % ({100 * o.experiment.reduction:.0f} %)')),
+        row('reduction, continuous law', lambda o: f'{100 * o.reduction("continuous"):.0f} %'),
+        row('false starts in an hour, printed / continuous', lambda o: (
+            f'{o.standstills["paper"].false_starts} / '
+            f'{o.standstills["continuous"].false_starts}')),
+    ]
+
+
+def _mean(outcome):
+    both = outcome.model.breakaway
+    return 500.0 * (both.positive_mean - both.negative_mean)
+
+
+def _std(outcome):
+    both = outcome.model.breakaway
+    return 500.0 * (both.positive_std + both.negative_std)
