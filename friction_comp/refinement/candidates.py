@@ -63,6 +63,9 @@ def best_term(fit, kind):
 def plausible(fit):
     """Tell whether the last term's coefficient has the sign that physics asks for."""
     last = fit.terms[-1]
+    if last.kind.name == 'actuation_lag':
+        # A fraction of a sample is how the signals were sampled, no effect.
+        return abs(last.constants['lag']) > 0.7 * fit.data.scene.sample_time
     if last.kind.name not in _POSITIVE:
         return True
     return fit.coefficients[-1] > 0

@@ -100,11 +100,21 @@ def test_dependence(residual, cells, stretch, rng):
             (float(np.sum(null >= real)) + 1.0) / (_FLIPS + 1.0))
 
 
-def unexplained(samples, usable, residual, slowest):
+def unexplained(samples, usable, residual, slowest, least=0.0):
     """Return what the residual of usable samples still depends on, strongest first.
 
     Variables go together in most recordings. The strongest is taken out of the residual before
     the next is looked for, so that only those are named that add something of their own.
+
+    Parameters
+    ----------
+    samples : Samples
+    usable : ndarray of bool, shape (N,)
+    residual : ndarray, shape (N,)
+    slowest : float
+        Speed of standstill, rad/s.
+    least : float
+        RMS in A below which a dependence is not worth a word.
 
     Returns
     -------
@@ -119,6 +129,9 @@ def unexplained(samples, usable, residual, slowest):
     power = float(values @ values)
     rng = np.random.default_rng(0)
     found = []
+    worth = LEAST_STRENGTH
+    if power > 0:
+        worth = max(worth, least ** 2 * len(values) / power)
     if power <= 0:
         return found
     while cells:
@@ -127,7 +140,7 @@ def unexplained(samples, usable, residual, slowest):
         share = float(values @ values) / power
         for name, cell in cells.items():
             strength, p_value = test_dependence(values, cell, stretch, rng)
-            if p_value <= _CHANCE and strength * share > LEAST_STRENGTH and (
+            if p_value <= _CHANCE and strength * share > worth and (
                     best is None or strength > best[1]):
                 best = (name, strength)
         if best is None:
@@ -140,14 +153,14 @@ def unexplained(samples, usable, residual, slowest):
         names, strength = pair
         share = strength * float(values @ values) / power
         known = {item.variable for item in found}
-        if share > 2.0 * LEAST_STRENGTH:
+        if share > max(worth, 2.0 * LEAST_STRENGTH):
             found += [Dependence(name, share, _note(' and '.join(names), strength, values))
                       for name in names if name not in known]
     tone = strongest_tone(values, samples.take(usable))
     if tone is not None and 'time' not in {item.variable for item in found}:
         frequency, share = tone
         share *= float(values @ values) / power
-        if share > 2.0 * LEAST_STRENGTH:
+        if share > max(worth, 2.0 * LEAST_STRENGTH):
             found.append(Dependence(
                 'time', share, f'the remaining error swings {frequency:.3g} times a second, '
                 'whatever the position; no effect known to the package does'))

@@ -11,6 +11,8 @@ from friction_comp.refinement.fitting import robust_scale
 
 # Residuals this many times the noise from sample to sample hold something that is no noise.
 LOUD = 1.5
+# What stays below this share of that noise is not worth a word.
+LEAST_LOUD = 0.15
 # While something loud has no name, an effect that lowers the loss by less is likely a stand-in.
 STAND_IN = 0.25
 
@@ -26,13 +28,13 @@ def left_over(data, residual, slowest, floor):
     slowest : float
         Speed of standstill, rad/s.
     floor : float
-        Noise from sample to sample of these samples, A.
+        Noise from sample to sample of the recordings, A.
 
     Returns
     -------
     list of Dependence
     """
-    found = unexplained(data.samples, data.usable, residual, slowest)
+    found = unexplained(data.samples, data.usable, residual, slowest, LEAST_LOUD * floor)
     if not found and bulk(residual[data.usable]) > LOUD * floor:
         entry = fallback(residual, data.samples, data.usable, slowest)
         if entry.strength > LEAST_STRENGTH:

@@ -12,9 +12,24 @@ from friction_comp.refinement import data as recordings
 from friction_comp.refinement.fitting import huber_weights, robust_scale, solve
 from friction_comp.refinement.selection import rms
 
+_MOST_SAMPLES = 150_000
+_PIECES = 15
+
+
+def excerpt(samples, *masks):
+    """Return stretches from all over the samples, not too many, and the same of masks."""
+    size = len(samples)
+    if size <= _MOST_SAMPLES:
+        return (samples, *masks)
+    length = _MOST_SAMPLES // _PIECES
+    starts = np.linspace(0, size - length, _PIECES).astype(int)
+    keep = np.concatenate([np.arange(start, start + length) for start in starts])
+    return (samples.take(keep), *(mask[keep] for mask in masks))
+
 
 def choose_differentiation(samples, clipped):
     """Return the settings whose motion explains the current best, by sigmoid and inertia."""
+    samples, clipped = excerpt(samples, clipped)
     best = None
     thin = max(1, len(samples) // 20000)
     usable = None
@@ -51,14 +66,14 @@ def sharpest(model, samples, rows, settings, keep=None):
     keep : ndarray of bool, shape (N,), optional
         Samples on which others must not be worse.
     """
-    thin = max(1, len(samples) // 200_000)
+    samples, rows, keep = excerpt(samples, rows, rows if keep is None else keep)
     errors = []
     for choice in [settings, *recordings.bandwidths(samples)]:
         moving = differentiate(samples, choice)
         error = np.abs(samples.current - model.predict(moving))
-        limit = np.quantile(error[rows][::thin], 0.999)
-        kept = 0.0 if keep is None else rms(np.minimum(error[keep][::thin], limit))
-        errors.append((rms(np.minimum(error[rows][::thin], limit)), kept, choice))
+        limit = np.quantile(error[rows], 0.999)
+        kept = rms(np.minimum(error[keep], limit))
+        errors.append((rms(np.minimum(error[rows], limit)), kept, choice))
     present = errors[0]
     allowed = [entry for entry in errors if entry[1] <= 1.005 * present[1]]
     best = min(allowed, key=lambda entry: entry[0])

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -150,7 +150,9 @@ def choose(raw, clipped, settings, model, drive, progress):
     bases = [newton.polished(_started(first_fit(data, data.fit_rows(fold)), terms))
              for fold in (0, 1)]
     steps = select(data, bases, progress)
-    steps, left = honest(data, bases, steps, slowest)
+    rough = to_model((steps[-1].fits if steps else bases)[0], None, None, drive, settings)
+    floor = noise_floor(samples, usable, samples.current - rough.predict(samples))
+    steps, left = honest(data, bases, steps, slowest, floor)
     found = Choice(None, data, bases, steps, left, usable)
     known = 0.5 * (model.sigmoid.upper + model.sigmoid.lower) if model else 0.0
     named = named_asymmetry(data, found.fits, steps, known)
@@ -218,7 +220,7 @@ def summarise(found, samples, clipped, model, drive, settings):
                         trail)
 
 
-def honest(data, bases, steps, slowest):
+def honest(data, bases, steps, slowest, floor):
     """Return the effects that may keep their names, and what has none.
 
     Returns
@@ -228,7 +230,6 @@ def honest(data, bases, steps, slowest):
     def state(kept):
         fits = kept[-1].fits if kept else bases
         residual = held_out_residual(data, fits)
-        floor = noise_floor(data.samples, data.usable, residual)
         loud = bulk(residual[data.usable]) > LOUD * floor
         return left_over(data, residual, slowest, floor), loud
     left, loud = state(steps)
@@ -263,5 +264,6 @@ def prepare(samples, usable, drive, slowest):
     base = first_fit(data, usable)
     data.block, data.fold, data.guard, data.held_out = recordings.split(
         thin, usable, base.residual)
-    data.scene = recordings.scene_of(thin, usable, drive, 2.0 / base.steepness, slowest)
+    scene = recordings.scene_of(thin, usable, drive, 2.0 / base.steepness, slowest)
+    data.scene = replace(scene, sample_time=samples.sample_time)
     return data

@@ -34,7 +34,7 @@ class ActuationLag(Effect):
     def grid(cls, scene):
         """Lags of half a sample to some thirty, either way, and low passes of as much."""
         step = scene.sample_time
-        steps = np.array([0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32])
+        steps = np.array([0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128])
         steps = steps[steps * step <= 0.15]
         grid = [{'lag': float(side * value * step), 'first_order': 0.0}
                 for value in steps for side in (1.0, -1.0)]

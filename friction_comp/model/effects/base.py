@@ -15,6 +15,8 @@ from friction_comp.errors import InputError
 VARIABLES = (
     'velocity', 'direction', 'position', 'acceleration', 'load', 'temperature', 'time', 'history')
 
+SHARPEST_ONLINE = 0.015
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -33,7 +35,7 @@ class Scene:
     duration : float
         Length of the longest recording in s.
     sample_time : float
-        Of the samples that are fitted, s.
+        Of the recordings, s.
     temperature : float
         Median temperature in degrees Celsius.
     gear_ratio : float
@@ -194,6 +196,15 @@ class StaticTerm(OnlineTerm):
     def update(self, time, position, velocity, temperature=None, load=None):
         """Return the current in A for this sample."""
         return self._function(time, position, velocity, temperature, load)
+
+
+def gentle(transition):
+    """Return the velocity over which a term that is fed back may change sign, in rad/s.
+
+    A recording may show that friction turns round within a thousandth of a radian a second. Fed
+    back as sharply, every count of the encoder would set off the whole term.
+    """
+    return max(transition, SHARPEST_ONLINE)
 
 
 def sign(velocity, transition):

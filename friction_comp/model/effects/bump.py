@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, gentle, geometric, sign, StaticTerm
 
 
 class Bump(Effect):
@@ -55,7 +55,7 @@ class Bump(Effect):
         def term(_time, position, v, _temperature, _load):
             distance = min(abs(position - c['position']) / c['width'], 1e6)
             bell = math.exp(-min(0.5 * distance ** c['exponent'], 700.0))
-            side = math.tanh(v / c['transition']) if c['directional'] else 1.0
+            side = math.tanh(v / gentle(c['transition'])) if c['directional'] else 1.0
             return gain * side * bell
         return StaticTerm(term)
 

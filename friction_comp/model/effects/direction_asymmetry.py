@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
 
 
 class DirectionAsymmetry(Effect):
@@ -39,7 +39,7 @@ class DirectionAsymmetry(Effect):
     def online(self):
         """Return the term; it is zero at standstill, where breakaway has its own two values."""
         a, b = self.coefficients
-        transition = self.values['transition']
+        transition = gentle(self.values['transition'])
 
         def term(_time, _position, v, _temperature, _load):
             return a * math.tanh(v / transition) ** 2 + b * abs(v)

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
 
 
 class LoadTorque(Effect):
@@ -68,7 +68,7 @@ class LoadFriction(Effect):
         gain, c = self.coefficients[0], self.values
 
         def term(_time, _position, v, _temperature, load):
-            return gain * math.tanh(v / c['transition']) * abs(load) ** c['exponent']
+            return gain * math.tanh(v / gentle(c['transition'])) * abs(load) ** c['exponent']
         return StaticTerm(term, needs=('load',))
 
     def describe(self):

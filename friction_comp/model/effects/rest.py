@@ -9,7 +9,7 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, OnlineTerm, sign
+from friction_comp.model.effects.base import Effect, gentle, geometric, OnlineTerm, sign
 from friction_comp.model.effects.hysteresis import breaks
 
 
@@ -102,7 +102,7 @@ class _Rested(OnlineTerm):
             else:
                 self._share *= math.exp(-abs(position - self._position) / c['distance'])
         self._time, self._position = time, position
-        return self._gain * math.tanh(velocity / c['transition']) * self._share
+        return self._gain * math.tanh(velocity / gentle(c['transition'])) * self._share
 
     def reset(self):
         self._time = self._position = None

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
 
 
 class _Ripple(Effect):
@@ -88,7 +88,7 @@ class FrictionRipple(_Ripple):
         def term(_time, position, v, _temperature, _load):
             phase = c['frequency'] * position
             grown = (abs(v) / c['speed']) ** c['growth'] if c['growth'] else 1.0
-            return (grown * math.tanh(v / c['transition'])
+            return (grown * math.tanh(v / gentle(c['transition']))
                     * (a * math.cos(phase) + b * math.sin(phase)))
         return StaticTerm(term)
 

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, gentle, geometric, sign, StaticTerm
 
 
 class Stribeck(Effect):
@@ -40,7 +40,7 @@ class Stribeck(Effect):
 
         def term(_time, _position, v, _temperature, _load):
             fade = math.exp(-min((abs(v) / c['velocity']) ** c['exponent'], 700.0))
-            return gain * math.tanh(v / c['transition']) * fade
+            return gain * math.tanh(v / gentle(c['transition'])) * fade
         return StaticTerm(term)
 
     def describe(self):

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
 
 
 class Temperature(Effect):
@@ -42,7 +42,7 @@ class Temperature(Effect):
 
         def term(_time, _position, v, temperature, _load):
             difference = temperature - c['reference_temperature']
-            side = math.tanh(v / c['transition'])
+            side = math.tanh(v / gentle(c['transition']))
             return (a * side + b * v + even * side * side) * difference
         return StaticTerm(term, needs=('temperature',))
 

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
 
 
 class ViscousShape(Effect):
@@ -39,7 +39,7 @@ class ViscousShape(Effect):
         c = self.values
 
         def term(_time, _position, v, _temperature, _load):
-            return (gain * math.tanh(v / c['transition'])
+            return (gain * math.tanh(v / gentle(c['transition']))
                     * (abs(v) / c['reference']) ** c['exponent'])
         return StaticTerm(term)
 

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, OnlineTerm, sign
+from friction_comp.model.effects.base import Effect, gentle, geometric, OnlineTerm, sign
 
 
 class WarmUp(Effect):
@@ -98,7 +98,7 @@ class _Fading(OnlineTerm):
             self._start = time
         c = self._constants
         fade = math.exp(-(time - self._start) / c['time_constant'])
-        side = math.tanh(velocity / c['transition'])
+        side = math.tanh(velocity / gentle(c['transition']))
         return (self._coulomb * side + self._viscous * velocity + self._even * side * side) * fade
 
     def reset(self):
