@@ -32,11 +32,23 @@ MODELS = [str(CONFIG / f'armin_configuration_{k}.yaml') for k in (1, 2, 3)]
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Discovery alone may take seconds on a busy machine.
-PATIENCE = 30.0
+PATIENCE = 60.0
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # One domain per test session keeps concurrent sessions apart.
 os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randrange(1, 100))
+
+
+@contextmanager
+def own_domain():
+    """Keep what is started inside apart from all that was started outside."""
+    before = os.environ['ROS_DOMAIN_ID']
+    others = [number for number in range(1, 100) if str(number) != before]
+    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().choice(others))
+    try:
+        yield
+    finally:
+        os.environ['ROS_DOMAIN_ID'] = before
 
 
 def ros_arguments(parameters=None, remappings=None):

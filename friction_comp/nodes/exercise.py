@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from array import array
 import math
+from time import monotonic
 
 import numpy as np
 from rclpy.node import Node
@@ -27,6 +28,9 @@ from friction_comp.nodes.streams import (
     set_stamp,
 )
 from friction_comp.world.exercise import ReferenceMovement
+
+# Each end of a connection finds the other in its own time; real s.
+_MOMENT = 0.5
 
 
 class ExerciseNode(Node):
@@ -52,6 +56,10 @@ class ExerciseNode(Node):
         if self._when_done not in ('hold', 'exit'):
             raise InputError(
                 f'parameter when_done: must be hold or exit, not {self._when_done!r}')
+        self._listeners = declare(
+            self, 'wait_for_listeners', 0,
+            'subscriptions to the direction that must be there before the exercise begins',
+            0, 1000, read_only=True)
         rate = declare(self, 'rate', 100.0, 'references a second of the node clock [Hz]', 1.0,
                        1000.0, read_only=True)
         clock = declare(
@@ -60,7 +68,7 @@ class ExerciseNode(Node):
         if clock not in ('timer', 'ticks'):
             raise InputError(f'parameter clock: must be timer or ticks, not {clock!r}')
 
-        self._start = None
+        self._start = self._found = None
         self._last = self._first = None
         self._ticking = clock == 'ticks'
         self._values = [0] * len(self._joints)
@@ -132,6 +140,8 @@ class ExerciseNode(Node):
         self.destroy_subscription(self._origin_subscription)
 
     def _on_tick(self, now):
+        if not self._listened_to():
+            return
         if now == self._last:
             # A tick comes again when its answer was lost.
             self._references.publish(self._reference)
@@ -150,6 +160,16 @@ class ExerciseNode(Node):
             self._reference.name = list(self._joints)
         self._show((now - self._start) / NANO)
 
+    def _listened_to(self):
+        """Tell whether all listeners are there, and had a moment to find out about it."""
+        if self._start is not None or not self._listeners:
+            return True
+        if self._directions.get_subscription_count() < self._listeners:
+            self._found = None
+            return False
+        self._found = self._found or monotonic()
+        return monotonic() - self._found > _MOMENT
+
     def _show(self, time):
         position, velocity, direction = self._movement.at(time)
         values = (direction * self._moving).astype(int).tolist()
@@ -167,6 +187,8 @@ class ExerciseNode(Node):
     def _report(self):
         if self._start is None:
             what = 'joint_states' if self._origin is None else '/clock'
+            if not self._listened_to():
+                what = 'listeners to the direction'
             return WARN, f'waits for {what}', {}
         time = (self._last - self._start) / NANO
         position, velocity, _ = self._movement.at(time)

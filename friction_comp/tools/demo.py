@@ -29,10 +29,10 @@ from friction_comp.tools.processes import Nodes
 JOINT = 'armin_1'
 SAMPLE_TIME = 1e-3
 GOAL = {
-    'joint': JOINT, 'speeds': [math.radians(v) for v in (4.0, 8.0, 14.0, 22.0, 32.0, 45.0, 60.0)],
-    'motion_range': 1.5, 'ramp_slope': 0.1, 'ramp_period': 5.0, 'breakaway_cycles': 4}
+    'joint': JOINT, 'speeds': [math.radians(v) for v in (6.0, 12.0, 20.0, 30.0, 45.0, 60.0)],
+    'motion_range': 1.3, 'ramp_slope': 0.1, 'ramp_period': 5.0, 'breakaway_cycles': 4}
 MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(20.0),
-            'acceleration_time': 0.5, 'standstill': 1.2, 'announcement': 0.6}
+            'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.5}
 # Folder, name in the table, the compensator's law, and whether the direction is announced.
 TRIALS = (
     ('none', 'no compensation', 'none', False),
@@ -190,7 +190,8 @@ class Demo:
         self._nodes.start('exercise', {
             'joints': [JOINT], 'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
             'input_reliability': 'reliable', 'announce_direction': announced,
-            'repetitions': self._arguments.repetitions, **MOVEMENT})
+            # The compensator and the recorder.
+            'wait_for_listeners': 2, 'repetitions': self._arguments.repetitions, **MOVEMENT})
         self._record(name)
         began = None
         with progress(f'trial: {title}') as show:

@@ -1,0 +1,125 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""All nodes together in lockstep: the same numbers in every run, and as in the plain loop."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from ros_system import MODELS, probe_node, Process
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.procedures.compensation import CompensationLaw
+from friction_comp.recordings.reader import read_recording_with_info
+from friction_comp.world.exercise import ReferenceMovement
+from friction_comp.world.joint import Plant
+from friction_comp.world.loop import closed_loop
+
+JOINT = 'elbow'
+MOVEMENT = {'amplitude': 0.25, 'speed': 0.5, 'acceleration_time': 0.2, 'standstill': 0.6,
+            'announcement': 0.4, 'repetitions': 1}
+SEED = 8
+pytestmark = pytest.mark.slow
+
+
+def run(folder, law, disturbed=False):
+    """Run one exercise and return the recording's samples and info."""
+    models = {'joints': [JOINT], 'model_files': MODELS[:1]}
+    follower = {'use_sim_time': True, 'input_reliability': 'reliable'}
+    with probe_node() as probe, Process(folder, 'plant', {
+            **models, 'clock': 'lockstep', 'wait_for_reference': True, 'seed': SEED}), Process(
+                folder, 'compensator', {**models, **follower, 'law': law}), Process(
+                    folder, 'recorder', {
+                        **follower, 'output': str(folder / 'recording')}) as recorder:
+        probe.until(lambda: probe.count_subscribers('current_command') == 2
+                    and probe.count_publishers('current_command') == 1
+                    and probe.count_subscribers('joint_states') == 2, 'all nodes')
+        burners = [subprocess.Popen([sys.executable, '-c', 'while True: pass'])
+                   for _ in range(3 if disturbed else 0)]
+        try:
+            with Process(folder, 'exercise', {
+                    'joints': [JOINT], **follower, **MOVEMENT, 'clock': 'ticks',
+                    'wait_for_listeners': 2, 'when_done': 'exit'}) as exercise:
+                assert exercise.wait(180.0) == 0
+            # The last reference still lets the joint run to the next tick.
+            probe.spin_for(0.5)
+        finally:
+            for burner in burners:
+                burner.kill()
+                burner.wait()
+        recorder.send()
+        assert recorder.wait() == 0
+    return read_recording_with_info(folder / 'recording', JOINT, 0.119, 100.0)[0]
+
+
+@pytest.fixture(scope='module')
+def runs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('lockstep')
+    return [run(folder / 'quiet', 'continuous'),
+            run(folder / 'disturbed', 'continuous', disturbed=True)]
+
+
+class Later:
+    """The movement as the exercise node shows it: from its second tick on."""
+
+    def __init__(self, tick):
+        self._movement, self._tick = ReferenceMovement(**MOVEMENT), tick
+
+    def at(self, time):
+        return self._movement.at(round((time - self._tick) * 1e9) * 1e-9)
+
+
+def expected(law, count):
+    model = FrictionModel.load(MODELS[0])
+    return closed_loop(
+        Plant([model], SEED), CompensationLaw([model], law), Later(0.01), count * 1e-3)
+
+
+SIGNALS = ('time', 'position', 'velocity', 'current', 'load', 'command')
+
+
+def test_two_runs_give_the_same_numbers_whatever_the_load(runs):
+    (first, _), (second, _) = runs
+    assert len(first) == len(second) > 1000 * ReferenceMovement(**MOVEMENT).duration
+    for name in SIGNALS:
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), name)
+
+
+def test_the_nodes_give_the_numbers_of_the_plain_loop(runs):
+    assert_like_the_loop(runs[0][0], 'continuous')
+
+
+def test_the_printed_law_as_well(tmp_path):
+    assert_like_the_loop(run(tmp_path, 'paper')[0], 'paper')
+
+
+def assert_like_the_loop(samples, law):
+    log = expected(law, len(samples))
+    for name in SIGNALS:
+        signal = log['interaction_torque' if name == 'load' else name]
+        np.testing.assert_allclose(
+            getattr(samples, name), signal.reshape(len(samples)), rtol=0, atol=1e-9,
+            err_msg=name)
+    # Not by standing still: the person moved the joint, and was helped.
+    assert np.ptp(samples.position) > 0.1
+    assert np.abs(samples.command).max() > 0.05
+
+
+def test_the_recording_is_whole(runs):
+    samples, info = runs[0]
+    assert np.allclose(np.diff(samples.time), 1e-3)
+    counts = {topic.lstrip('/'): count for topic, (_, count) in info.topics.items()}
+    assert counts['joint_states'] == counts['interaction_wrench'] == len(samples)
+    assert abs(counts['current_command'] - len(samples)) <= 1
+    ticks = len(samples) // 10
+    assert abs(counts['direction'] - ticks) <= 3
+    assert counts['reference'] >= ticks - 3
+    assert counts['motor_temperature'] >= len(samples) // 100
+    for name in (*SIGNALS, 'direction', 'reference_position', 'temperature'):
+        assert getattr(samples, name) is not None, name
+    assert set(np.unique(samples.direction)) == {-1, 0, 1}
+    assert info.model == MODELS[0]

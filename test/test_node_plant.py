@@ -1,0 +1,217 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plant and exercise over DDS, each alone with the test."""
+
+from array import array
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from geometry_msgs.msg import WrenchStamped
+from ros_system import joint_state, MODELS, probe_node, Process, RELIABLE
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, Temperature
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.world.exercise import ReferenceMovement
+from friction_comp.world.joint import Plant
+
+JOINTS = ['elbow', 'shoulder']
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def room(tmp_path):
+    return tmp_path / 'room'
+
+
+class Commander:
+    """Answers a plant's states by hand."""
+
+    def __init__(self, probe):
+        self.probe = probe
+        self.states = probe.listen(JointState, 'joint_states')
+        self.wrenches = probe.listen(WrenchStamped, 'interaction_wrench')
+        self.heat = probe.listen(Temperature, 'motor_temperature')
+        self.ticks = probe.listen(Clock, '/clock')
+        self.port = probe.talk(Float64MultiArray, 'current_command')
+
+    def find(self):
+        self.probe.matched(self.port)
+        self.probe.until(lambda: self.states, 'a first state')
+
+    def stamps(self):
+        return sorted({m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in self.states})
+
+    def step(self, values):
+        """Command and return the next state."""
+        last = self.stamps()[-1]
+        self.port.publish(Float64MultiArray(data=array('d', values)))
+        self.probe.until(lambda: self.stamps()[-1] > last, 'the next state')
+        return self.states[-1]
+
+
+def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(room):
+    models = [FrictionModel.load(path) for path in MODELS[:2]]
+    twin = Plant(models, seed=5)
+    with probe_node() as probe, Process(room, 'plant', {
+            'joints': JOINTS, 'model_files': MODELS[:2], 'clock': 'lockstep', 'seed': 5}):
+        commander = Commander(probe)
+        commander.find()
+        probe.spin_for(0.5)
+        assert len(commander.stamps()) == 1
+        torque = [m.drive.torque_per_current for m in models]
+        for k in range(30):
+            command = [0.02 * k, -0.01 * k]
+            # What is not a current for every joint is none.
+            sent = {7: [np.nan, 0.1], 9: [0.1]}.get(k, command)
+            state = commander.step(sent)
+            wanted = twin.step(command if k not in (7, 9) else [0.0, 0.0])
+            assert list(state.name) == JOINTS
+            np.testing.assert_allclose(state.position, wanted.position, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(state.velocity, wanted.velocity, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(state.effort, wanted.current * torque, rtol=0, atol=1e-12)
+        assert np.abs(state.position[0]) > 0
+        assert np.diff(commander.stamps()).tolist() == [1_000_000] * 30
+        ticks = sorted({m.clock.sec * 10**9 + m.clock.nanosec for m in commander.ticks})
+        assert np.diff(ticks).tolist() == [10_000_000] * (len(ticks) - 1)
+        assert len(ticks) >= 3
+        assert {m.header.frame_id for m in commander.wrenches} == set(JOINTS)
+        assert {m.header.frame_id for m in commander.heat} <= set(JOINTS)
+        status = probe.status_of('plant', lambda s: s.level == b'\x01')
+        assert {v.key: v.value for v in status.values}['commands not usable'] == '2'
+
+
+def test_a_plant_that_waits_for_the_reference_stands_still_without_it(room):
+    with probe_node() as probe, Process(room, 'plant', {
+            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep',
+            'wait_for_reference': True}):
+        commander = Commander(probe)
+        references = probe.talk(JointState, 'reference')
+        probe.matched(commander.port)
+        probe.matched(references)
+        probe.until(lambda: commander.ticks, 'a tick')
+        probe.spin_for(0.5)
+        assert not commander.states
+        tick = commander.ticks[-1].clock
+        begin = tick.sec * 10**9 + tick.nanosec
+        references.publish(joint_state(begin - 10_000_000, ['elbow'], [0.5]))
+        probe.spin_for(0.3)
+        assert not commander.states
+        references.publish(joint_state(begin, ['elbow'], [0.5]))
+        probe.until(lambda: commander.states, 'the first state')
+        for _ in range(9):
+            commander.step([0.0])
+        commander.port.publish(Float64MultiArray(data=array('d', [0.0])))
+        probe.until(lambda: commander.ticks[-1].clock != tick, 'the next tick')
+        count = len(commander.stamps())
+        probe.spin_for(0.3)
+        assert len(commander.stamps()) == count == 10
+        # The person leans on the joint, half a radian behind the reference.
+        torque = [m.wrench.torque.z for m in commander.wrenches]
+        assert torque[-1] > 0.01
+        assert probe.set_parameter('plant', 'wait_for_reference', False) is None
+        probe.until(lambda: len(commander.stamps()) == 11, 'the next state')
+
+
+def test_real_time_runs_by_itself_and_forgets_old_commands(room):
+    with probe_node() as probe, Process(room, 'plant', {
+            'joints': ['elbow'], 'model_files': MODELS[:1]}):
+        commander = Commander(probe)
+        commander.find()
+
+        def pushed():
+            commander.port.publish(Float64MultiArray(data=array('d', [0.06])))
+            probe.spin_for(0.005)
+            return max(m.effort[0] for m in commander.states[-5:]) > 0.04 * 11.9
+        probe.until(pushed, 'the current')
+        probe.until(lambda: max(abs(m.effort[0]) for m in commander.states[-20:]) < 0.02 * 11.9,
+                    'zero current after silence')
+        newest = commander.states[-1].header.stamp
+        assert abs(newest.sec + newest.nanosec * 1e-9 - time.time()) < 5.0
+        # A thousand a second on a machine that keeps up.
+        period = np.median(np.diff(commander.stamps()))
+        assert period == pytest.approx(1e6, rel=1e-3)
+
+
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'joints': ['a'], 'model_files': MODELS[:1], 'clock': 'sundial'}, 'clock'),
+    ({'joints': ['a'], 'model_files': MODELS[:1], 'undeclared_effect_files': ['none.yaml']},
+     'none.yaml'),
+    ({'joints': ['a'], 'model_files': MODELS[:1], 'sample_time': 1.0}, 'sample_time'),
+    ({'joints': ['a']}, 'model_files')])
+def test_a_plant_starts_only_with_usable_input(room, parameters, words):
+    with Process(room, 'plant', parameters) as process:
+        assert process.wait() == 2
+        lines = [line for line in process.text.splitlines() if line.startswith('plant: ')]
+        assert len(lines) == 1
+        assert words in lines[0]
+
+
+def test_the_exercise_follows_the_ticks(room):
+    movement = ReferenceMovement(
+        amplitude=0.2, speed=0.4, acceleration_time=0.1, standstill=0.3, announcement=0.1,
+        repetitions=1)
+    with probe_node() as probe, Process(room, 'exercise', {
+            'joints': JOINTS, 'moving_joints': ['shoulder'], 'clock': 'ticks',
+            'when_done': 'exit', 'input_reliability': 'reliable', 'amplitude': 0.2, 'speed': 0.4,
+            'acceleration_time': 0.1, 'standstill': 0.3, 'announcement': 0.1,
+            'repetitions': 1}) as process:
+        clock = probe.talk(Clock, '/clock')
+        states = probe.talk(JointState, 'joint_states')
+        references = probe.listen(JointState, 'reference')
+        directions = probe.listen(Int8MultiArray, 'direction')
+        probe.matched(clock)
+        probe.matched(states)
+        probe.until(lambda: probe.count_publishers('reference'), 'a publisher')
+        probe.spin_for(0.2)
+        start = 10**9
+
+        def tick(stamp):
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
+            clock.publish(message)
+        # Before a joint state has come, nobody holds the joints.
+        probe.until(lambda: tick(start) or probe.spin_for(0.1) or references, 'a reference')
+        assert not references[-1].name
+        states.publish(joint_state(start, ['shoulder', 'elbow'], [1.0, 2.0]))
+        count = round(movement.duration * 100) + 1
+        stamps = [start + (k + 1) * 10_000_000 for k in range(count)]
+        for stamp in stamps:
+            references.clear()
+            tick(stamp)
+            probe.until(lambda: references, 'the reference of the tick')
+            got = references[-1]
+            assert got.header.stamp.sec * 10**9 + got.header.stamp.nanosec == stamp
+            position, velocity, _ = movement.at((stamp - stamps[0]) / 1e9)
+            assert list(got.name) == JOINTS
+            np.testing.assert_allclose(got.position, [2.0, 1.0 + position], atol=1e-12)
+            np.testing.assert_allclose(got.velocity, [0.0, velocity], atol=1e-12)
+        probe.until(lambda: len(directions) >= count, 'all directions')
+        wanted = [[0, movement.at((stamp - stamps[0]) / 1e9)[2]] for stamp in stamps]
+        assert [list(m.data) for m in directions[:count]] == wanted
+        assert {1, -1} <= {row[1] for row in wanted}
+        assert process.wait() == 0
+
+
+def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(room):
+    with probe_node() as probe, Process(room, 'exercise', {
+            'joints': ['elbow'], 'announce_direction': False, 'amplitude': 0.05, 'speed': 0.5,
+            'acceleration_time': 0.05, 'standstill': 0.1, 'announcement': 0.1,
+            'repetitions': 1}):
+        states = probe.talk(JointState, 'joint_states', RELIABLE)
+        references = probe.listen(JointState, 'reference')
+        directions = probe.listen(Int8MultiArray, 'direction')
+
+        def moved():
+            states.publish(joint_state(time.time_ns(), ['elbow'], [0.3]))
+            probe.spin_for(0.02)
+            return any(m.position and m.position[0] > 0.34 for m in references)
+        probe.until(moved, 'the movement')
+        probe.until(lambda: references[-1].position[0] == pytest.approx(0.3), 'its end')
+        assert {tuple(m.data) for m in directions} == {(0,)}
+        probe.status_of('exercise', lambda s: s.message == 'done')
