@@ -24,16 +24,25 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class Breakaway:
-    """Breakaway currents of Eq. 9 and 10 in A; the negative direction's mean is negative."""
+    """Breakaway currents of Eq. 9 and 10 in A; the negative direction's mean is negative.
+
+    The positions in rad at which they were measured, where known, let effects of position be
+    told from the breakaway friction itself.
+    """
 
     positive_mean: float
     negative_mean: float
     positive_std: float = 0.0
     negative_std: float = 0.0
+    positive_position: float | None = None
+    negative_position: float | None = None
 
     def __post_init__(self):
         for name in ('positive_mean', 'negative_mean', 'positive_std', 'negative_std'):
             if not math.isfinite(getattr(self, name)):
+                raise InputError(f'breakaway.{name} must be finite')
+        for name in ('positive_position', 'negative_position'):
+            if not math.isfinite(getattr(self, name) or 0.0):
                 raise InputError(f'breakaway.{name} must be finite')
         if self.positive_mean < 0 or self.negative_mean > 0:
             raise InputError(
@@ -115,10 +124,10 @@ class FrictionModel:
             'coefficients': list(self.sigmoid.coefficients()), 'velocity_unit': 'rad/s'}
         if self.breakaway is not None:
             document['breakaway'] = {
-                'positive': {'mean': self.breakaway.positive_mean,
-                             'std': self.breakaway.positive_std},
-                'negative': {'mean': self.breakaway.negative_mean,
-                             'std': self.breakaway.negative_std}}
+                side: {what: getattr(self.breakaway, f'{side}_{what}')
+                       for what in ('mean', 'std', 'position')
+                       if getattr(self.breakaway, f'{side}_{what}') is not None}
+                for side in ('positive', 'negative')}
         document['effects'] = [effect.to_dict() for effect in self.effects]
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
@@ -180,6 +189,9 @@ class FrictionModel:
                 entry = _section(section, side)
                 values[f'{side}_mean'] = _number(entry, 'mean', f'breakaway.{side}')
                 values[f'{side}_std'] = _number(entry, 'std', f'breakaway.{side}', 0.0)
+                if entry.get('position') is not None:
+                    values[f'{side}_position'] = _number(
+                        entry, 'position', f'breakaway.{side}')
             breakaway = Breakaway(**values)
         optional = {}
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):

@@ -75,7 +75,7 @@ class BreakawayRecords:
         return self.current[self.direction == direction]
 
     def statistics(self):
-        """Return means and standard deviations over the cycles as a `Breakaway`.
+        """Return means, standard deviations and places over the cycles as a `Breakaway`.
 
         Raises
         ------
@@ -89,6 +89,7 @@ class BreakawayRecords:
                 raise InputError(f'no breakaway in the {name} direction')
             values[f'{name}_mean'] = float(np.mean(currents))
             values[f'{name}_std'] = float(np.std(currents, ddof=1)) if currents.size > 1 else 0.0
+            values[f'{name}_position'] = float(np.mean(self.position[self.direction == direction]))
         return Breakaway(**values)
 
     def to_dict(self):

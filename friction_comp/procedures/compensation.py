@@ -10,6 +10,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.procedures import law_columns as columns, law_kernel as kernel
+from friction_comp.procedures.rest_level import level_shifts, places_of
 
 LAWS = {'none': columns.NONE, 'kinetic': columns.KINETIC, 'paper': columns.PAPER,
         'continuous': columns.CONTINUOUS}
@@ -27,6 +28,8 @@ BACK_SPEED = math.radians(3.0)
 SCATTER_MARGIN = 4.0
 # Share of a push's deflection that the law answers; 1 would be unstable.
 ASSIST = 0.8
+# Below this speed the level follows what is known of the place, rad/s.
+SLOW = 0.05
 # A joint that goes farther while the level rises is not sticking, rad.
 FARTHEST = math.radians(2.0)
 
@@ -75,15 +78,7 @@ def law_parameters(model, law='continuous', breakaway_gain=0.9, current_limit=No
     p[columns.STEEPNESS], p[columns.SHIFT] = sigmoid.steepness, sigmoid.shift
     p[columns.VISCOUS] = sigmoid.viscous
     if model.breakaway is not None:
-        both = model.breakaway
-        for level, safe, most, mean, std in (
-                (columns.BREAK_POSITIVE, columns.SAFE_POSITIVE, columns.MOST_POSITIVE,
-                 both.positive_mean, both.positive_std),
-                (columns.BREAK_NEGATIVE, columns.SAFE_NEGATIVE, columns.MOST_NEGATIVE,
-                 -both.negative_mean, both.negative_std)):
-            p[level] = breakaway_gain * mean
-            p[safe] = max(0.0, breakaway_gain * mean - SCATTER_MARGIN * std)
-            p[most] = max(p[level], mean)
+        set_levels(p, model.breakaway, breakaway_gain)
     p[columns.LIMIT] = limit
     p[columns.SAMPLE_TIME] = sample_time
     p[columns.FILTER_TIME] = FILTER_TIME
@@ -97,6 +92,30 @@ def law_parameters(model, law='continuous', breakaway_gain=0.9, current_limit=No
         count_speed = p[columns.RESOLUTION] / sample_time
         p[columns.STEEPNESS] = min(sigmoid.steepness, STEEPEST / count_speed)
     return p
+
+
+def set_levels(p, breakaway, gain, shifts=(0.0, 0.0)):
+    """Set the breakaway levels in a joint's parameters.
+
+    Parameters
+    ----------
+    p : ndarray, shape (law_columns.PARAMETERS,)
+        Changed in place.
+    breakaway : Breakaway
+    gain : float
+        Share of the mean breakaway current that is applied.
+    shifts : tuple of float
+        What to add to the magnitudes of the positive and negative mean, A.
+    """
+    for level, safe, most, mean, std in (
+            (columns.BREAK_POSITIVE, columns.SAFE_POSITIVE, columns.MOST_POSITIVE,
+             breakaway.positive_mean + shifts[0], breakaway.positive_std),
+            (columns.BREAK_NEGATIVE, columns.SAFE_NEGATIVE, columns.MOST_NEGATIVE,
+             -breakaway.negative_mean + shifts[1], breakaway.negative_std)):
+        mean = max(0.0, mean)
+        p[level] = gain * mean
+        p[safe] = max(0.0, gain * mean - SCATTER_MARGIN * std)
+        p[most] = max(p[level], mean)
 
 
 class CompensationLaw:
@@ -148,6 +167,7 @@ class CompensationLaw:
         self._states = np.zeros((self.joints, columns.STATES))
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [_online(model) for model in self.models]
+        self._places = [places_of(*pair) for pair in zip(self.models, self._effects)]
         self._collect_left_out()
         self._clear_terms()
 
@@ -216,6 +236,7 @@ class CompensationLaw:
         self.models[joint] = model
         self._parameters[joint] = parameters
         self._effects[joint] = effects
+        self._places[joint] = places_of(model, effects)
         self._states[joint, columns.CHANGED] = self._states[joint, columns.STARTED]
         self._collect_left_out()
 
@@ -233,6 +254,12 @@ class CompensationLaw:
             total += value
             if effect.variable in ('velocity', 'direction'):
                 friction += value
+        # While the joint moves the level has no say.
+        if self._places[joint] and abs(speed) < SLOW:
+            set_levels(
+                self._parameters[joint], self.models[joint].breakaway,
+                self._options[joint]['breakaway_gain'],
+                level_shifts(terms, self._places[joint], float(time), float(position), signals))
         return total, friction
 
     def _collect_left_out(self):
