@@ -14,10 +14,10 @@ from friction_comp.reproduction.standstill import stand_still
 from friction_comp.reproduction.trials import CONDITIONS, run_trial
 
 LAWS = ('paper', 'continuous')
-GAINS = (0.5, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2)
+GAINS = (0.5, 0.7, 0.8, 0.9, 0.95, 1.0, 1.1, 1.2, 1.35, 1.5)
 # Speeds up to which the kinetic term is left out, deg/s: what slow motion contributes to it.
 DEAD_SPEEDS = (0.0, 0.3, 0.7, 1.5, 3.0)
-_SWEEP = {'standstills': 60, 'each': 4.0}
+_SWEEP = {'standstills': 60, 'each': 6.0}
 _SWEEP_REPETITIONS = 4
 
 

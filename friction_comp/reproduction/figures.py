@@ -110,6 +110,7 @@ def gain_figure(outcomes):
         lower.axvline(0.9, color=COLOURS['grey'], linestyle='--', linewidth=1.0)
         upper.set_title(f'configuration {outcome.experiment.number}')
         upper.set_ylim(bottom=0.0)
+        lower.set_ylim(-6.0, 106.0)
         lower.set_xlabel('breakaway gain')
     rows[0][0].set_ylabel('peak torque [N·m]')
     rows[1][0].set_ylabel('false starts [%]')

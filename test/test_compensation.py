@@ -1,0 +1,178 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Both compensation laws."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.procedures.compensation import CompensationLaw, law_parameters
+from friction_comp.share import share_path
+from friction_comp.world.exercise import ReferenceMovement
+from friction_comp.world.joint import Plant, plant_parameters, random_states
+from friction_comp.world.loop import closed_loop
+from friction_comp.world.parallel import closed_loops
+
+
+def drive(number=1):
+    """Return one of the note's drives."""
+    return FrictionModel.load(share_path('config', f'armin_configuration_{number}.yaml'))
+
+
+def hold(law, direction, seconds=1.5, start=0.0):
+    """Leave a law with a joint that does not move and return all its currents."""
+    times = start + np.arange(round(seconds * 1000)) * 1e-3
+    return np.array([law.update(t, [0.0], [0.0], [direction])[0] for t in times])
+
+
+def test_printed_law_by_the_book():
+    """At standstill 0.9 of i_b in the direction d, in motion Eq. 6 alone, whatever d."""
+    model = drive(2)
+    law = CompensationLaw([model], law='paper')
+    for d in (-1, 0, 1):
+        assert law.update(0.0, [0.0], [0.0], [d])[0] == pytest.approx(d * 0.9 * 0.1377)
+        for speed in (-0.5, -0.02, 0.02, 0.5):
+            current = law.update(0.0, [0.0], [speed], [d])[0]
+            assert current == pytest.approx(float(model.sigmoid(speed)))
+
+
+def test_continuous_law_keeps_equation_6_in_motion():
+    """Once the joint moves, both laws agree."""
+    model = drive(2)
+    for d, speed in ((1, 0.6), (-1, -0.6), (0, 0.6), (0, -0.6)):
+        law = CompensationLaw([model])
+        for k in range(600):
+            current = law.update(k * 1e-3, [speed * k * 1e-3], [speed], [d])[0]
+        assert current == pytest.approx(float(model.sigmoid(speed)), rel=0.01)
+
+
+@pytest.mark.parametrize('d', [-1, 1])
+def test_continuous_law_rises_holds_and_falls_without_a_jump(d):
+    """The level comes and goes smoothly and stays below the gain's share."""
+    law = CompensationLaw([drive()])
+    rest, up = hold(law, 0), hold(law, d, start=1.5)
+    down = hold(law, 0, start=3.0)
+    assert not rest.any()
+    assert up[-1] * d == pytest.approx(0.97 * 0.9 * 0.0995)
+    assert np.abs(up).max() <= 0.9 * 0.0995 + 1e-12
+    assert down[-1] == 0.0
+    everything = np.concatenate((rest, up, down))
+    assert np.abs(np.diff(everything)).max() < 0.003
+
+
+def test_continuous_law_never_jumps_while_the_joint_is_moved():
+    """In a whole trial the current changes by a few per cent of i_b from sample to sample."""
+    model = drive()
+    movement = ReferenceMovement(
+        amplitude=0.5, speed=0.35, acceleration_time=1.0, standstill=2.0, repetitions=1)
+    log = closed_loop(Plant([model], seed=2), CompensationLaw([model]), movement,
+                      movement.duration)
+    steps = np.abs(np.diff(log['command'], axis=0))
+    assert steps.max() < 0.15 * 0.0995
+    paper = closed_loop(Plant([model], seed=2), CompensationLaw([model], law='paper'), movement,
+                        movement.duration)
+    assert np.abs(np.diff(paper['command'], axis=0)).max() > 0.5 * 0.0995
+    moving = log['time'] < movement.begins(1) - movement.standstill
+    assert np.abs(log['interaction_torque'][moving]).max() < 0.5 * np.abs(
+        paper['interaction_torque'][moving]).max()
+
+
+@pytest.mark.parametrize('number', [1, 2, 3])
+def test_continuous_law_never_starts_an_untouched_joint(number):
+    """With i_b 10 % too large and its scatter, nothing leaves a tenth of a degree."""
+    model = drive(number)
+    wrong = replace(model, breakaway=replace(
+        model.breakaway, positive_mean=1.1 * model.breakaway.positive_mean,
+        negative_mean=1.1 * model.breakaway.negative_mean))
+    # The fit of Eq. 11 is asymmetric at standstill; the continuous law must not care.
+    direction = np.ones((2, 4000))
+    direction[1] = -1.0
+    direction[:, :300] = 0.0
+    runs = 120
+    _, extremes = closed_loops(
+        np.tile(plant_parameters(model), (runs, 1)), random_states(21, runs),
+        np.tile(law_parameters(wrong), (runs, 1)),
+        (0.0 * direction, 0.0 * direction, direction), np.arange(runs) % 2, active=False, every=0)
+    assert np.degrees(np.abs(extremes)).max() < 0.1
+
+
+def test_a_joint_that_slips_in_the_probe_is_held_with_less():
+    """Where the joint gives way at 80 % of the mean, the level ends below that."""
+    model = drive()
+    weak = replace(model, breakaway=replace(
+        model.breakaway, positive_mean=0.08, positive_std=0.0, negative_std=0.0))
+    plant, law = Plant([weak], seed=1), CompensationLaw([model])
+    for _ in range(3000):
+        state = plant.state
+        command = law.update(state.time, state.position, state.velocity, [1])
+        plant.step(command)
+    assert 0.05 < command[0] < 0.08
+    assert abs(plant.state.position[0]) < math.radians(0.2)
+
+
+@pytest.mark.parametrize('law', ['paper', 'continuous'])
+def test_faults_give_zero_current(law):
+    """What is not finite stops that joint only; odd directions count as none."""
+    model = drive()
+    for bad in (math.nan, math.inf):
+        both = CompensationLaw([model, model], law=law)
+        for k in range(50):
+            current = both.update(k * 1e-3, [0.01 * k, 0.01 * k], [1.0, 1.0], [1, 1])
+        assert np.all(current > 0.05)
+        current = both.update(0.051, [bad, 0.5], [1.0, 1.0], [1, 1])
+        assert current[0] == 0.0
+        assert current[1] > 0.05
+        assert both.update(0.052, [0.5, 0.5], [1.0, bad], [1, 1])[1] == 0.0
+    odd = CompensationLaw([model], law=law)
+    for d in (2, -3, 0.5, math.nan):
+        assert not hold(odd, d, 0.5).any()
+
+
+def test_limit_and_terms():
+    """Output is clipped; the terms add up to it."""
+    model = drive(3)
+    law = CompensationLaw([model], law='paper', current_limit=0.1)
+    assert law.update(0.0, [0.0], [0.0], [1])[0] == 0.1
+    free = CompensationLaw([model])
+    for k in range(700):
+        current = free.update(k * 1e-3, [2e-7 * k * k], [4e-4 * k], [1])
+    total = sum(free.terms[name][0] for name in ('kinetic', 'breakaway', 'effects'))
+    assert current[0] == pytest.approx(total)
+
+
+def test_position_alone_will_do():
+    """Without velocity the position is differentiated."""
+    model = drive()
+    one, two = CompensationLaw([model]), CompensationLaw([model])
+    for k in range(1, 400):
+        x = 0.3 * k * 1e-3
+        a = one.update(k * 1e-3, [x], [0.3], [0])
+        b = two.update(k * 1e-3, [x], None, [0])
+    assert a[0] == pytest.approx(b[0], rel=1e-6)
+
+
+def test_a_new_model_comes_in_without_a_jump():
+    """The current turns over within a few tenths of a second."""
+    law, other = CompensationLaw([drive(1)]), drive(2)
+    currents = []
+    for k in range(800):
+        if k == 400:
+            law.set_model(0, other)
+        currents.append(law.update(k * 1e-3, [0.5e-3 * k], [0.5], [0])[0])
+    assert np.abs(np.diff(currents[350:])).max() < 0.003
+    assert currents[-1] == pytest.approx(float(other.sigmoid(0.5)), rel=0.01)
+
+
+def test_arguments_are_checked():
+    """Every refusal names its argument."""
+    model = drive()
+    for options, word in (({'law': 'best'}, 'law'), ({'breakaway_gain': -1.0}, 'breakaway_gain'),
+                          ({'current_limit': math.nan}, 'current_limit')):
+        with pytest.raises(InputError, match=word):
+            CompensationLaw([model], **options)
+    with pytest.raises(InputError, match='position'):
+        CompensationLaw([model]).update(0.0, [0.0, 0.0], [0.0], [0])

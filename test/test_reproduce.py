@@ -1,0 +1,67 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The note's experiments in small."""
+
+import json
+
+import numpy as np
+import pytest
+
+from friction_comp.__main__ import run
+from friction_comp.reproduction.identify import identify_breakaway
+from friction_comp.reproduction.note import EXPERIMENTS
+from friction_comp.reproduction.trials import run_trial
+
+
+@pytest.mark.parametrize('experiment', EXPERIMENTS, ids=lambda e: f'configuration {e.number}')
+def test_breakaway_agrees_with_the_note(experiment):
+    """Mean within 2 %, standard deviation within 30 %, both directions, 200 cycles."""
+    records = identify_breakaway(experiment, 200, seed=2).records
+    assert len(records) == 400
+    both = records.statistics()
+    for mean, std in ((both.positive_mean, both.positive_std),
+                      (-both.negative_mean, both.negative_std)):
+        assert mean == pytest.approx(experiment.breakaway, rel=0.02)
+        assert std == pytest.approx(experiment.breakaway_std, rel=0.30)
+
+
+def test_the_same_seed_gives_the_same_trial():
+    """Results do not depend on how runs are shared among cores."""
+    experiment = EXPERIMENTS[0]
+    model = experiment.model()
+    one, two = (run_trial(experiment, model, 'continuous', 5, repetitions=2) for _ in range(2))
+    assert one.peak == two.peak
+    assert np.array_equal(one.log['position'], two.log['position'])
+
+
+@pytest.mark.timeout(400)
+def test_whole_tool(tmp_path):
+    """Every floor holds, and the page and the numbers are there."""
+    assert run('reproduce', ['--output', str(tmp_path / 'out')]) == 0
+    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
+    assert page.count('<figure') == 5
+    results = json.loads((tmp_path / 'out' / 'results.json').read_text(encoding='utf-8'))
+    floors = {'1': 0.70, '2': 0.75, '3': 0.82}
+    for experiment in EXPERIMENTS:
+        found = results['configurations'][str(experiment.number)]
+        peaks, reductions = found['peak_torque'], found['peak_reduction']
+        assert found['breakaway']['cycles'] == 200
+        assert len(found['sigmoid']) == 6
+        assert len(found['speeds']) == len(found['currents']) == 2 * len(experiment.speeds)
+        assert peaks['kinetic'] == pytest.approx(experiment.peak_kinetic, rel=0.05)
+        assert abs(reductions['paper'] - experiment.reduction) < 0.15
+        assert reductions['continuous'] >= floors[str(experiment.number)]
+        assert peaks['inertia'] < peaks['continuous'] < peaks['paper'] < peaks['kinetic']
+        assert peaks['kinetic'] < peaks['none']
+        assert found['false_starts'] == {'paper': 0, 'continuous': 0}
+
+
+def test_bad_arguments_leave_nothing(tmp_path, capsys):
+    """Exit code 2 and one line."""
+    with pytest.raises(SystemExit) as ending:
+        run('reproduce', ['--output', str(tmp_path / 'out'), '--cycles', 'many'])
+    assert ending.value.code == 2
+    assert capsys.readouterr().err.count('\n') == 1
+    (tmp_path / 'file').write_text('x')
+    assert run('reproduce', ['--output', str(tmp_path / 'file')]) == 2
+    assert not (tmp_path / 'out').exists()

@@ -1,0 +1,196 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated joint: sticks, slips, is deterministic, and is one and the same everywhere."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.procedures.compensation import CompensationLaw, law_parameters
+from friction_comp.share import share_path
+from friction_comp.world import kernel
+from friction_comp.world.exercise import ReferenceMovement
+from friction_comp.world.human import ReferenceHold
+from friction_comp.world.joint import Plant, plant_parameters, random_states
+from friction_comp.world.loop import closed_loop
+from friction_comp.world.parallel import closed_loops
+
+
+def models():
+    """Return the note's three drives."""
+    return [FrictionModel.load(share_path('config', f'armin_configuration_{k}.yaml'))
+            for k in (1, 2, 3)]
+
+
+def still(model, **changes):
+    """Return a drive without scatter and noise."""
+    both = replace(model.breakaway, positive_std=0.0, negative_std=0.0)
+    return replace(model, breakaway=both, simulation={
+        **model.simulation, 'current_noise': 0.0, **changes})
+
+
+@pytest.mark.parametrize('number', [0, 1, 2])
+def test_holds_below_breakaway_and_slides_above(number):
+    """A current of 98 % of i_b moves nothing for good, one of 112 % does."""
+    model = still(models()[number])
+    level = model.breakaway.positive_mean
+    for share, slides in ((0.98, False), (1.12, True), (-0.98, False), (-1.12, True)):
+        plant = Plant([model])
+        for k in range(4000):
+            state = plant.step([share * level * min(1.0, k / 2000)])
+        gone = abs(state.position[0])
+        assert (gone > math.radians(1.0)) == slides
+        if not slides:
+            for _ in range(1500):
+                state = plant.step([0.0])
+            assert abs(state.position[0]) <= 2.0 * model.drive.position_resolution
+
+
+def test_does_not_drift_under_a_pulsating_load():
+    """What tells stiction from Dahl and LuGre: no creep below breakaway, however often pushed."""
+    model = still(models()[0])
+    plant = Plant([model])
+    level = model.breakaway.positive_mean
+    for k in range(10000):
+        plant.step([0.6 * level + 0.3 * level * math.sin(0.05 * k)])
+    for _ in range(1000):
+        state = plant.step([0.0])
+    assert abs(state.position[0]) <= 2.0 * model.drive.position_resolution
+
+
+def test_sliding_friction_is_equation_6():
+    """Where the transition is over, the friction level is the model's sigmoid."""
+    for model in models():
+        p = plant_parameters(model)
+        s = np.zeros(kernel.STATES)
+        kernel.start_state(p, s, random_states(0, 1)[0])
+        scale = model.drive.torque_per_current
+        for speed in np.radians([10.0, 50.0, 100.0]):
+            assert kernel.friction_level(p, s, speed, True) == pytest.approx(
+                scale * float(model.sigmoid(speed)), rel=2e-3)
+            assert kernel.friction_level(p, s, speed, False) == pytest.approx(
+                -scale * float(model.sigmoid(-speed)), rel=2e-3)
+
+
+def test_steady_speed_needs_the_level_and_stops_without_it():
+    """A joint driven faster loses speed as friction says once the current is gone."""
+    model = still(models()[1])
+    plant = Plant([model])
+    for _ in range(800):
+        plant.step([0.4])
+    places = [plant.step([0.0]).position[0] for _ in range(21)]
+    first, last = (places[10] - places[0]) / 0.01, (places[20] - places[10]) / 0.01
+    expected = model.drive.torque_per_current * float(
+        model.sigmoid(0.5 * (first + last))) / model.simulation['inertia']
+    assert (first - last) / 0.01 == pytest.approx(expected, rel=0.1)
+    for _ in range(3000):
+        state = plant.step([0.0])
+    assert state.velocity[0] == 0.0
+
+
+def test_breakaway_scatters_with_the_declared_deviation():
+    """Levels drawn at new rests have the model's mean and standard deviation."""
+    model = models()[2]
+    p = plant_parameters(model)
+    s = np.zeros(kernel.STATES)
+    random = random_states(4, 1)[0]
+    drawn = []
+    for _ in range(4000):
+        kernel.draw_levels(p, s, random)
+        drawn.append(s[kernel.LEVEL_POSITIVE] / model.drive.torque_per_current)
+    assert np.mean(drawn) == pytest.approx(0.3357, rel=5e-3)
+    assert np.std(drawn) == pytest.approx(0.0172, rel=0.06)
+
+
+def test_sensors_quantise_and_limit():
+    """Position comes in whole counts, commands are limited, what is not finite counts as zero."""
+    model = models()[0]
+    plant = Plant([model, model], seed=3)
+    for command in ([99.0, math.nan], [99.0, math.inf], [99.0, -math.inf]):
+        state = plant.step(command)
+    assert state.current[0] == pytest.approx(model.drive.current_limit, abs=0.02)
+    assert abs(state.current[1]) < 0.02
+    for _ in range(50):
+        state = plant.step([0.5, 0.0])
+        counts = state.position / model.drive.position_resolution
+        assert np.allclose(counts, np.round(counts), atol=1e-6)
+
+
+def test_same_seed_same_numbers():
+    """Noise and scatter follow the seed and nothing else."""
+    def run(seed):
+        plant = Plant(models(), seed=seed)
+        return [plant.step([0.2, 0.2, 0.5], np.full(3, 0.1), np.zeros(3)) for _ in range(300)]
+
+    one, two, other = run(5), run(5), run(6)
+    for a, b in zip(one, two):
+        assert np.array_equal(a.position, b.position)
+        assert np.array_equal(a.current, b.current)
+        assert np.array_equal(a.interaction_torque, b.interaction_torque)
+    assert not np.array_equal(one[-1].current, other[-1].current)
+
+
+@pytest.mark.parametrize('law', ['paper', 'continuous'])
+def test_parallel_runs_are_the_same_joint_and_law(law):
+    """Compiled runs and the plain loop give the same numbers, sample by sample."""
+    model = models()[2]
+    movement = ReferenceMovement(
+        amplitude=0.2, speed=0.2, acceleration_time=0.5, standstill=1.2, repetitions=1)
+    time = np.arange(3000) * 1e-3
+    plant = Plant([model], seed=8)
+    plain = closed_loop(plant, CompensationLaw([model], law=law), movement, 3.0,
+                        reference_period=1e-3)
+    log, _ = closed_loops(
+        plant_parameters(model)[None], random_states(8, 1), law_parameters(model, law)[None],
+        movement.at(time))
+    for ours, theirs in (('position', 'position'), ('command', 'command'),
+                         ('interaction_torque', 'interaction_torque')):
+        assert np.abs(plain[theirs][:, 0] - log[ours][0]).max() < 1e-9
+
+
+def test_movement_is_continuous_and_announced_at_standstill():
+    """The reference has no jump, comes back, and d is there before the movement."""
+    movement = ReferenceMovement(repetitions=3)
+    time = np.arange(0.0, movement.duration, 1e-3)
+    position, velocity, direction = movement.at(time)
+    assert np.abs(np.diff(position)).max() <= 1.01e-3 * movement.speed
+    assert np.abs(np.cumsum(velocity) * 1e-3 - position).max() < 1e-3
+    assert position[0] == position[-1] == 0.0
+    assert np.isclose(position.max(), movement.amplitude)
+    for k in range(6):
+        begin = movement.begins(k)
+        _, speed, d = movement.at(begin - 0.5 * movement.announcement)
+        assert speed == 0.0
+        assert d == (1 if k % 2 == 0 else -1)
+    assert set(np.unique(direction)) == {-1, 0, 1}
+    assert not replace(movement, compensated=False).at(time)[2].any()
+
+
+def test_movement_refuses_what_cannot_be():
+    """Too short an amplitude, and times that are not positive, are named."""
+    with pytest.raises(InputError, match='too short'):
+        ReferenceMovement(amplitude=0.01, speed=1.0)
+    with pytest.raises(InputError, match='standstill'):
+        ReferenceMovement(standstill=0.0)
+
+
+def test_reference_hold_extrapolates_and_times_out():
+    """Between samples the reference goes on at its velocity, after the timeout there is none."""
+    hold = ReferenceHold(timeout=0.5)
+    assert hold.at(0.0) == (None, None)
+    hold.show(1.0, [0.2], [0.1])
+    position, velocity = hold.at(1.05)
+    assert position[0] == pytest.approx(0.205)
+    assert velocity[0] == 0.1
+    assert hold.at(1.6) == (None, None)
+
+
+def test_unknown_simulation_entries_are_refused():
+    """A misspelt entry of the model file is named."""
+    model = replace(models()[0], simulation={'inertai': 0.1})
+    with pytest.raises(InputError, match='inertai'):
+        Plant([model])
