@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import newton
@@ -48,7 +51,8 @@ def to_model(fit, samples, usable, drive, settings):
         How velocity was had of position.
     """
     if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
-        whole = Data(samples, usable, None, None, None, 0.0, fit.data.scene, '')
+        whole = Data(samples, usable, None, None, None, 0.0, fit.data.scene, '',
+                     load_coefficient=fit.data.load_coefficient)
         fit = moved(fit, whole, usable)
     offset, coulomb, viscous = (float(value) for value in fit.coefficients[:3])
     sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb,
@@ -60,6 +64,14 @@ def to_model(fit, samples, usable, drive, settings):
             **term.constants,
             'coefficients': [float(value) for value in fit.coefficients[place:place + number]]}))
         place += number
-    return FrictionModel(
+    return with_load(FrictionModel(
         drive=drive, sigmoid=sigmoid, effects=effects, joint=fit.data.samples.joint,
-        differentiation=dict(settings))
+        differentiation=dict(settings)), fit.data.load_coefficient)
+
+
+def with_load(model, coefficient):
+    """Return the model with the load torque that mechanics asks for, if any, as last effect."""
+    if not coefficient:
+        return model
+    return replace(model, effects=[
+        *model.effects, EFFECTS['load_torque']({'coefficients': [coefficient]})])

@@ -43,9 +43,11 @@ def named_asymmetry(data, fits, steps, known=0.0):
     """
     # With a spring the constant says where it is slack, with a drift where that leads to.
     taken = {_KIND.name, 'spring', 'warm_up', 'offset_drift'}
-    if any(step.kind.name in taken for step in steps):
-        return None
-    if not both_directions(data):
+    scene = data.scene
+    if scene.highest - scene.lowest < 2.0:
+        # Over a part of a turn gravity is largely a constant.
+        taken.add('gravity')
+    if any(step.kind.name in taken for step in steps) or not both_directions(data):
         return None
     for fit in fits:
         offset, coulomb = fit.coefficients[:2]

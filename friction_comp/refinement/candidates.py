@@ -24,6 +24,8 @@ _POSITIVE = ('inertia', 'hysteresis', 'rest_time')
 def kinds_for(data, terms):
     """Return the effects that can be tried beside some terms: those that have their signals."""
     present = [term.kind.name for term in terms]
+    if data.load_coefficient:
+        present.append('load_torque')
     kinds = []
     for name, kind in EFFECTS.items():
         if any(getattr(data.samples, signal) is None for signal in kind.needs):

@@ -43,6 +43,9 @@ class Data:
         How the samples were split, in words.
     origin : ndarray of int, shape (N,)
         Which of the original samples each one begins at.
+    load_coefficient : float
+        A per N·m of load by which the motor is spared, where mechanics is relied on for it: see
+        `load.carried_by_a_person`.
     """
 
     samples: Samples
@@ -54,6 +57,14 @@ class Data:
     scene: Scene
     held_out: str
     origin: np.ndarray | None = None
+    load_coefficient: float = 0.0
+
+    @property
+    def target(self):
+        """Current in A that the motion has to explain: without the share of the load, (N,)."""
+        if not self.load_coefficient:
+            return self.samples.current
+        return self.samples.current - self.load_coefficient * self.samples.load
 
     def fit_rows(self, fold):
         """Return which samples the model that predicts a fold is fitted on; all for None."""

@@ -147,7 +147,7 @@ class Fit:
     @property
     def target(self):
         """Current in A to explain, shape (N,)."""
-        current = self.data.samples.current
+        current = self.data.target
         return current if self.offset is None else current - self.offset
 
     def solve(self, rounds=6):

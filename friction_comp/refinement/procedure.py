@@ -13,7 +13,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import data as recordings, newton
-from friction_comp.refinement.assemble import final_fit, to_model
+from friction_comp.refinement.assemble import final_fit, to_model, with_load
 from friction_comp.refinement.asymmetry import carve_out, named_asymmetry
 from friction_comp.refinement.fitting import (
     first_fit,
@@ -22,6 +22,7 @@ from friction_comp.refinement.fitting import (
 )
 from friction_comp.refinement.honest_names import bulk, clipping, left_over, LOUD, without_stand_ins
 from friction_comp.refinement.honesty import ambiguities, warnings
+from friction_comp.refinement.load import carried_by_a_person
 from friction_comp.refinement.motion import choose_differentiation, sharpest
 from friction_comp.refinement.report import noise_floor, scores, words_of
 from friction_comp.refinement.selection import held_out_residual, rms, select
@@ -146,6 +147,8 @@ def choose(raw, clipped, settings, model, drive, progress):
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(usable.sum())} samples of motion are too few')
     data = prepare(samples, usable, drive, slowest)
+    if model is None or not any(effect.name == 'load_torque' for effect in model.effects):
+        data.load_coefficient = carried_by_a_person(samples, usable, drive)
     terms = [Term(type(effect), dict(effect.values)) for effect in model.effects] if model else []
     bases = [newton.polished(_started(first_fit(data, data.fit_rows(fold)), terms))
              for fold in (0, 1)]
@@ -177,7 +180,10 @@ def summarise(found, samples, clipped, model, drive, settings):
             residual[rows] = samples.current[rows] - prediction[rows]
         return residual
 
-    start = model or to_model(final_fit(data, bases), samples, usable, drive, settings)
+    if model:
+        start = with_load(model, data.load_coefficient)
+    else:
+        start = to_model(final_fit(data, bases), samples, usable, drive, settings)
     start_fit = samples.current - start.predict(samples)
     before = start_fit if model else held_out(bases)
     trail = [('before', rms(before[usable]))]
@@ -194,6 +200,8 @@ def summarise(found, samples, clipped, model, drive, settings):
         left.append(clip)
     effects = refined.effects[len(model.effects) if model else 0:]
     first = ('the given model' if model else 'sigmoid of Eq. 6 fitted to the recording')
+    if data.load_coefficient:
+        first += ', the measured load carried as mechanics asks'
     report = {
         'unit': 'A', 'joint': refined.joint, 'samples': len(samples),
         'samples_in_motion': int(usable.sum()),
