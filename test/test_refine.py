@@ -1,0 +1,172 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tools refine and predict from recording to files, on simulated and on measured drives."""
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.recordings import write_samples
+from friction_comp.refinement import predict, refine
+from friction_comp.tools.predict import main as run_predict
+from friction_comp.tools.refine import main as run_refine
+from friction_comp.world.drives import excitation_for, random_drive, record
+
+DATA = Path(os.environ.get(
+    'FRICTION_COMP_DATA', Path(__file__).parents[2] / 'shared' / 'data'))
+needs_data = pytest.mark.skipif(
+    not DATA.is_dir(), reason='measured recordings are not here (FRICTION_COMP_DATA)')
+
+
+@pytest.fixture(scope='module')
+def drive():
+    return random_drive(seed=11, cases=('cogging',))
+
+
+@pytest.fixture(scope='module')
+def folder(drive, tmp_path_factory):
+    """Return a folder with a recording to fit, one to score, and what refine made of the first."""
+    room = tmp_path_factory.mktemp('refine')
+    excitation = excitation_for(('cogging',), duration=60.0, rate=250.0)
+    for name, seed in (('fit', 5), ('score', 6)):
+        samples = record(drive, seed, excitation)[0].samples.with_(joint='elbow')
+        write_samples(room / name, samples,
+                      drive.model.drive.torque_constant, drive.model.drive.gear_ratio)
+    code = run_refine([
+        str(room / 'fit'), '--output', str(room / 'out'),
+        '--torque-constant', str(drive.model.drive.torque_constant),
+        '--gear-ratio', str(drive.model.drive.gear_ratio)])
+    assert code == 0
+    return room
+
+
+def table(path):
+    with open(path, encoding='utf-8') as stream:
+        rows = list(csv.DictReader(stream))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def test_report_has_what_is_promised(folder, drive):
+    report = json.loads((folder / 'out' / 'report.json').read_text())
+    assert report['unit'] == 'A'
+    assert report['joint'] == 'elbow'
+    assert report['samples'] == 15000
+    assert report['held_out']
+    for side in ('before', 'after'):
+        assert set(report[side]) == {
+            'model', 'fit_rmse', 'held_out_rmse', 'held_out_max', 'held_out_r2'}
+    assert [effect['variable'] for effect in report['effects']] == ['position']
+    assert report['effects'][0]['held_out_rmse'] < 0.8 * report['before']['held_out_rmse']
+    assert report['after']['held_out_rmse'] < 1.3 * drive.noise_floor
+    assert report['noise_floor'] == pytest.approx(drive.noise, rel=0.15)
+    assert report['unexplained'] == []
+
+
+def test_the_page_needs_nothing_from_elsewhere(folder):
+    page = (folder / 'out' / 'report.html').read_text()
+    assert page.startswith('<!DOCTYPE html>')
+    assert page.count('<figure>') >= 4
+    for needle in ('src="http', "src='http", '<script', 'href="http'):
+        assert needle not in page
+
+
+def test_predict_writes_a_row_for_every_joint_state(folder, drive):
+    path = folder / 'predicted.csv'
+    assert run_predict([str(folder / 'score'), '--model', str(folder / 'out' / 'model.yaml'),
+                        '--output', str(path)]) == 0
+    columns = table(path)
+    assert list(columns) == ['time', 'measured', 'predicted']
+    assert len(columns['time']) == 15000
+    assert np.isfinite(columns['predicted']).all()
+    assert np.all(np.diff(columns['time']) > 0)
+    error = columns['measured'] - columns['predicted']
+    assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
+
+
+def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path):
+    drive.model.save(tmp_path / 'declared.yaml')
+    assert run_refine([str(folder / 'fit'), '--output', str(tmp_path / 'out'),
+                       '--model', str(tmp_path / 'declared.yaml')]) == 0
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert report['before']['model'].startswith('the given model')
+    assert [effect['variable'] for effect in report['effects']] == ['position']
+    refined = FrictionModel.load(tmp_path / 'out' / 'model.yaml')
+    assert refined.drive == drive.model.drive
+
+
+def test_bad_input_is_named_and_nothing_is_left(folder, tmp_path):
+    with pytest.raises(InputError, match='nowhere'):
+        run_refine([str(tmp_path / 'nowhere'), '--output', str(tmp_path / 'out')])
+    with pytest.raises(InputError, match='elbow'):
+        run_refine([str(folder / 'fit'), '--output', str(tmp_path / 'out'), '--joint', 'knee'])
+    assert not (tmp_path / 'out').exists()
+    with pytest.raises(InputError, match=r'none\.yaml'):
+        run_predict([str(folder / 'score'), '--model', str(tmp_path / 'none.yaml'),
+                     '--output', str(tmp_path / 'x.csv')])
+    assert not (tmp_path / 'x.csv').exists()
+
+
+def test_a_joint_that_stands_still_cannot_be_refined(drive):
+    still = record(drive, 5, excitation_for((), duration=20.0, rate=250.0))[0].samples
+    still = still.with_(position=np.full(len(still), 0.3))
+    with pytest.raises(InputError, match='never moves'):
+        refine([still])
+    with pytest.raises(InputError, match='too few'):
+        refine([still.take(slice(0, 50))])
+
+
+def test_whole_recordings_are_held_out_where_there_are_several(drive):
+    excitation = excitation_for(('cogging',), duration=30.0, rate=250.0, recordings=3)
+    parts = [trial.samples for trial in record(drive, 8, excitation)]
+    result = refine(parts, drive=drive.model.drive)
+    assert 'whole recordings' in result.report['held_out']
+    assert result.report['effects'][0]['variable'] == 'position'
+
+
+def test_outliers_and_gaps_do_no_harm(drive):
+    excitation = excitation_for(('cogging',), duration=60.0, rate=250.0)
+    samples = record(drive, 5, excitation)[0].samples
+    rng = np.random.default_rng(0)
+    current = samples.current.copy()
+    wild = rng.choice(len(samples), 60, replace=False)
+    current[wild] += rng.uniform(-5, 5, 60)
+    current[rng.choice(len(samples), 20, replace=False)] = np.nan
+    samples = samples.with_(current=current)
+    keep = np.ones(len(samples), dtype=bool)
+    keep[4000:5000] = False
+    result = refine([samples.take(keep)], drive=drive.model.drive)
+    assert [effect['variable'] for effect in result.report['effects']] == ['position']
+    fresh = record(drive, 6, excitation)[0].samples
+    error = fresh.current - predict(result.model, fresh)
+    assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
+
+
+def scored(name, tmp_path):
+    assert run_refine([str(DATA / name / 'fit'), '--torque-constant', '1', '--gear-ratio', '1',
+                       '--output', str(tmp_path / 'out')]) == 0
+    assert run_predict([str(DATA / name / 'score'), '--model', str(tmp_path / 'out' / 'model.yaml'),
+                        '--output', str(tmp_path / 'score.csv')]) == 0
+    columns = table(tmp_path / 'score.csv')
+    return columns['measured'] - columns['predicted']
+
+
+@needs_data
+@pytest.mark.slow
+def test_harmonic_drive_of_a_ur10e(tmp_path):
+    error = scored('ur10e_joint1', tmp_path)
+    assert np.sqrt(np.mean(error ** 2)) < 0.206
+
+
+@needs_data
+@pytest.mark.slow
+def test_ball_screw_of_the_emps_benchmark(tmp_path):
+    error = scored('emps', tmp_path)
+    error = sosfiltfilt(butter(2, 40.0, fs=1000.0, output='sos'), error)
+    assert np.sqrt(np.mean(error ** 2)) < 3.0
