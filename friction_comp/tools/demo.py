@@ -29,8 +29,8 @@ from friction_comp.tools.processes import Nodes
 JOINT = 'armin_1'
 SAMPLE_TIME = 1e-3
 GOAL = {
-    'joint': JOINT, 'speeds': [math.radians(v) for v in (6.0, 12.0, 20.0, 30.0, 45.0, 60.0)],
-    'motion_range': 1.3, 'ramp_slope': 0.1, 'ramp_period': 5.0, 'breakaway_cycles': 4}
+    'joint': JOINT, 'speeds': [math.radians(v) for v in (12.0, 25.0, 40.0, 60.0)],
+    'motion_range': 2.0, 'ramp_slope': 0.1, 'ramp_period': 5.0, 'breakaway_cycles': 3}
 MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(20.0),
             'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.5}
 # Folder, name in the table, the compensator's law, and whether the direction is announced.
