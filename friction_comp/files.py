@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writing files so that a crash leaves the old one or the new one, never half of either."""
+"""Files: read with errors that name them, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -8,7 +8,27 @@ import os
 from pathlib import Path
 import tempfile
 
+import yaml
+
 from friction_comp.errors import InputError
+
+
+def read_yaml(path):
+    """Return the plain values of a YAML document.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not YAML.
+    """
+    path = Path(path)
+    try:
+        return yaml.safe_load(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise InputError(f'{path}: {error.strerror or error}') from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        reason = ' '.join(str(error).split())
+        raise InputError(f'{path}: not a YAML document: {reason}') from None
 
 
 def write_atomically(path, content):

@@ -6,14 +6,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import math
-from pathlib import Path
 
 import numpy as np
 import yaml
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.files import write_atomically
+from friction_comp.files import read_yaml, write_atomically
 from friction_comp.model.differentiation import advance, delayed
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
@@ -148,14 +147,7 @@ class FrictionModel:
         InputError
             Naming the file and what is wrong with it.
         """
-        path = Path(path)
-        try:
-            document = yaml.safe_load(path.read_text(encoding='utf-8'))
-        except OSError as error:
-            raise InputError(f'{path}: {error.strerror or error}') from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            reason = ' '.join(str(error).split())
-            raise InputError(f'{path}: not a YAML document: {reason}') from None
+        document = read_yaml(path)
         try:
             return cls.from_dict(document)
         except InputError as error:

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import math
-from pathlib import Path
 
 from numba import njit
 import numpy as np
-import yaml
 
 from friction_comp.errors import InputError
+from friction_comp.files import read_yaml
 
 FORMAT = 'friction_comp_undeclared'
 VERSION = 1
@@ -173,14 +172,7 @@ class Undeclared:
         InputError
             Naming the file and what is wrong with it.
         """
-        path = Path(path)
-        try:
-            document = yaml.safe_load(path.read_text(encoding='utf-8'))
-        except OSError as error:
-            raise InputError(f'{path}: {error.strerror or error}') from None
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            reason = ' '.join(str(error).split())
-            raise InputError(f'{path}: not a YAML document: {reason}') from None
+        document = read_yaml(path)
         try:
             return cls.from_dict(document)
         except InputError as error:
