@@ -99,16 +99,33 @@ def advantage(data, old, new):
         return total / size, 0.0, 1.0
     p_value = float(stats.t.sf(total / spread, number - 1))
     # An effect that shows in few stretches only (a bump, a start from rest) has a spread made by
-    # itself; of the square roots of the sums it stands out. Two tests, so twice the chance.
+    # itself: of the square roots of the sums it stands out, and so it does among the stretches in
+    # which it predicts something. Three tests, so three times the chance.
     roots = np.sign(sums) * np.sqrt(np.abs(sums))
-    deviation = float(np.std(roots, ddof=1)) / math.sqrt(number)
-    if total > 0 and deviation > 0:
-        p_value = min(1.0, 2.0 * min(
-            p_value, float(stats.t.sf(float(roots.mean()) / deviation, number - 1))))
+    energy, _ = stretch_sums(data, (old - new)[usable] ** 2, new)
+    if total > 0:
+        p_value = min(1.0, 3.0 * min(
+            p_value, upper_tail(roots), upper_tail(sums[where_it_acts(energy)])))
     # Few flips cannot show a very small chance; there Student's t has to do.
     if 1e-3 < p_value < 0.2:
         p_value = max(p_value, flipped_signs(sums))
     return total / size, spread / size, p_value
+
+
+def upper_tail(values):
+    """Return the chance by Student's t of a mean as high as that of the values, were it zero."""
+    if len(values) < 6:
+        return 1.0
+    deviation = float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    return float(stats.t.sf(float(np.mean(values)) / deviation, len(values) - 1)) if (
+        deviation > 0) else 1.0
+
+
+def where_it_acts(energy):
+    """Return the stretches that make up nine tenths of an effect's energy, at least six."""
+    order = np.argsort(energy)[::-1]
+    share = np.cumsum(energy[order]) / max(float(energy.sum()), 1e-300)
+    return order[:max(6, int(np.searchsorted(share, 0.9)) + 1)]
 
 
 def stretch_sums(data, values, residual):
@@ -148,6 +165,17 @@ def try_kind(data, fits, residual, kind):
     trial = Trial(kind, grown, held_out_residual(data, grown))
     trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
     return trial
+
+
+def least_share(trial, data):
+    """Return the share of the loss that an effect has to take away to be worth its place.
+
+    A lag of a sample or two may be how the signals were sampled, and asks for more.
+    """
+    if trial.kind.name != 'actuation_lag':
+        return LEAST_SHARE
+    lag = min(abs(fit.terms[-1].constants['lag']) for fit in trial.fits)
+    return LEAST_SHARE if lag > 2.0 * data.scene.sample_time else 8.0 * LEAST_SHARE
 
 
 def polish(data, residual, trial, thorough=False):
@@ -191,7 +219,7 @@ def select(data, fits, report=None):
             polish(data, residual, trial)
         worthy = [trial for trial in trials
                   if trial.p_value < ALPHA / len(kinds)
-                  and trial.advantage > max(LEAST_SHARE * loss, least)]
+                  and trial.advantage > max(least_share(trial, data) * loss, least)]
         if not worthy:
             break
         chosen = simplest_of_the_best(data, worthy)

@@ -79,11 +79,11 @@ def summary(report):
                  'that better on data it was not fitted to.']
     else:
         gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
-        found = '; '.join(effect['in_words'] for effect in report['effects'])
+        found = '\n'.join(f"- {effect['in_words']}" for effect in report['effects'])
         lines = [f'The model missed the measured current by **{number(before)} A** RMS. With what '
                  f'was found in the recordings it misses by **{number(after)} A**, that is '
                  f'{gain:.0f} % less, on stretches it was not fitted to.',
-                 f'In order of importance: {found}.']
+                 'What was found, in the order in which it was added:', found]
     if report['unexplained']:
         names = ', '.join(entry['variable'] for entry in report['unexplained'])
         lines.append(f'Something remains that still changes with **{names}** and that none of the '
