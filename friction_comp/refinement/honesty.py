@@ -111,6 +111,12 @@ def ambiguities(samples, usable, steps, scene):
     elif 'time' in variables and moving.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
+    alike = _likeness(moving.time, np.abs(moving.velocity))
+    if alike > 0.9 and len(np.unique(moving.recording)) == 1:
+        # A staircase of speeds, each driven once: what drifts looks like what speed does.
+        add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
+            f'correlation {alike:.2f}): drift over time, which may be as large on another day, '
+            'cannot be told from the dependence on velocity')
     if 'position' in variables and scene.highest - scene.lowest < 0.5 and any(
             step.kind.name == 'gravity' for step in steps):
         found.append({

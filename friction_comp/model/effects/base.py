@@ -15,7 +15,7 @@ from friction_comp.errors import InputError
 VARIABLES = (
     'velocity', 'direction', 'position', 'acceleration', 'load', 'temperature', 'time', 'history')
 
-SHARPEST_ONLINE = 0.015
+SHARPEST_ONLINE = 0.01
 
 
 @dataclass(frozen=True)
