@@ -29,7 +29,7 @@ from friction_comp.tools.processes import Nodes
 JOINT = 'armin_1'
 SAMPLE_TIME = 1e-3
 GOAL = {
-    'joint': JOINT, 'speeds': [math.radians(v) for v in (12.0, 25.0, 40.0, 60.0)],
+    'joint': JOINT, 'speeds': [math.radians(v) for v in (5.0, 15.0, 30.0, 60.0)],
     'motion_range': 2.0, 'ramp_slope': 0.1, 'ramp_period': 5.0, 'breakaway_cycles': 3}
 MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(20.0),
             'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.5}
