@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import differentiate
+from friction_comp.model.differentiation import differentiate, earlier
 from friction_comp.refinement import data as recordings
 from friction_comp.refinement.fitting import huber_weights, robust_scale, solve
 from friction_comp.refinement.selection import rms
@@ -78,6 +78,37 @@ def sharpest(model, samples, rows, settings, keep=None):
     allowed = [entry for entry in errors if entry[1] <= 1.005 * present[1]]
     best = min(allowed, key=lambda entry: entry[0])
     return best[2] if best[0] < 0.97 * present[0] else settings
+
+
+def lagging(samples, moving):
+    """Tell whether current and motion are apart in time by more than two samples.
+
+    A lag shows at reversals, next to standstill: where there is one, they must not be left out.
+
+    Parameters
+    ----------
+    samples : Samples
+        With velocity and acceleration.
+    moving : ndarray of bool, shape (N,)
+        Every sample that does not stand still.
+    """
+    samples, moving = excerpt(samples, moving)
+    step = samples.sample_time
+    longest = min(0.06, 0.02 * float(np.ptp(samples.time)))
+    shifts = [0.0] + [side * value for value in np.geomspace(2.0 * step, longest, 8)
+                      for side in (1.0, -1.0)] if longest > 2.0 * step else [0.0]
+    rows = np.nonzero(moving)[0][::max(1, int(moving.sum()) // 15000)]
+    top = float(np.percentile(np.abs(samples.velocity[moving]), 95))
+    v = samples.velocity
+    matrix = np.column_stack((np.ones_like(v), np.tanh(v / (0.01 * top)),
+                              np.tanh(v / (0.05 * top)), v, samples.acceleration))
+    errors = []
+    for shift in shifts:
+        part = earlier(matrix, samples, shift)[rows]
+        current = samples.current[rows]
+        residual = np.abs(current - part @ solve(part, current, np.ones(len(rows))))
+        errors.append(rms(np.minimum(residual, np.quantile(residual, 0.999))))
+    return min(errors) < 0.97 * errors[0]
 
 
 def _motion_error(part, transition):

@@ -23,7 +23,7 @@ from friction_comp.refinement.fitting import (
 from friction_comp.refinement.honest_names import bulk, clipping, left_over, LOUD, without_stand_ins
 from friction_comp.refinement.honesty import ambiguities, warnings
 from friction_comp.refinement.load import carried_by_a_person
-from friction_comp.refinement.motion import choose_differentiation, sharpest
+from friction_comp.refinement.motion import choose_differentiation, lagging, sharpest
 from friction_comp.refinement.report import noise_floor, scores, words_of
 from friction_comp.refinement.selection import held_out_residual, rms, select
 
@@ -142,7 +142,9 @@ def choose(raw, clipped, settings, model, drive, progress):
     """Choose the effects, and fit the model with them to all samples."""
     samples = differentiate(raw, settings)
     slowest = recordings.sticking_speed(samples)
-    usable = recordings.in_motion(samples, slowest, settings) & ~clipped
+    usable = (np.abs(samples.velocity) > slowest) & ~clipped
+    if usable.sum() >= recordings.FEWEST and not lagging(samples, usable):
+        usable &= recordings.in_motion(samples, slowest, settings)
     if usable.sum() < recordings.FEWEST:
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(usable.sum())} samples of motion are too few')
