@@ -20,7 +20,7 @@ from friction_comp.world.joint import Plant
 from friction_comp.world.loop import closed_loop
 
 JOINT = 'elbow'
-MOVEMENT = {'amplitude': 0.25, 'speed': 0.5, 'acceleration_time': 0.2, 'standstill': 0.6,
+MOVEMENT = {'amplitude': 0.5, 'speed': 0.7, 'acceleration_time': 0.2, 'standstill': 0.6,
             'announcement': 0.4, 'repetitions': 1}
 SEED = 8
 pytestmark = pytest.mark.slow

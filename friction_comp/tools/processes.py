@@ -81,10 +81,14 @@ class Nodes:
                 raise InputError(
                     f'node {name} ended with status {process.returncode}: {self._last(name)}')
 
+    def alive(self, name):
+        """Tell whether a node's process is there."""
+        return self._running[name].poll() is None
+
     def ended(self, name):
         """Tell whether a node has ended by itself; a failure raises InputError."""
         self.check()
-        if self._running[name].poll() is None:
+        if self.alive(name):
             return False
         del self._running[name]
         return True

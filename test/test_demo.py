@@ -1,0 +1,77 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The demo as a user starts and stops it; the processes that it runs."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.tools import demo
+from friction_comp.tools.processes import Nodes, ros_arguments
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def test_parameters_are_written_as_yaml_reads_them():
+    assert ros_arguments({'a': True, 'b': [1.5, 'x y'], 'c': "it's"})[3:] == [
+        '-p', 'a:=true', '-p', "b:=[1.5, 'x y']", '-p', "c:='it''s'"]
+
+
+def test_a_node_that_fails_is_told_with_its_reason(tmp_path):
+    with Nodes(tmp_path) as nodes:
+        nodes.start('plant', {'joints': ['a'], 'model_files': ['missing.yaml']})
+        end = time.monotonic() + 60.0
+        while nodes.alive('plant'):
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        with pytest.raises(InputError, match=r'plant ended with status 2: .*missing\.yaml'):
+            nodes.check()
+
+
+@pytest.mark.parametrize('arguments', [['--repetitions', '0'], ['--nonsense'], ['--seed', '-1']])
+def test_bad_arguments(arguments, capsys):
+    with pytest.raises(SystemExit) as error:
+        demo.main(arguments)
+    assert error.value.code == 2
+    assert capsys.readouterr().err.count('\n') == 1
+
+
+def alive(folder):
+    """Processes that were started for this folder."""
+    found = []
+    for entry in Path('/proc').iterdir():
+        try:
+            if entry.name.isdigit() and str(folder).encode() in (entry / 'cmdline').read_bytes():
+                found.append(entry.name)
+        except OSError:
+            pass
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path('/proc/self/cmdline').exists(), reason='needs /proc')
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_demo_leaves_no_process(tmp_path, number):
+    folder = tmp_path / 'room'
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'friction_comp', 'demo', '--output', str(folder)],
+        env=dict(os.environ, PYTHONPATH=str(ROOT)), cwd=tmp_path,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    end = time.monotonic() + 60.0
+    while len(alive(folder)) < 3:
+        assert time.monotonic() < end, 'the demo starts no nodes'
+        assert process.poll() is None, process.stdout.read()
+        time.sleep(0.1)
+    process.send_signal(number)
+    output, _ = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert 'Traceback' not in output
+    assert alive(folder) == []
