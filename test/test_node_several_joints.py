@@ -1,0 +1,200 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Several joints, one with an undeclared effect, in lockstep: numbers, recording, diagnostics."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from ros_system import CONFIG, MODELS, own_domain, probe_node, Process
+from rosbags.highlevel import AnyReader
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.procedures.compensation import CompensationLaw
+from friction_comp.recordings.reader import read_recording_with_info
+from friction_comp.world.exercise import ReferenceMovement
+from friction_comp.world.joint import Plant
+from friction_comp.world.loop import closed_loop
+from friction_comp.world.undeclared import Undeclared
+
+JOINTS = ['elbow', 'shoulder']
+FILES = MODELS[:2]
+UNDECLARED = str(CONFIG / 'undeclared_example.yaml')
+SEED = 5
+SAMPLE = 1_000_000
+# Simulated time begins at 1 s.
+BEGINNING = 1_000_000_000
+# Samples between two ticks of the clock.
+TICK = 10
+MOVEMENT = {'amplitude': 0.6, 'speed': 1.5, 'acceleration_time': 0.1, 'standstill': 0.403,
+            'announcement': 0.301, 'repetitions': 1}
+# The exercise learns at the first tick where the joints stand and begins at the second.
+LATE = TICK
+DURATION_NS = round(ReferenceMovement(**MOVEMENT).duration * 1e9)
+# The reference of the tick that ends the exercise is the last: time rests before the next.
+STEPS = LATE + TICK * (-(-DURATION_NS // (TICK * SAMPLE)) + 1)
+TOPICS = {'joint_states', 'current_command', 'direction', 'reference', 'interaction_wrench',
+          'motor_temperature', 'diagnostics'}
+LAW = 'continuous'
+pytestmark = pytest.mark.slow
+
+
+def value_of(status, key):
+    return next((item.value for item in status.values if item.key == key), None)
+
+
+def record(folder, law):
+    """Run the exercise once, each node in a process of its own; return the recording's path."""
+    path, logs = folder / 'recording', folder / 'logs'
+    common = {'joints': JOINTS, 'use_sim_time': True, 'input_reliability': 'reliable'}
+    with own_domain(), probe_node() as probe, \
+            Process(logs, 'plant', {
+                'joints': JOINTS, 'model_files': FILES, 'clock': 'lockstep', 'seed': SEED,
+                'undeclared_effect_files': ['', UNDECLARED], 'wait_for_reference': True}), \
+            Process(logs, 'recorder', {
+                'output': str(path), 'model_file': FILES[0], 'use_sim_time': True,
+                'input_reliability': 'reliable'}) as recorder, \
+            Process(logs, 'exercise', {
+                **common, **MOVEMENT, 'clock': 'ticks', 'when_done': 'exit'}) as exercise, \
+            Process(logs, 'compensator', {
+                **common, 'model_files': FILES, 'law': law, 'autostart': False}):
+        assert probe.transition('compensator', 'configure')
+        # Time rests at the first sample until the compensator is activated. By then everyone has
+        # heard everyone.
+        probe.status_of('exercise', lambda status: status.message == 'waits for /clock')
+        probe.status_of('recorder', lambda status: all(
+            int(value_of(status, topic)) for topic in (
+                'joint_states', 'reference', 'interaction_wrench')))
+        probe.status_of('compensator', lambda status: (
+            value_of(status, 'listeners to current_command') == '2'))
+        assert probe.transition('compensator', 'activate')
+        assert exercise.wait(60.0) == 0
+        # What the plant said on the way may still wait to be heard.
+        probe.status_of('plant', lambda status: (
+            value_of(status, 'waits for') == 'reference'
+            and float(value_of(status, 'time [s]')) > (STEPS - 1) * 1e-3))
+        # The joint's time rests: when the recorder's counts do, too, it has everything.
+        counts = [None]
+
+        def complete(status):
+            counts.append([
+                int(value_of(status, topic)) for topic in ('joint_states', 'current_command')])
+            # The last command is dated, and counted, when the recording ends.
+            return counts[-1] == counts[-2] and counts[-1][1] >= STEPS - 1
+        probe.status_of('recorder', complete)
+        recorder.send()
+        assert recorder.wait() == 0
+        assert 'Traceback' not in recorder.text
+    return path
+
+
+@pytest.fixture(scope='module')
+def path(tmp_path_factory):
+    return record(tmp_path_factory.mktemp('several'), LAW)
+
+
+@pytest.fixture(scope='module')
+def joints(path):
+    """Return (Samples, RecordingInfo) of each joint, as the package reads them."""
+    found = []
+    for joint, file in zip(JOINTS, FILES):
+        drive = FrictionModel.load(file).drive
+        found += read_recording_with_info(path, joint, drive.torque_constant, drive.gear_ratio)
+    return found
+
+
+class BegunLate:
+    """The reference movement for a joint that nobody holds before the exercise begins."""
+
+    def __init__(self):
+        self._movement = ReferenceMovement(**MOVEMENT)
+
+    def at(self, time):
+        since = round(time * 1e9) - LATE * SAMPLE
+        return self._movement.at(since / 1e9) if since >= 0 else (np.nan, np.nan, 0)
+
+
+def plain_loop(law):
+    models = [FrictionModel.load(path) for path in FILES]
+    plant = Plant(models, SEED, [None, Undeclared.from_file(UNDECLARED)])
+    return closed_loop(plant, CompensationLaw(models, law), BegunLate(), STEPS * 1e-3)
+
+
+def test_equals_the_plain_loop(joints):
+    loop = plain_loop(LAW)
+
+    def recorded(name):
+        return np.stack([getattr(samples, name) for samples, _ in joints], axis=1)
+    # Something happened: both joints moved, and the law's push was no trifle.
+    assert (np.ptp(loop['position'], axis=0) > 0.1).all()
+    assert (np.abs(loop['command']).max(axis=0) > 0.05).all()
+    assert set(np.unique(loop['direction'])) == {-1, 0, 1}
+    np.testing.assert_allclose(joints[0][0].time, loop['time'], rtol=0, atol=1e-9)
+    for name, plain in (
+            ('position', 'position'), ('velocity', 'velocity'), ('current', 'current'),
+            ('load', 'interaction_torque'), ('command', 'command')):
+        np.testing.assert_allclose(
+            recorded(name), loop[plain], rtol=0, atol=1e-9, err_msg=name)
+    # Direction and reference change on ticks.
+    ticks = slice(LATE, None, TICK)
+    for name in ('direction', 'reference_position', 'reference_velocity'):
+        np.testing.assert_allclose(
+            recorded(name)[ticks], loop[name][ticks], rtol=0, atol=1e-9, err_msg=name)
+
+
+def messages(path):
+    """Return (time, content) of every message by topic, without what was sent a second time."""
+    found = {}
+    with AnyReader([path]) as reader:
+        for connection, time, data in reader.messages():
+            topic = connection.topic.lstrip('/')
+            # Diagnostics come by real time.
+            if topic != 'diagnostics':
+                # Written anew: what pads the fields of a message is left to chance.
+                kind = connection.msgtype
+                content = reader.typestore.serialize_cdr(reader.deserialize(data, kind), kind)
+                found.setdefault(topic, []).append((time, bytes(content)))
+    # While an answer is awaited, a state and a tick's reference are sent again.
+    again = {'joint_states', 'reference', 'interaction_wrench', 'motor_temperature'}
+    return {topic: list(dict.fromkeys(rows)) if topic in again else rows
+            for topic, rows in found.items()}
+
+
+def test_the_recording_is_read_back_whole(path, joints):
+    for samples, info in joints:
+        stamps = np.round(samples.time * 1e9).astype(int)
+        np.testing.assert_array_equal(stamps, SAMPLE * np.arange(STEPS))
+        assert info.start == pytest.approx(BEGINNING * 1e-9)
+        # A state sent again adds nothing; nothing else was left out.
+        assert set(info.dropped) <= {'duplicate stamp'}
+        assert {topic.lstrip('/') for topic in info.topics} == TOPICS
+        assert info.model == FILES[0]
+        for name in ('velocity', 'load', 'temperature', 'command', 'direction',
+                     'reference_position', 'reference_velocity'):
+            values = getattr(samples, name)
+            assert values is not None, name
+            assert np.isfinite(values).all(), name
+    content = messages(path)
+    assert len(content['joint_states']) == len(content['current_command']) == STEPS
+    assert len(content['interaction_wrench']) == STEPS * len(JOINTS)
+    assert len(content['motor_temperature']) == -(-STEPS // 100) * len(JOINTS)
+    # One for each tick; no direction before the exercise began.
+    assert len(content['reference']) == STEPS // TICK
+    assert len(content['direction']) == STEPS // TICK - 1
+
+
+def test_every_node_says_what_it_does(path):
+    heard = {}
+    with AnyReader([path]) as reader:
+        for connection, _, data in reader.messages():
+            if connection.topic == '/diagnostics':
+                for status in reader.deserialize(data, connection.msgtype).status:
+                    heard.setdefault(status.name, []).append(status)
+    assert set(heard) == {'plant', 'compensator', 'exercise', 'recorder'}
+    # Level 2 is an error.
+    assert not any(status.level >= 2 for row in heard.values() for status in row)
+    for name in ('plant', 'compensator', 'exercise'):
+        assert {status.hardware_id for status in heard[name]} == {', '.join(JOINTS)}
+    assert {status.message for status in heard['compensator']} >= {'inactive'}
+    assert heard['plant'][-1].message == 'running'
