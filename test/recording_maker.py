@@ -1,0 +1,79 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Makes recordings for the tests of the recordings room."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
+from rosbags.typesys import get_typestore, Stores
+
+from friction_comp.recordings import (
+    cdr,
+)
+from friction_comp.samples import Samples
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+T = STORE.types
+DATA = Path(os.environ.get(
+    'FRICTION_COMP_DATA', Path(__file__).resolve().parents[2] / 'shared' / 'data'))
+
+
+def make_samples(count=200, joint='elbow', seed=0, **changes):
+    random = np.random.default_rng(seed)
+    time_ = np.arange(count) * 1e-3
+    samples = Samples(
+        time=time_, position=random.normal(size=count), velocity=random.normal(size=count),
+        current=random.normal(size=count), load=random.normal(size=count),
+        temperature=20.0 + time_, command=random.normal(size=count),
+        direction=np.sign(np.sin(40.0 * time_)).astype(int),
+        reference_position=random.normal(size=count),
+        reference_velocity=random.normal(size=count), joint=joint)
+    return samples.with_(**changes)
+
+
+def header(stamp_ns, frame=''):
+    return T['std_msgs/msg/Header'](
+        T['builtin_interfaces/msg/Time'](*divmod(stamp_ns, 1_000_000_000)), frame)
+
+
+def joint_state(stamp_ns, names, position, velocity, effort):
+    return cdr.JOINT_STATE, T[cdr.JOINT_STATE](
+        header(stamp_ns), list(names), *(np.array(v, dtype=float) for v in (
+            position, velocity, effort)))
+
+
+def wrench(stamp_ns, frame, torque):
+    vector = T['geometry_msgs/msg/Vector3']
+    return cdr.WRENCH, T[cdr.WRENCH](header(stamp_ns, frame), T['geometry_msgs/msg/Wrench'](
+        vector(0.0, 0.0, 0.0), vector(0.0, 0.0, torque)))
+
+
+def array(kind, values):
+    layout = T['std_msgs/msg/MultiArrayLayout']([], 0)
+    dtype = np.int8 if kind == cdr.INT8_ARRAY else float
+    return kind, T[kind](layout, np.array(values, dtype=dtype))
+
+
+def record(path, messages, plugin=StoragePlugin.MCAP, compression=None, little_endian=True):
+    """Write (topic, receive time in ns, (type, message)) with the library's own writer."""
+    writer = Writer(path, version=9, storage_plugin=plugin)
+    if compression:
+        writer.set_compression(compression, CompressionFormat.ZSTD)
+    with writer:
+        connections = {}
+        for topic, receive, (kind, message) in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
+            writer.write(connections[topic], receive,
+                         STORE.serialize_cdr(message, kind, little_endian=little_endian))
+    return path
+
+
+def states(count=50, names=('elbow',), stamp=lambda k: 1_000_000_000 + k * 1_000_000,
+           velocity=True):
+    for k in range(count):
+        values = [k + 100.0 * j for j in range(len(names))]
+        yield '/joint_states', 5_000_000_000 + k * 1_000_000, joint_state(
+            stamp(k), names, values, values if velocity else [], [2.0 * v for v in values])
