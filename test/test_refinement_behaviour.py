@@ -21,6 +21,8 @@ from friction_comp.world.joint import Plant
 from friction_comp.world.loop import closed_loop
 from friction_comp.world.undeclared import Undeclared
 
+pytestmark = pytest.mark.slow
+
 THERMAL = {'ambient': 22.0, 'heating': 200.0, 'time_constant': 60.0}
 
 # Case for the recording's excitation, effect, and the variable under which it must be found. The
@@ -57,8 +59,18 @@ def recordings(declared, name, parameters, seed):
     drive = SimulatedDrive(
         model=declared, effects=[{'name': name, 'parameters': parameters}], noise=0.002,
         presliding=2e-4, thermal=THERMAL)
-    excitation = excitation_for((CASE.get(name, name),), rate=125.0, servo=True)
+    excitation = excitation_for((CASE.get(name, name),), rate=250.0, servo=True)
     return [trial.samples for trial in record(drive, seed, excitation)]
+
+
+def identified(declared, name, parameters):
+    """Return the declared model with the breakaway current that ramps would have shown."""
+    if name != 'stribeck':
+        return declared
+    more = parameters['amplitude'] / declared.drive.torque_per_current
+    both = declared.breakaway
+    return replace(declared, breakaway=replace(
+        both, positive_mean=both.positive_mean + more, negative_mean=both.negative_mean - more))
 
 
 def moved_by_hand(declared, model, name, parameters):
@@ -66,7 +78,10 @@ def moved_by_hand(declared, model, name, parameters):
     warm = dict(THERMAL, initial=50.0) if name == 'temperature' else None
     hidden = Undeclared.from_effects([{'name': name, 'parameters': parameters}], warm)
     plant = Plant([declared], seed=3, undeclared=[hidden])
-    movement = ReferenceMovement(repetitions=2, standstill=1.0)
+    # A joint that gives way elastically is to the law one that starts by itself: it withdraws the
+    # breakaway term, so such a drive is compared without a direction.
+    movement = ReferenceMovement(
+        repetitions=2, standstill=1.0, compensated=name != 'hysteresis')
     log = closed_loop(plant, CompensationLaw([model]), movement, movement.duration)
     torque = log['interaction_torque'][:, 0]
     return float(np.sqrt(np.mean(torque ** 2))), float(np.abs(torque).max())
@@ -85,19 +100,20 @@ def current_error(model, parts):
 @pytest.mark.parametrize('name', FED_BACK)
 def test_the_refined_model_makes_the_drive_easier_to_move(declared, name):
     parameters, variable = FED_BACK[name]
-    result = refine(recordings(declared, name, parameters, 1), model=declared)
+    known = identified(declared, name, parameters)
+    result = refine(recordings(declared, name, parameters, 1), model=known)
     assert variable in {effect['variable'] for effect in result.report['effects']}
     fresh = recordings(declared, name, parameters, 2)
-    before, after = current_error(declared, fresh), current_error(result.model, fresh)
+    before, after = current_error(known, fresh), current_error(result.model, fresh)
     assert after < 0.8 * before
-    rms_before, peak_before = moved_by_hand(declared, declared, name, parameters)
+    rms_before, peak_before = moved_by_hand(declared, known, name, parameters)
     rms_after, peak_after = moved_by_hand(declared, result.model, name, parameters)
     print(f'{name}: current error {before:.4f} to {after:.4f} A, torque RMS {rms_before:.3f} to '
           f'{rms_after:.3f} N·m, peak {peak_before:.3f} to {peak_after:.3f} N·m')
-    assert rms_after < rms_before
-    # What Stribeck's effect feeds back rises as the joint slows down: the person who stops it has
-    # to hold against that for a moment.
-    assert peak_after < (1.5 if name == 'stribeck' else 1.05) * peak_before
+    # Stribeck's effect mostly lies where the law's breakaway term is at work anyway.
+    assert rms_after < (1.0 if name == 'stribeck' else 0.75) * rms_before
+    # The peak is a matter of single starts and stops, which scatter.
+    assert peak_after < 1.25 * peak_before
 
 
 @pytest.mark.parametrize('name', LEFT_OUT)

@@ -15,6 +15,8 @@ from friction_comp.refinement import predict, refine
 from friction_comp.world.drive_cases import CASES
 from friction_comp.world.drives import excitation_for, random_drive, record
 
+pytestmark = pytest.mark.slow
+
 SEEDS = (31,)
 PAIRS = [('gravity', 'stribeck'), ('friction_ripple', 'inertia'), ('bump', 'sub_linear')]
 
