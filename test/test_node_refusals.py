@@ -1,0 +1,64 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What nodes say of input that they cannot use, and how an exercise is left."""
+
+import signal
+import time
+
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from ros_system import joint_state, MODELS, own_domain, probe_node, Process
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Int8MultiArray
+
+pytestmark = pytest.mark.slow
+
+ONE = {'joints': ['elbow'], 'model_files': MODELS[:1]}
+BROKEN_MODEL = 'format: friction_comp_model\nversion: 1\njoint: [\n'
+ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: ghost}]\n'
+
+
+@pytest.mark.parametrize(('node', 'parameters', 'arguments', 'words'), [
+    ('plant', {**ONE, 'model_files': ['broken.yaml']}, (), 'broken.yaml'),
+    ('plant', {**ONE, 'undeclared_effect_files': ['odd.yaml']}, (), 'ghost'),
+    ('plant', ONE, ('surplus',), 'surplus'),
+    ('identification', {**ONE, 'model_files': ['broken.yaml']}, (), 'broken.yaml'),
+    ('exercise', {'moving_joints': ['knee']}, (), 'knee'),
+    ('exercise', {'announcement': 3.0, 'standstill': 1.0}, (), 'announcement'),
+    ('exercise', {'amplitude': 0.01}, (), 'amplitude'),
+    ('exercise', {'when_done': 'dance'}, (), 'when_done'),
+    ('recorder', {'output': 'taken'}, (), 'taken'),
+    ('recorder', {'compression': 'squeeze'}, (), 'squeeze')])
+def test_says_in_one_line_what_it_cannot_use(tmp_path, node, parameters, arguments, words):
+    (tmp_path / 'broken.yaml').write_text(BROKEN_MODEL)
+    (tmp_path / 'odd.yaml').write_text(ODD_EFFECT)
+    (tmp_path / 'taken').mkdir()
+    (tmp_path / 'taken' / 'kept').write_text('')
+    with own_domain(), Process(tmp_path, node, parameters, arguments=arguments) as process:
+        assert process.wait() == 2
+        lines = [line for line in process.text.splitlines() if line.startswith(f'{node}: ')]
+        assert len(lines) == 1
+        assert words in lines[0]
+        assert 'Traceback' not in process.text
+    assert [path.name for path in (tmp_path / 'taken').iterdir()] == ['kept']
+    assert not (tmp_path / 'recording').exists()
+
+
+def test_an_exercise_takes_its_announcement_back_when_it_is_stopped(tmp_path):
+    with own_domain(), probe_node() as probe, Process(tmp_path, 'exercise', {
+            'joints': ['elbow', 'wrist'], 'amplitude': -0.5, 'standstill': 0.1,
+            'announcement': 0.1, 'speed': 0.1}) as process:
+        states = probe.talk(JointState, 'joint_states')
+        directions = probe.listen(Int8MultiArray, 'direction')
+
+        def announced():
+            states.publish(joint_state(time.time_ns(), ['elbow', 'wrist'], [0.0, 0.0]))
+            probe.spin_for(0.02)
+            return directions and list(directions[-1].data) == [-1, -1]
+        probe.until(announced, 'the announcement')
+        process.send(signal.SIGINT)
+        assert process.wait() == 0
+        probe.until(lambda: list(directions[-1].data) == [0, 0], 'its end')
+        assert 'Traceback' not in process.text
