@@ -43,6 +43,7 @@ from friction_comp.procedures.law_columns import (
     SAFE_NEGATIVE,
     SAFE_POSITIVE,
     SINCE,
+    SLIPPED,
     SPEED,
     STEEPNESS,
     STEP,
@@ -69,6 +70,10 @@ RETREAT_TIME = 0.01
 WINDOW_TIME = 0.05
 REST_COUNTS = 1.5
 SLIP_COUNTS = 3.0
+# A joint that still creeps at this share of the level at which it first gave is being pushed,
+# unless it runs at these counts a sample.
+PUSHED = 0.7
+RUN_COUNTS = 3.0
 # After the step back it must not go forward by this part of a count for so long, s.
 FORWARD_COUNTS = 0.7
 PROOF_TIME = 0.3
@@ -116,6 +121,7 @@ def begin_probe(s, sign, wanted):
     s[WINDOW_PLACE] = s[MARK]
     s[WINDOW_COUNTS] = 0.0
     s[AIM] = wanted
+    s[SLIPPED] = 0.0
 
 
 @njit(cache=True)
@@ -124,10 +130,10 @@ def probe(p, s, sign):
 
     Breakaway scatters from one rest to the next, so that the mean says little about this one. The
     level rises before anybody pushes: if the joint begins to slip all the same, the level goes
-    back by a fifth and stays there. Kinetic friction is not compensated meanwhile, so that the
-    slip stops as soon as the level retreats. What it has borne it goes on bearing with a little
-    less, so that from then on only a push can move it. A gear that sticks still gives, and the
-    encoder shows by how much: that is the stiffness a later push is measured with.
+    back, a tenth at a time, until it stands. Kinetic friction is not compensated meanwhile, so
+    that the slip stops as soon as the level retreats. What it has borne it goes on bearing with a
+    little less, so that from then on only a push can move it. A gear that sticks still gives, and
+    the encoder shows by how much: that is the stiffness a later push is measured with.
     """
     place = sign * s[PLACE]
     along = sign * s[SPEED]
@@ -157,6 +163,14 @@ def probe(p, s, sign):
             slips |= counts > SLIP_COUNTS and counts > 0.8 * s[WINDOW_COUNTS]
         s[WINDOW_COUNTS] = counts
     if 0.0 < level <= s[AIM] and (slips or s[HELD] > RESTLESS_TIME):
+        if s[SLIPPED] == 0.0:
+            s[SLIPPED] = level
+        if RETREAT * level < PUSHED * s[SLIPPED] and along < RUN_COUNTS * count_speed:
+            # A joint that the level alone had set creeping stands still by now: it is pushed.
+            s[AIM] = level
+            s[ORIGIN] = place
+            s[PHASE] = READY
+            return
         s[AIM] = RETREAT * level
         s[PHASE] = PROBING
         s[HELD] = 0.0
