@@ -31,8 +31,8 @@ SAMPLE_TIME = 1e-3
 GOAL = {
     'joint': JOINT, 'speeds': [math.radians(v) for v in (5.0, 15.0, 30.0, 60.0)],
     'motion_range': 2.0, 'ramp_slope': 0.1, 'ramp_period': 5.0, 'breakaway_cycles': 3}
-MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(20.0),
-            'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.5}
+MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
+            'acceleration_time': 0.5, 'standstill': 1.5, 'announcement': 1.0}
 # Folder, name in the table, the compensator's law, and whether the direction is announced.
 TRIALS = (
     ('none', 'no compensation', 'none', False),
