@@ -34,6 +34,9 @@ class Client:
         self.feedback = []
         self._client = ActionClient(probe, IdentifyFriction, 'identify_friction')
         probe.until(self._client.server_is_ready, 'the action server')
+        # Nobody's goal is refused; the answer shows that both ends have found each other.
+        nobody = IdentifyFriction.Goal(**{**GOAL, 'joint': 'nobody'})
+        probe.answered(lambda: self._client.send_goal_async(nobody), 'answer to the first goal')
 
     def ask(self, **changes):
         """Send a goal once and return its handle."""

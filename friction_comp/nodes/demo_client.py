@@ -21,6 +21,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from friction_comp.errors import InputError
 
+# A request that is not answered within this time is sent again, s.
+ANSWER_TIME = 5.0
+
 
 class DemoClient:
     """A node of its own for a tool; closed with the ``with`` block.
@@ -100,10 +103,10 @@ class DemoClient:
         client = self._node.create_client(SetParameters, f'{node}/set_parameters')
         try:
             self.until(client.service_is_ready, f'the parameters of {node}')
-            future = client.call_async(SetParameters.Request(parameters=[ParameterMessage(
-                name=name, value=Parameter(name, value=value).get_parameter_value())]))
-            self.until(future.done, f'the parameters of {node}')
-            result = future.result().results[0]
+            request = SetParameters.Request(parameters=[ParameterMessage(
+                name=name, value=Parameter(name, value=value).get_parameter_value())])
+            result = self._answered(
+                lambda: client.call_async(request), f'the parameters of {node}').results[0]
         finally:
             self._node.destroy_client(client)
         if not result.successful:
@@ -125,6 +128,9 @@ class DemoClient:
             If the goal is refused or not reached.
         """
         self.until(self._action.server_is_ready, 'the action identify_friction')
+        # Nobody's goal is refused; the answer shows that both ends have found each other.
+        nobody = IdentifyFriction.Goal(**{**goal, 'joint': 'nobody'})
+        self._answered(lambda: self._action.send_goal_async(nobody), 'an answer to the goal')
         message = IdentifyFriction.Goal(**goal)
         handle = None
         end = time.monotonic() + self._patience
@@ -144,6 +150,20 @@ class DemoClient:
         if outcome.status != GoalStatus.STATUS_SUCCEEDED:
             raise InputError(f'identification failed: {outcome.result.message}')
         return outcome.result
+
+    def _answered(self, send, what):
+        """Return the answer to a request that does no harm when it is sent again.
+
+        A reply is lost that is sent before the two ends have found each other both ways.
+        """
+        end = time.monotonic() + self._patience
+        while time.monotonic() < end:
+            future, again = send(), time.monotonic() + ANSWER_TIME
+            while not future.done() and time.monotonic() < again:
+                self.wait(0.05)
+            if future.done():
+                return future.result()
+        raise InputError(f'{what}: nothing within {self._patience:g} s')
 
     def wait(self, seconds):
         """Attend to messages for a while."""
