@@ -26,7 +26,7 @@ def read_yaml(path):
         return yaml.safe_load(path.read_text(encoding='utf-8'))
     except OSError as error:
         raise InputError(f'{path}: {error.strerror or error}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         reason = ' '.join(str(error).split())
         raise InputError(f'{path}: not a YAML document: {reason}') from None
 

@@ -152,6 +152,8 @@ class FrictionModel:
             return cls.from_dict(document)
         except InputError as error:
             raise InputError(f'{path}: {error}') from None
+        except OverflowError:
+            raise InputError(f'{path}: holds a number that is too large') from None
 
     @classmethod
     def from_dict(cls, document):
@@ -201,7 +203,7 @@ class FrictionModel:
 def _effect(entry):
     if not isinstance(entry, dict) or 'name' not in entry:
         raise InputError(f'an effect needs a name: {entry!r}')
-    kind = EFFECTS.get(entry['name'])
+    kind = EFFECTS.get(str(entry['name']))
     if kind is None:
         raise InputError(f"unknown effect '{entry['name']}'; known: {', '.join(EFFECTS)}")
     parameters = entry.get('parameters') or {}
@@ -209,7 +211,7 @@ def _effect(entry):
         raise InputError(f"parameters of effect '{entry['name']}' are not a mapping")
     try:
         return kind(parameters)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"effect '{entry['name']}': {error}") from None
 
 

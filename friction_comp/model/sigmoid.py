@@ -111,6 +111,6 @@ class Sigmoid:
 
 
 def _unit(name):
-    if name not in VELOCITY_UNITS:
+    if not isinstance(name, str) or name not in VELOCITY_UNITS:
         raise InputError(f'velocity unit must be one of {sorted(VELOCITY_UNITS)}, not {name!r}')
     return VELOCITY_UNITS[name]

@@ -1,0 +1,286 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What each effect does by its docstring, and what holds for all of them whatever the numbers."""
+
+import math
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.model.effects import EFFECTS
+from friction_comp.samples import Samples
+
+TRANSITION = 0.02
+# Values that any constant may have, so that the properties below hold for more than one drive.
+RANGES = {
+    'velocity': (0.005, 1.0), 'exponent': (0.3, 4.0), 'transition': (1e-4, 0.1),
+    'reference': (0.1, 2.0), 'offset': (0.0, 1.0), 'position': (-2.0, 2.0),
+    'frequency': (0.5, 500.0), 'growth': (0.0, 2.0), 'speed': (0.1, 2.0), 'width': (0.005, 1.0),
+    'directional': (0.0, 1.0), 'reference_temperature': (10.0, 40.0),
+    'time_constant': (0.1, 1000.0), 'distance': (1e-4, 1.0), 'lag': (0.001, 0.1),
+    'first_order': (0.0, 1.0),
+}
+FLAGS = {'offset', 'directional', 'first_order'}
+COLUMNS = {
+    'direction_asymmetry': 2, 'gravity': 2, 'cogging': 2, 'friction_ripple': 2, 'temperature': 3,
+    'warm_up': 3, 'actuation_lag': 0,
+}
+# Even or odd: what the current does when the motion is mirrored in time, at the same place.
+ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction'}
+EVEN = {'direction_asymmetry', 'gravity', 'spring', 'cogging', 'load_torque', 'offset_drift'}
+HOLDS = {'gravity', 'spring', 'cogging'}
+LIVE = [name for name in EFFECTS if name not in (
+    'inertia', 'load_torque', 'offset_drift', 'actuation_lag')]
+
+
+def constant(name):
+    low, high = RANGES[name]
+    return st.sampled_from([low, high]) if name in FLAGS else st.floats(low, high)
+
+
+@st.composite
+def parameters_of(draw, name):
+    count = COLUMNS.get(name, 1)
+    found = {key: draw(constant(key)) for key in EFFECTS[name].constants}
+    return {**found, 'coefficients': draw(
+        st.lists(st.floats(-2.0, 2.0), min_size=count, max_size=count))}
+
+
+def defaults(name, /, **changes):
+    """Return parameters in the middle of everything, all coefficients 0.1."""
+    middle = {'transition': TRANSITION, 'exponent': 2.0, 'offset': 0.0, 'directional': 1.0,
+              'growth': 0.0, 'first_order': 0.0, 'position': 0.3, 'width': 0.1, 'speed': 1.0,
+              'reference': 1.0, 'velocity': 0.1, 'frequency': 12.0, 'time_constant': 2.0,
+              'distance': 0.05, 'reference_temperature': 25.0, 'lag': 0.02}
+    found = {key: middle[key] for key in EFFECTS[name].constants}
+    return {**found, 'coefficients': [0.1] * COLUMNS.get(name, 1), **changes}
+
+
+def samples_of(position, velocity, step=0.01, load=1.5, temperature=35.0):
+    position, velocity = np.broadcast_arrays(
+        np.asarray(position, dtype=float), np.asarray(velocity, dtype=float))
+    time = step * np.arange(len(position))
+    return Samples(
+        time=time, position=position.copy(), velocity=velocity.copy(),
+        current=np.zeros_like(time), acceleration=np.gradient(velocity, step),
+        load=np.full_like(time, load), temperature=np.full_like(time, temperature))
+
+
+def current_of(effect, place, speed, **changes):
+    return EFFECTS[effect](defaults(effect, **changes)).current(samples_of(place, speed))
+
+
+SPEEDS = np.array([-1.0, -0.3, -0.1, 0.1, 0.3, 1.0])
+
+
+@pytest.mark.parametrize('name', sorted(ODD))
+def test_friction_turns_round_with_the_direction(name):
+    forward = current_of(name, np.full(6, 0.4), SPEEDS)
+    backward = current_of(name, np.full(6, 0.4), -SPEEDS)
+    assert np.all(forward != 0)
+    assert forward == pytest.approx(-backward, rel=1e-12)
+
+
+@pytest.mark.parametrize('name', sorted(EVEN))
+def test_torques_of_place_load_and_time_do_not(name):
+    forward = current_of(name, np.full(6, 0.4), SPEEDS)
+    backward = current_of(name, np.full(6, 0.4), -SPEEDS)
+    assert np.all(np.abs(forward) > 1e-4)
+    assert forward == pytest.approx(backward, rel=1e-12)
+
+
+@pytest.mark.parametrize('name', ['cogging', 'friction_ripple', 'gravity'])
+def test_ripple_and_gravity_repeat_with_their_period(name):
+    position = np.linspace(-1.0, 1.0, 201)
+    period = 2 * math.pi / (12.0 if name != 'gravity' else 1.0)
+    here = current_of(name, position, np.full(201, 0.5))
+    assert current_of(name, position + period, np.full(201, 0.5)) == pytest.approx(here, abs=1e-12)
+    assert current_of(name, position + period / 2, np.full(201, 0.5)) == pytest.approx(
+        -here, abs=1e-12)
+
+
+def test_ripple_grows_with_a_power_of_the_speed():
+    for name in ('cogging', 'friction_ripple'):
+        slow, fast = current_of(name, np.full(2, 0.4), [0.25, 0.5], growth=2.0)
+        assert fast / slow == pytest.approx(4.0, rel=1e-9)
+
+
+def test_stribeck_fades_with_its_speed():
+    v = np.array([1e-9, 0.1, 0.3, 1.0])
+    current = current_of('stribeck', np.zeros(4), v, exponent=1.0)
+    assert current[1] == pytest.approx(0.1 * math.tanh(5.0) / math.e, rel=1e-9)
+    assert current[2] < current[1]
+    assert abs(current[3]) < 1e-4
+    assert abs(current[0]) < 1e-7
+
+
+def test_viscous_shape_is_a_power_of_the_speed():
+    half, whole = current_of('viscous_shape', np.zeros(2), [0.25, 1.0], exponent=0.5)
+    assert whole == pytest.approx(0.1)
+    assert half == pytest.approx(0.05, rel=1e-9)
+
+
+def test_a_bump_is_where_and_as_wide_as_it_is_said_to_be():
+    place = np.array([0.3, 0.4, 0.2, 1.3])
+    current = current_of('bump', place, np.full(4, 1.0))
+    assert current == pytest.approx(
+        [0.1, 0.1 * math.exp(-0.5), 0.1 * math.exp(-0.5), 0.0], abs=1e-9)
+    assert current_of('bump', place, np.full(4, -1.0)) == pytest.approx(-current)
+    assert current_of('bump', place, np.full(4, -1.0), directional=0.0) == pytest.approx(current)
+
+
+def test_spring_inertia_and_load_are_proportional():
+    assert current_of('spring', [0.3, 1.3], [0.0, 0.0]) == pytest.approx([0.0, 0.1])
+    position = np.zeros(5)
+    assert current_of('inertia', position, 0.02 * np.arange(5)) == pytest.approx(np.full(5, 0.2))
+    assert current_of('load_torque', position, position) == pytest.approx(np.full(5, 0.15))
+    assert current_of('load_friction', position, np.ones(5)) == pytest.approx(
+        np.full(5, 0.1 * 1.5 ** 2))
+
+
+def test_temperature_counts_from_its_reference():
+    effect = EFFECTS['temperature'](defaults('temperature', coefficients=[-0.01, -0.002, 0.0]))
+    for temperature, expected in ((25.0, 0.0), (35.0, -0.12), (15.0, 0.12)):
+        current = effect.current(samples_of([0.0, 0.0], [1.0, 1.0], temperature=temperature))
+        assert current == pytest.approx([expected] * 2)
+
+
+@pytest.mark.parametrize('name', ['warm_up', 'offset_drift'])
+def test_warm_up_and_drift_fade_with_their_time(name):
+    position = np.zeros(1001)
+    current = current_of(name, position, np.ones(1001))
+    assert current[200] / current[0] == pytest.approx(1 / math.e, rel=1e-9)
+    assert abs(current[-1]) < 0.01 * abs(current[0])
+
+
+def test_rest_makes_the_next_start_harder_and_motion_undoes_it():
+    def start_after(rest):
+        still = round(rest / 0.01)
+        position = np.concatenate((np.zeros(still), 0.005 * np.arange(1, 101)))
+        velocity = np.concatenate((np.zeros(still), np.full(100, 0.5)))
+        return current_of('rest_time', position, velocity, velocity=0.01)[still:]
+    short, long = start_after(0.2), start_after(20.0)
+    assert 0 < short[0] < 0.2 * long[0]
+    assert long[0] == pytest.approx(0.1 * math.exp(-0.1), rel=1e-3)
+    assert long[10] / long[0] == pytest.approx(1 / math.e, rel=1e-9)
+    assert np.all(np.diff(long) < 0)
+
+
+def test_hysteresis_remembers_the_way_and_not_the_time():
+    way = np.concatenate((np.linspace(0, 0.2, 41), np.linspace(0.2, 0.15, 41)[1:]))
+    speed = np.concatenate((np.full(41, 0.5), np.full(40, -0.125)))
+    effect = EFFECTS['hysteresis'](defaults('hysteresis'))
+    quick, slow = samples_of(way, speed), samples_of(way, speed, step=0.1)
+    assert effect.current(slow) == pytest.approx(effect.current(quick))
+    # A gap in the data ends the memory.
+    gap = quick.with_(time=quick.time + np.where(np.arange(81) > 60, 5.0, 0.0))
+    assert effect.current(gap)[61] == pytest.approx(-0.1 * math.tanh(0.125 / TRANSITION))
+
+
+@pytest.mark.parametrize(('name', 'key'), [
+    (name, key) for name, effect in EFFECTS.items() for key in effect.constants])
+def test_a_constant_that_is_no_number_is_named(name, key):
+    for value in ('fast', None, True, [1.0], math.nan, math.inf):
+        with pytest.raises(InputError, match=key) as caught:
+            EFFECTS[name]({**defaults(name), key: value})
+        assert '\n' not in str(caught.value)
+    with pytest.raises(InputError, match=key):
+        EFFECTS[name]({k: v for k, v in defaults(name).items() if k != key})
+
+
+@pytest.mark.parametrize(('name', 'key'), [
+    (name, key) for name, effect in EFFECTS.items() for key in effect.constants
+    if key in ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
+               'time_constant', 'speed')])
+@pytest.mark.parametrize('value', [0.0, -0.1])
+def test_a_width_or_speed_that_cannot_be_is_named(name, key, value):
+    with pytest.raises(InputError, match=f'{key} must be positive'):
+        EFFECTS[name]({**defaults(name), key: value})
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_a_wrong_number_of_coefficients_is_told(name):
+    samples = samples_of(np.linspace(0, 1, 20), np.ones(20))
+    wrong = [0.1] * (COLUMNS.get(name, 1) + 1)
+    with pytest.raises(InputError, match=f"'{name}' takes {len(wrong) - 1} coefficients"):
+        EFFECTS[name](defaults(name, coefficients=wrong)).current(samples)
+    for value in (0.1, 'abc', {'a': 1}):
+        with pytest.raises(InputError, match='coefficients'):
+            EFFECTS[name](defaults(name, coefficients=value))
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+@given(data=st.data())
+@settings(max_examples=25, deadline=None)
+def test_any_motion_gives_a_finite_current_linear_in_the_coefficients(name, data):
+    parameters = data.draw(parameters_of(name))
+    factor = data.draw(st.floats(-3.0, 3.0))
+    seed = data.draw(st.integers(0, 1000))
+    rng = np.random.default_rng(seed)
+    samples = samples_of(
+        rng.uniform(-100, 100, 60), rng.choice([0.0, 1e-300, 1e-6, 0.1, 1.0, 50.0], 60)
+        * rng.choice([-1, 1], 60), load=float(rng.uniform(-50, 50)),
+        temperature=float(rng.uniform(-40, 150)))
+    first = EFFECTS[name](parameters)
+    other = [float(value) for value in rng.uniform(-1, 1, len(parameters['coefficients']))]
+    mixed = [factor * a + b for a, b in zip(parameters['coefficients'], other)]
+    second = EFFECTS[name]({**parameters, 'coefficients': other})
+    third = EFFECTS[name]({**parameters, 'coefficients': mixed})
+    current = first.current(samples)
+    assert current.shape == (60,)
+    assert np.isfinite(current).all()
+    size = 1.0 + np.abs(current).max() + np.abs(second.current(samples)).max()
+    assert third.current(samples) == pytest.approx(
+        factor * current + second.current(samples), abs=1e-9 * size)
+
+
+@pytest.mark.parametrize('name', LIVE)
+@given(data=st.data())
+@settings(max_examples=25, deadline=None)
+def test_online_no_friction_at_standstill_and_nothing_infinite_anywhere(name, data):
+    parameters = data.draw(parameters_of(name))
+    term = EFFECTS[name](parameters).online()
+    rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
+    time = 0.0
+    for _ in range(40):
+        # Clocks that stand still or run back, and jumps of the position, happen with real drivers.
+        time += float(rng.choice([0.001, 0.0, -0.5, 10.0]))
+        value = term.update(time, float(rng.uniform(-50, 50)),
+                            float(rng.choice([0.0, 1e-300, -0.001, 0.5, -30.0])), 60.0, -20.0)
+        assert math.isfinite(value)
+    place = float(rng.uniform(-2, 2))
+    term.update(time, place, 0.0, 60.0, -20.0)
+    here = term.update(time + 0.001, place, 0.0, 60.0, -20.0)
+    if name in HOLDS or (name == 'bump' and not parameters['directional']):
+        assert here == term.update(time + 0.002, place, -0.0, 60.0, -20.0)
+    else:
+        assert here == 0.0
+
+
+@pytest.mark.parametrize('name', LIVE)
+def test_online_and_offline_are_the_same_in_motion_on_the_same_samples(name):
+    """Equal to rounding where both know the whole past, else once Dahl's start is forgotten."""
+    time = np.arange(0.0, 8.0, 0.005)
+    position = 0.8 * np.sin(1.1 * time)
+    samples = samples_of(position, np.gradient(position, time), step=0.005)
+    # A transition above the sharpest that is fed back, so that both have the same one.
+    effect = EFFECTS[name](defaults(name))
+    term = effect.online()
+    live = np.array([term.update(*sample) for sample in zip(
+        samples.time, samples.position, samples.velocity, samples.temperature, samples.load)])
+    offline = effect.current(samples)
+    fast = np.abs(samples.velocity) > 0.1
+    if name == 'hysteresis':
+        fast &= samples.time > 1.0
+    tolerance = 1e-4 * np.abs(offline).max() if name == 'hysteresis' else 1e-12
+    assert np.abs(offline[fast]).max() > 1e-3
+    assert live[fast] == pytest.approx(offline[fast], abs=tolerance)
+    # A reset forgets the way that the joint came; only the clock of warming up keeps running.
+    term.reset()
+    again = [term.update(*sample) for sample in zip(
+        samples.time[:100] + 8.0, samples.position, samples.velocity, samples.temperature,
+        samples.load)]
+    fade = math.exp(-8.0 / 2.0) if name == 'warm_up' else 1.0
+    assert again == pytest.approx(fade * live[:100], rel=1e-9, abs=1e-12)

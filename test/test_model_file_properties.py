@@ -1,0 +1,204 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Model files of any content: what is predicted stays the same, and what is hostile is refused."""
+
+import os
+from pathlib import Path
+import tempfile
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+import yaml
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import Breakaway, FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.samples import Samples
+
+CONFIG = Path(__file__).parents[1] / 'config'
+SIZE = st.floats(-2.0, 2.0)
+EFFECT = {
+    'stribeck': {'velocity': (0.01, 0.5), 'exponent': (1, 2), 'transition': (1e-4, 0.05)},
+    'gravity': {},
+    'cogging': {'frequency': (1.0, 300.0), 'growth': (0.0, 1.0), 'speed': (0.1, 2.0),
+                'transition': (1e-4, 0.05)},
+    'hysteresis': {'distance': (1e-3, 0.2), 'transition': (1e-4, 0.05)},
+    'warm_up': {'time_constant': (1.0, 500.0), 'transition': (1e-4, 0.05)},
+    'temperature': {'reference_temperature': (10.0, 40.0), 'transition': (1e-4, 0.05)},
+    'actuation_lag': {'lag': (0.001, 0.1), 'first_order': (0.0, 0.0)},
+}
+COEFFICIENTS = {'stribeck': 1, 'gravity': 2, 'cogging': 2, 'hysteresis': 1, 'warm_up': 3,
+                'temperature': 3, 'actuation_lag': 0}
+
+
+@st.composite
+def effects(draw):
+    name = draw(st.sampled_from(sorted(EFFECT)))
+    count = COEFFICIENTS[name]
+    return EFFECTS[name]({
+        **{key: draw(st.floats(*limits)) for key, limits in EFFECT[name].items()},
+        'coefficients': draw(st.lists(SIZE, min_size=count, max_size=count))})
+
+
+@st.composite
+def models(draw):
+    breakaway = draw(st.none() | st.builds(
+        Breakaway, st.floats(0.0, 2.0), st.floats(-2.0, 0.0), st.floats(0.0, 0.1),
+        st.floats(0.0, 0.1), st.none() | SIZE, st.none() | SIZE))
+    return FrictionModel(
+        drive=draw(st.builds(
+            Drive, st.floats(1e-3, 10.0), st.floats(0.1, 1000.0),
+            st.none() | st.integers(1, 100_000), st.floats(0.1, 100.0))),
+        sigmoid=draw(st.builds(
+            Sigmoid, st.floats(0.0, 2.0), st.floats(-2.0, 0.0), st.floats(1.0, 500.0),
+            st.floats(-0.01, 0.01), st.floats(-0.1, 1.0))),
+        breakaway=breakaway, effects=draw(st.lists(effects(), max_size=4)),
+        joint=draw(st.text(st.characters(codec='utf-8', exclude_categories=['C', 'Z']),
+                           max_size=8)),
+        notes=draw(st.dictionaries(
+            st.text('abc: #-', min_size=1), st.text('ω·[{"\n '), max_size=2)))
+
+
+def motion():
+    time = np.arange(0.0, 5.0, 0.01)
+    position = np.sin(1.3 * time)
+    return Samples(time=time, position=position, velocity=np.gradient(position, time),
+                   current=np.zeros_like(time), temperature=20.0 + time)
+
+
+@given(model=models())
+@settings(max_examples=80, deadline=None)
+def test_a_model_predicts_the_same_after_a_round_trip(model):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'model.yaml'
+        model.save(path)
+        again = FrictionModel.load(path)
+        assert os.listdir(folder) == ['model.yaml']
+    assert (again.drive, again.breakaway, again.joint, again.notes) == (
+        model.drive, model.breakaway, model.joint, model.notes)
+    assert [one.to_dict() for one in again.effects] == [one.to_dict() for one in model.effects]
+    assert again.delays == model.delays
+    assert again.predict(motion()) == pytest.approx(model.predict(motion()), rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize('number', [1, 2, 3])
+def test_the_drives_of_the_note_load_and_survive_a_round_trip(number, tmp_path):
+    model = FrictionModel.load(CONFIG / f'armin_configuration_{number}.yaml')
+    assert model.drive.torque_constant == 0.119
+    assert model.breakaway.positive_mean > 0 > model.breakaway.negative_mean
+    assert model.simulation['inertia'] > 0
+    model.save(tmp_path / 'again.yaml')
+    again = FrictionModel.load(tmp_path / 'again.yaml')
+    assert (again.drive, again.breakaway, again.simulation) == (
+        model.drive, model.breakaway, model.simulation)
+    assert again.predict(motion()) == pytest.approx(model.predict(motion()))
+
+
+def document(**changes):
+    model = FrictionModel(
+        drive=Drive(0.119, 100.0), sigmoid=Sigmoid(0.1, -0.09, 70.0),
+        breakaway=Breakaway(0.1, -0.1),
+        effects=[EFFECTS['gravity']({'coefficients': [0.2, -0.1]})])
+    return {**model.to_dict(), **changes}
+
+
+def refused(path, *words):
+    with pytest.raises(InputError) as caught:
+        FrictionModel.load(path)
+    text = str(caught.value)
+    assert text.startswith(f'{path}: ')
+    assert '\n' not in text
+    for word in words:
+        assert word in text
+
+
+@pytest.mark.parametrize(('changes', 'word'), [
+    ({'drive': 7}, 'drive'),
+    ({'drive': {'torque_constant': 'strong', 'gear_ratio': 100.0}}, 'drive.torque_constant'),
+    ({'drive': {'torque_constant': True, 'gear_ratio': 100.0}}, 'drive.torque_constant'),
+    ({'drive': {'torque_constant': 0.1, 'gear_ratio': float('nan')}}, 'drive.gear_ratio'),
+    ({'drive': {'torque_constant': 0.1, 'gear_ratio': 1.0, 'colour': 'red'}}, 'colour'),
+    ({'sigmoid': None}, 'sigmoid'),
+    ({'sigmoid': {'coefficients': 'abcdef'}}, 'sigmoid.coefficients'),
+    ({'sigmoid': {'coefficients': [1, 1, 1, 1, 1, 'x']}}, 'sigmoid'),
+    ({'sigmoid': {'coefficients': [1, 1, 1, 1, 1, 0], 'velocity_unit': 'rpm'}}, 'rpm'),
+    ({'sigmoid': {'coefficients': [1, 1, 1, 1, 1, 0], 'velocity_unit': []}}, 'velocity unit'),
+    ({'breakaway': [1, 2]}, 'breakaway'),
+    ({'breakaway': {'positive': {'mean': 0.1}}}, 'negative'),
+    ({'breakaway': {'positive': {'mean': 'x'}, 'negative': {'mean': -0.1}}}, 'positive.mean'),
+    ({'breakaway': {'positive': {'mean': -0.1}, 'negative': {'mean': 0.1}}}, 'sign'),
+    ({'effects': {'name': 'gravity'}}, 'effects'),
+    ({'effects': ['gravity']}, 'name'),
+    ({'effects': [{'name': ['gravity']}]}, 'gravity'),
+    ({'effects': [{'name': 'gravity', 'parameters': [1]}]}, 'gravity'),
+    ({'effects': [{'name': 'gravity', 'parameters': {'coefficients': ['x', 1]}}]}, 'coefficients'),
+    ({'effects': [{'name': 'hysteresis', 'parameters': {
+        'coefficients': [0.1], 'distance': 0.0, 'transition': 0.01}}]}, 'distance'),
+    ({'drive': {'torque_constant': 0.1, 'gear_ratio': 10 ** 400}}, 'too large'),
+    ({'breakaway': {'positive': {'mean': 10 ** 400}, 'negative': {'mean': -0.1}}}, 'too large'),
+    ({'effects': [{'name': 'gravity', 'parameters': {'coefficients': [10 ** 400, 1]}}]}, 'gravity'),
+    ({'notes': 'none'}, 'notes'),
+    ({'simulation': [1]}, 'simulation'),
+], ids=lambda value: value if isinstance(value, str) else '')
+def test_a_wrong_type_anywhere_is_named(changes, word, tmp_path):
+    path = tmp_path / 'model.yaml'
+    path.write_text(yaml.safe_dump(document(**changes)))
+    refused(path, word)
+
+
+@pytest.mark.parametrize('missing', ['format', 'version', 'drive', 'sigmoid'])
+def test_a_missing_section_is_named(missing, tmp_path):
+    path = tmp_path / 'model.yaml'
+    path.write_text(yaml.safe_dump({k: v for k, v in document().items() if k != missing}))
+    refused(path, missing)
+
+
+@pytest.mark.parametrize('content', [
+    b'!!python/object/apply:os.system ["true"]\n',
+    b'format: friction_comp_model\njoint: !!python/name:os.system\n',
+    bytes(range(256)), b'\x00\x01\x02', b'\xff\xfe\xfd', b'', b'42\n', b'[1, 2]\n', b'a: &a [*a\n',
+    b'made: 2001-99-99\n', b'[' * 5000, b'format: ' + b'9' * 5000,
+], ids=['object', 'name', 'bytes', 'nul', 'latin', 'empty', 'number', 'list', 'broken', 'date',
+        'deep', 'digits'])
+def test_what_is_no_model_file_is_refused(content, tmp_path):
+    path = tmp_path / 'model.yaml'
+    path.write_bytes(content)
+    refused(path)
+
+
+def test_a_yaml_tag_runs_no_code(tmp_path):
+    path, mark = tmp_path / 'model.yaml', tmp_path / 'mark'
+    path.write_text(f'!!python/object/apply:pathlib.Path.touch [!!python/object/apply:'
+                    f'pathlib.PosixPath ["{mark}"]]\n')
+    refused(path, 'YAML')
+    assert not mark.exists()
+
+
+def test_a_folder_is_no_model_file(tmp_path):
+    refused(tmp_path)
+
+
+def test_the_old_file_survives_a_write_that_fails(tmp_path, monkeypatch):
+    path = tmp_path / 'model.yaml'
+    model = FrictionModel.from_dict(document())
+    model.save(path)
+    old = path.read_bytes()
+
+    def full(*_):
+        raise OSError(28, 'No space left on device')
+
+    model.joint = 'other'
+    with monkeypatch.context() as patch:
+        patch.setattr(os, 'fsync', full)
+        with pytest.raises(InputError, match=r'model\.yaml.*No space left'):
+            model.save(path)
+    assert path.read_bytes() == old
+    # What YAML cannot write fails before the file is touched.
+    model.notes = {'odd': object()}
+    with pytest.raises(yaml.YAMLError):
+        model.save(path)
+    assert path.read_bytes() == old
+    assert os.listdir(tmp_path) == ['model.yaml']
