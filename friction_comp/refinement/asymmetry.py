@@ -24,6 +24,16 @@ def without_offset(fit, known):
     return twin
 
 
+def coulomb_of(fit):
+    """Return the Coulomb friction in A of a fit: the sigmoid's and that which builds up."""
+    coulomb, place = float(fit.coefficients[1]), 3
+    for term, part in zip(fit.terms, fit.parts[1:]):
+        if term.kind.name == 'hysteresis':
+            coulomb += float(fit.coefficients[place])
+        place += part.shape[1]
+    return coulomb
+
+
 def named_asymmetry(data, fits, steps, known=0.0):
     """Return a step for the asymmetry in the sigmoid, or None where it is not worth a name.
 
@@ -50,8 +60,7 @@ def named_asymmetry(data, fits, steps, known=0.0):
     if any(step.kind.name in taken for step in steps) or not both_directions(data):
         return None
     for fit in fits:
-        offset, coulomb = fit.coefficients[:2]
-        if abs(offset - known) < WORTH_A_NAME * abs(coulomb):
+        if abs(fit.coefficients[0] - known) < WORTH_A_NAME * abs(coulomb_of(fit)):
             return None
     full = held_out_residual(data, fits)
     even = held_out_residual(data, [without_offset(fit, known) for fit in fits])

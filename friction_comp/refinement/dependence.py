@@ -19,6 +19,16 @@ _CHANCE = 0.001
 # Share of the residual's variance below which a dependence is not worth a word.
 LEAST_STRENGTH = 0.02
 _MOST_STRETCHES = 400
+# Accelerations are often short bursts between long constant speeds: ends of the range count too.
+_TAILS = (0.003, 0.01, 0.03)
+# Errors larger than so many times the usual one count as if they were of that size.
+_OUTLYING = 8.0
+# Variables that go together more closely than this by rank cannot be told apart.
+_INSEPARABLE = 0.97
+# Friction is a matter of the joint's state before all: two variables of it are named unless
+# another pair explains so many times as much.
+_STATE = frozenset(('position', 'velocity', 'load', 'temperature'))
+_PLAIN = 1.5
 
 
 @dataclass(frozen=True)
@@ -52,9 +62,9 @@ def cells_of(samples, slowest):
     side = (samples.velocity > 0).astype(int)
     speed = _ranges(np.abs(samples.velocity), 3)
     cells = {
-        'velocity': _ranges(samples.velocity, 20),
+        'velocity': _ranges(samples.velocity, 20, _TAILS),
         'position': _pair(_ranges(samples.position, 16), _pair(side, speed)),
-        'acceleration': _ranges(samples.acceleration, 12),
+        'acceleration': _ranges(samples.acceleration, 12, _TAILS),
         'time': _pair(_ranges(samples.time, 12), side),
         'history': _pair(_ranges(_way_since_reversal(samples, slowest), 12), side),
     }
@@ -121,7 +131,7 @@ def unexplained(samples, usable, residual, slowest, least=0.0):
     list of Dependence
     """
     values = residual[usable]
-    limit = 4.0 * robust_scale(values)
+    limit = _OUTLYING * robust_scale(values)
     values = np.clip(values, -limit, limit)
     values = values - values.mean()
     # History needs the samples in between, so cells are cut on all samples.
@@ -164,7 +174,16 @@ def unexplained(samples, usable, residual, slowest, least=0.0):
             found.append(Dependence(
                 'time', share, f'the remaining error swings {frequency:.3g} times a second, '
                 'whatever the position; no effect known to the package does'))
-    return sorted(found, key=lambda item: -item.strength)
+    found.sort(key=lambda item: -item.strength)
+    known = {item.variable for item in found}
+    for item in tuple(found):
+        for name in inseparable(item.variable, samples, usable):
+            if name not in known:
+                known.add(name)
+                found.append(Dependence(
+                    name, item.strength, f'{name} went with {item.variable} all through the '
+                    'recording, so that it may as well be this on which the error depends'))
+    return found
 
 
 def strongest_tone(values, moving):
@@ -243,16 +262,49 @@ def strongest_pair(values, samples, usable, rng):
         ranges['temperature'] = _ranges(moving.temperature, 6)
     side = (moving.velocity > 0).astype(int)
     stretch = _stretches(values)
-    best = None
+    best, most = None, 0.0
     for names in itertools.combinations(ranges, 2):
         cell = _pair(*(ranges[name] for name in names))
         if 'velocity' not in names:
             cell = _pair(cell, side)
         cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
         strength, p_value = test_dependence(values, cell, stretch, rng)
-        if p_value <= _CHANCE and (best is None or strength > best[1]):
-            best = (names, strength)
+        worth = strength * (_PLAIN if _STATE.issuperset(names) else 1.0)
+        if p_value <= _CHANCE and worth > most:
+            best, most = (names, strength), worth
     return best
+
+
+def inseparable(name, samples, usable):
+    """Return the variables that went with another one all through the recording.
+
+    Parameters
+    ----------
+    name : str
+    samples : Samples
+    usable : ndarray of bool, shape (N,)
+
+    Returns
+    -------
+    list of str
+        None where the variable named is not one that has a value of its own.
+    """
+    moving = samples.take(usable)
+    signals = {'position': moving.position, 'velocity': moving.velocity, 'time': moving.time,
+               'load': moving.load, 'temperature': moving.temperature}
+    mine = signals.get(name)
+    if mine is None:
+        return []
+    return [other for other, values in signals.items()
+            if other != name and values is not None and likeness(mine, values) > _INSEPARABLE]
+
+
+def likeness(first, second):
+    """Return the size of the rank correlation of two signals."""
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        return 0.0
+    ranks = [np.argsort(np.argsort(values)).astype(float) for values in (first, second)]
+    return abs(float(np.corrcoef(*ranks)[0, 1]))
 
 
 def whiteness(values):
@@ -287,8 +339,9 @@ def _way_since_reversal(samples, slowest):
     return np.abs(samples.position - samples.position[first])
 
 
-def _ranges(values, number):
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, number + 1)[1:-1]))
+def _ranges(values, number, tails=()):
+    shares = np.concatenate((tails, np.linspace(0, 1, number + 1)[1:-1], 1.0 - np.array(tails)))
+    edges = np.unique(np.quantile(values, shares))
     return np.searchsorted(edges, values, side='right')
 
 

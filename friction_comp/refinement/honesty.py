@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
+
+from friction_comp.refinement.dependence import likeness
 
 # Two explanations that go together this closely are one as far as the recording can tell.
 ALIKE = 0.95
@@ -104,14 +104,14 @@ def ambiguities(samples, usable, steps, scene):
     variables = {step.kind.variable for step in steps}
     moving = samples.take(usable)
     if moving.temperature is not None and variables & {'time', 'temperature'}:
-        alike = _likeness(moving.time, moving.temperature)
+        alike = likeness(moving.time, moving.temperature)
         if alike > ALIKE:
             add('time', 'temperature', 'temperature and time rose together in the recordings '
                 f'(correlation {alike:.3f})')
     elif 'time' in variables and moving.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
-    alike = _likeness(moving.time, np.abs(moving.velocity))
+    alike = likeness(moving.time, np.abs(moving.velocity))
     if alike > 0.9 and len(np.unique(moving.recording)) == 1:
         # A staircase of speeds, each driven once: what drifts looks like what speed does.
         add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
@@ -125,11 +125,3 @@ def ambiguities(samples, usable, steps, scene):
                    'ripple look the same',
             'experiment': 'record motion over at least a third of a turn'})
     return found
-
-
-def _likeness(first, second):
-    ranks = [np.argsort(np.argsort(values)).astype(float) for values in (first, second)]
-    if any(values.std() == 0 for values in (first, second)):
-        return 0.0
-    value = float(np.corrcoef(*ranks)[0, 1])
-    return abs(value) if math.isfinite(value) else 0.0

@@ -14,6 +14,8 @@ from friction_comp.refinement.selection import rms
 
 _MOST_SAMPLES = 150_000
 _PIECES = 15
+# Position and velocity are compared over windows of so many seconds, and agree within this share.
+_WINDOW, _AGREES, _FEWEST_WINDOWS = 0.25, 0.05, 8
 
 
 def excerpt(samples, *masks):
@@ -78,6 +80,61 @@ def sharpest(model, samples, rows, settings, keep=None):
     allowed = [entry for entry in errors if entry[1] <= 1.005 * present[1]]
     best = min(allowed, key=lambda entry: entry[0])
     return best[2] if best[0] < 0.97 * present[0] else settings
+
+
+def smoothest(model, samples, rows, settings):
+    """Return the settings of lower bandwidth by which a model predicts best, the present if none.
+
+    Parameters
+    ----------
+    model, samples, rows, settings
+        As for `sharpest`.
+    """
+    samples, rows = excerpt(samples, rows)
+    present = settings.get('bandwidth') or np.inf
+    best, least = settings, np.inf
+    for choice in recordings.bandwidths(samples):
+        if (choice['bandwidth'] or np.inf) >= present or choice['source'] != settings['source']:
+            continue
+        moving = differentiate(samples, choice)
+        error = rms((samples.current - model.predict(moving))[rows])
+        if error < least:
+            best, least = choice, error
+    return best
+
+
+def velocity_against_position(samples):
+    """Return a sentence where recorded velocity is not the slope of position, else None.
+
+    Parameters
+    ----------
+    samples : Samples
+        As recorded.
+    """
+    if samples.velocity is None:
+        return None
+    ways, integrals = [], []
+    for part in samples.segments():
+        length = max(2, round(_WINDOW / max(samples.sample_time, 1e-9)))
+        edges = np.arange(part.start, part.stop, length)
+        if len(edges) < 2:
+            continue
+        step = np.diff(samples.time[part], prepend=samples.time[part.start])
+        travelled = np.concatenate(([0.0], np.cumsum(samples.velocity[part] * step)))[1:]
+        ways.append(np.diff(samples.position[edges]))
+        integrals.append(np.diff(travelled[edges - part.start]))
+    if not ways:
+        return None
+    way, integral = np.concatenate(ways), np.concatenate(integrals)
+    moving = np.abs(integral) > 0.1 * np.max(np.abs(integral), initial=0.0)
+    if moving.sum() < _FEWEST_WINDOWS:
+        return None
+    ratio = float(np.median(way[moving] / integral[moving]))
+    if abs(ratio - 1.0) < _AGREES:
+        return None
+    return (f'Position changes by {ratio:.3g} times what the recorded velocity says: scaling or '
+            'clock of one of them is wrong. Acceleration, spatial frequencies and viscous friction '
+            'are as uncertain.')
 
 
 def lagging(samples, moving):

@@ -16,6 +16,8 @@ _ENOUGH = 1e-4
 # Steepness of the sigmoid, and the velocity over which other terms change sign, in parts of the
 # top speed: outside of this the recordings cannot tell.
 _STEEPEST, _FLATTEST = 3000.0, 2.0
+# Time constants, in parts of the longest recording's duration.
+_SLOWEST = 5.0
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,9 @@ def shifted(fit, moves):
                 delay = True
                 if old.constants['first_order']:
                     value = max(value, 0.1 * handle.unit)
+            if handle.name == 'time_constant':
+                # Slower than this is a straight line in time, however slow.
+                value = min(value, _SLOWEST * fit.data.scene.duration)
             twin.terms[handle.place] = Term(old.kind, {**old.constants, handle.name: value})
     twin.terms = [term.turned(twin.transition) for term in twin.terms]
     if delay:

@@ -23,12 +23,20 @@ from friction_comp.refinement.fitting import (
 from friction_comp.refinement.honest_names import bulk, clipping, left_over, LOUD, without_stand_ins
 from friction_comp.refinement.honesty import ambiguities, warnings
 from friction_comp.refinement.load import carried_by_a_person
-from friction_comp.refinement.motion import choose_differentiation, lagging, sharpest
+from friction_comp.refinement.motion import (
+    choose_differentiation,
+    lagging,
+    sharpest,
+    smoothest,
+    velocity_against_position,
+)
 from friction_comp.refinement.report import noise_floor, scores, words_of
 from friction_comp.refinement.selection import held_out_residual, rms, select
 
 # A second pass over more samples than this would take too long.
 _TWICE = 200_000
+# Errors that differ by less are as good as each other.
+_AS_GOOD = 1.005
 
 
 @dataclass
@@ -108,6 +116,7 @@ def refine(recorded, model=None, drive=None, progress=None):
     better = sharpest(found.model, raw, found.usable, settings)
     if better != settings and len(raw) < _TWICE:
         found = choose(raw, clipped, better, model, drive, progress)
+    found = without_blur(found, raw, clipped, model, drive, progress)
     refined = found.model
     refined.joint = refined.joint or (model.joint if model else '')
     if model:
@@ -118,7 +127,11 @@ def refine(recorded, model=None, drive=None, progress=None):
     settings = sharpest(refined, raw, ~clipped, refined.differentiation, found.usable)
     refined.differentiation = dict(settings)
     samples = differentiate(raw, settings)
-    return summarise(found, samples, clipped, model, drive, settings)
+    result = summarise(found, samples, clipped, model, drive, settings)
+    at_odds = velocity_against_position(raw)
+    if at_odds:
+        result.report['warnings'].append(at_odds)
+    return result
 
 
 @dataclass
@@ -157,10 +170,11 @@ def choose(raw, clipped, settings, model, drive, progress):
     steps = select(data, bases, progress)
     rough = to_model((steps[-1].fits if steps else bases)[0], None, None, drive, settings)
     floor = noise_floor(samples, usable, samples.current - rough.predict(samples))
-    steps, left = honest(data, bases, steps, slowest, floor)
+    steps, left, loud = honest(data, bases, steps, slowest, floor)
     found = Choice(None, data, bases, steps, left, usable)
     known = 0.5 * (model.sigmoid.upper + model.sigmoid.lower) if model else 0.0
-    named = named_asymmetry(data, found.fits, steps, known)
+    # What has no name may well have an average, which is no asymmetry then.
+    named = None if loud else named_asymmetry(data, found.fits, steps, known)
     if named:
         steps.append(named)
     found.model = carve_out(
@@ -235,7 +249,8 @@ def honest(data, bases, steps, slowest, floor):
 
     Returns
     -------
-    list of Step, list of Dependence
+    list of Step, list of Dependence, bool
+        The last tells whether something large is without a name.
     """
     def state(kept):
         fits = kept[-1].fits if kept else bases
@@ -247,8 +262,32 @@ def honest(data, bases, steps, slowest, floor):
         kept = without_stand_ins(steps)
         if len(kept) < len(steps):
             steps = kept
-            left, _ = state(steps)
-    return steps, left
+            left, loud = state(steps)
+    return steps, left, bool(left) and loud
+
+
+def without_blur(found, raw, clipped, model, drive, progress):
+    """Return a choice without lag where smoother velocities leave no call for it.
+
+    A lag smooths, and so lowers the noise of velocities that were not smoothed enough: then it is
+    no property of the drive.
+    """
+    if not any(step.kind.name == 'actuation_lag' for step in found.steps) or (
+            len(raw) >= _TWICE):
+        return found
+    settings = found.model.differentiation
+    plain = replace(found.model, effects=[
+        effect for effect in found.model.effects if effect.name != 'actuation_lag'])
+    smoother = smoothest(plain, raw, found.usable, settings)
+    if smoother == settings:
+        return found
+    other = choose(raw, clipped, smoother, model, drive, progress)
+    if any(step.kind.name == 'actuation_lag' for step in other.steps):
+        return found
+    both = found.usable & other.usable
+    errors = [rms((raw.current - choice.model.predict(
+        differentiate(raw, choice.model.differentiation)))[both]) for choice in (found, other)]
+    return other if errors[1] < _AS_GOOD * errors[0] else found
 
 
 def _started(fit, terms):

@@ -21,6 +21,8 @@ ALPHA = 0.01
 LEAST_SHARE = 0.02
 # Nor one whose current is a smaller share of the signal than this: no drive is known as well.
 LEAST_SIZE = 0.003
+# Every drive has inertia, so that half of the chance is kept for it and the others share the rest.
+_EXPECTED = 'inertia'
 _MOST_EFFECTS = 10
 _MOST_STRETCHES = 400
 _POLISHED = 3
@@ -178,6 +180,11 @@ def least_share(trial, data):
     return LEAST_SHARE if lag > 2.0 * data.scene.sample_time else 8.0 * LEAST_SHARE
 
 
+def chance_of(kind, number):
+    """Return the p-value an effect must stay below as one of a number tried (Bonferroni)."""
+    return 0.5 * ALPHA if kind.name == _EXPECTED else 0.5 * ALPHA / max(number - 1, 1)
+
+
 def polish(data, residual, trial, thorough=False):
     """Adjust all constants of a trial together and count its advantage anew."""
     trial.fits = [(newton.polished if thorough else newton.polish)(fit) for fit in trial.fits]
@@ -218,7 +225,7 @@ def select(data, fits, report=None):
         for trial in trials[:_POLISHED]:
             polish(data, residual, trial)
         worthy = [trial for trial in trials
-                  if trial.p_value < ALPHA / len(kinds)
+                  if trial.p_value < chance_of(trial.kind, len(kinds))
                   and trial.advantage > max(least_share(trial, data) * loss, least)]
         if not worthy:
             break
