@@ -224,7 +224,7 @@ def split(samples, usable, residual):
     step = max(samples.sample_time, 1e-9)
     total = int(usable.sum())
     length = correlation_samples(residual, usable)
-    rows = int(np.clip(10 * length, total / 60, total / 24))
+    rows = int(np.clip(10 * length, total / 120, total / 24))
     rows = max(rows, 4)
     # Counted in usable samples, so that rests do not make empty stretches.
     count = np.cumsum(usable)

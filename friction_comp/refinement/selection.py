@@ -13,12 +13,15 @@ from scipy import stats
 from friction_comp.refinement import newton
 from friction_comp.refinement.candidates import best_term, kinds_for, plausible
 from friction_comp.refinement.data import correlation_samples
-from friction_comp.refinement.fitting import huber_loss, robust_scale
+from friction_comp.refinement.fitting import huber_loss, robust_scale, Term
 
 # Chance of any wrong effect in a step, over all candidates together.
 ALPHA = 0.01
-# An effect has to lower the held-out loss by this share, or it is not worth its place.
-LEAST_SHARE = 0.02
+# An effect has to lower the held-out loss by this share (the error by half of it), or it is not
+# worth its place: less may be a base that is not quite of the right shape.
+LEAST_SHARE = 0.05
+# The same for a lag of a sample or two, which may be how the signals were sampled.
+_SHARE_OF_SHORT_LAG = 0.16
 # Nor one whose current is a smaller share of the signal than this: no drive is known as well.
 LEAST_SIZE = 0.003
 # Every drive has inertia, so that half of the chance is kept for it and the others share the rest.
@@ -154,19 +157,32 @@ def flipped_signs(sums, draws=4000, seed=0):
 
 
 def try_kind(data, fits, residual, kind):
-    """Fit one more effect in both folds; None where it makes no sense."""
-    grown = []
-    for fit in fits:
-        term = best_term(fit, kind)
-        if term is None:
-            return None
-        twin = fit.with_term(term)
-        if not plausible(twin):
-            return None
-        grown.append(twin)
-    trial = Trial(kind, grown, held_out_residual(data, grown))
-    trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
-    return trial
+    """Fit one more effect in both folds; None where it makes no sense.
+
+    A fold may hold too little of the effect to tell its variant (a bump crossed in one direction
+    only). Where the folds disagree, either's variant is tried in both.
+    """
+    terms = [best_term(fit, kind) for fit in fits]
+    if any(term is None for term in terms):
+        return None
+    choices = [terms]
+    fixed = [name for name, how in kind.constants.items() if how is None and name != 'transition']
+    if any(terms[0].constants[name] != terms[1].constants[name] for name in fixed):
+        for term in terms:
+            variant = {name: term.constants[name] for name in fixed}
+            choices.append([
+                fit.search(Term(kind, {**own.constants, **variant}))[0]
+                for fit, own in zip(fits, terms)])
+    best = None
+    for choice in choices:
+        grown = [fit.with_term(term) for fit, term in zip(fits, choice)]
+        if not all(plausible(fit) for fit in grown):
+            continue
+        trial = Trial(kind, grown, held_out_residual(data, grown))
+        trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+        if best is None or trial.advantage > best.advantage:
+            best = trial
+    return best
 
 
 def least_share(trial, data):
@@ -177,7 +193,7 @@ def least_share(trial, data):
     if trial.kind.name != 'actuation_lag':
         return LEAST_SHARE
     lag = min(abs(fit.terms[-1].constants['lag']) for fit in trial.fits)
-    return LEAST_SHARE if lag > 2.0 * data.scene.sample_time else 8.0 * LEAST_SHARE
+    return LEAST_SHARE if lag > 2.0 * data.scene.sample_time else _SHARE_OF_SHORT_LAG
 
 
 def chance_of(kind, number):
