@@ -11,7 +11,7 @@ from friction_comp.refinement.fitting import Term
 from friction_comp.refinement.selection import advantage, ALPHA, held_out_residual, rms, Step
 
 # Plateaus of Eq. 6 that differ by less are drawn as they are: the note's three drives do.
-WORTH_A_NAME = 0.10
+WORTH_A_NAME = 0.06
 _KIND = EFFECTS['direction_asymmetry']
 
 

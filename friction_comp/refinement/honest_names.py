@@ -13,6 +13,8 @@ from friction_comp.refinement.fitting import robust_scale
 LOUD = 1.5
 # What stays below this share of that noise is not worth a word.
 LEAST_LOUD = 0.15
+# Dependence this strong may bend what else is fitted.
+LARGE = 0.2
 # While something loud has no name, an effect that lowers the loss by less is likely a stand-in.
 STAND_IN = 0.25
 

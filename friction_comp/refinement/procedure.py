@@ -20,7 +20,14 @@ from friction_comp.refinement.fitting import (
     Fit,
     Term,
 )
-from friction_comp.refinement.honest_names import bulk, clipping, left_over, LOUD, without_stand_ins
+from friction_comp.refinement.honest_names import (
+    bulk,
+    clipping,
+    LARGE,
+    left_over,
+    LOUD,
+    without_stand_ins,
+)
 from friction_comp.refinement.honesty import ambiguities, warnings
 from friction_comp.refinement.load import carried_by_a_person
 from friction_comp.refinement.motion import (
@@ -263,7 +270,9 @@ def honest(data, bases, steps, slowest, floor):
         if len(kept) < len(steps):
             steps = kept
             left, loud = state(steps)
-    return steps, left, bool(left) and loud
+    # Noise that is slow (history) has no average; what goes with a variable may.
+    nameless = any(item.variable != 'history' and item.strength > LARGE for item in left)
+    return steps, left, nameless and loud
 
 
 def without_blur(found, raw, clipped, model, drive, progress):

@@ -109,8 +109,8 @@ def advantage(data, old, new):
     roots = np.sign(sums) * np.sqrt(np.abs(sums))
     energy, _ = stretch_sums(data, (old - new)[usable] ** 2, new)
     if total > 0:
-        p_value = min(1.0, 3.0 * min(
-            p_value, upper_tail(roots), upper_tail(sums[where_it_acts(energy)])))
+        acting = where_it_acts(energy, count, robust_scale(new[usable]))
+        p_value = min(1.0, 3.0 * min(p_value, upper_tail(roots), ranks_tail(sums[acting])))
     # Few flips cannot show a very small chance; there Student's t has to do.
     if 1e-3 < p_value < 0.2:
         p_value = max(p_value, flipped_signs(sums))
@@ -126,11 +126,32 @@ def upper_tail(values):
         deviation > 0) else 1.0
 
 
-def where_it_acts(energy):
-    """Return the stretches that make up nine tenths of an effect's energy, at least six."""
-    order = np.argsort(energy)[::-1]
-    share = np.cumsum(energy[order]) / max(float(energy.sum()), 1e-300)
-    return order[:max(6, int(np.searchsorted(share, 0.9)) + 1)]
+def ranks_tail(values):
+    """Return the chance by Wilcoxon's signed ranks of values as high, were their median zero.
+
+    A few stretches may hold most of an effect (the hardest accelerations): their size says little,
+    that nearly all have the same sign says much.
+    """
+    if len(values) < 6 or not np.any(values):
+        return 1.0
+    return float(stats.wilcoxon(values, alternative='greater', method='approx').pvalue)
+
+
+def where_it_acts(energy, count, scale):
+    """Return the stretches in which an effect is larger than half the noise, at least six.
+
+    Parameters
+    ----------
+    energy : ndarray, shape (M,)
+        Of the effect in each stretch, A².
+    count : ndarray of int, shape (M,)
+        Samples in each.
+    scale : float
+        Standard deviation of the noise, A.
+    """
+    order = np.argsort(energy / np.maximum(count, 1))[::-1]
+    number = int(np.sum(energy > (0.5 * scale) ** 2 * count))
+    return order[:max(6, number)]
 
 
 def stretch_sums(data, values, residual):
