@@ -19,7 +19,7 @@ from friction_comp.refinement.fitting import huber_loss, robust_scale, Term
 ALPHA = 0.01
 # An effect has to lower the held-out loss by this share (the error by half of it), or it is not
 # worth its place: less may be a base that is not quite of the right shape.
-LEAST_SHARE = 0.05
+LEAST_SHARE = 0.04
 # The same for a lag of a sample or two, which may be how the signals were sampled.
 _SHARE_OF_SHORT_LAG = 0.16
 # Nor one whose current is a smaller share of the signal than this: no drive is known as well.
