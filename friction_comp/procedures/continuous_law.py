@@ -49,14 +49,16 @@ from friction_comp.procedures.law_columns import (
     STEP,
     UPPER,
     VISCOUS,
+    WATCH_SPEED,
+    WATCHED,
     WINDOW,
     WINDOW_COUNTS,
     WINDOW_PLACE,
 )
 
 # Phases of the continuous law: no direction; the level rises on a joint at rest; it has borne the
-# level and the level steps back; it is held; the direction came while the joint moved.
-NOTHING, PROBING, BACKING, READY, MOVING = range(5)
+# level and the level steps back; it is held; the joint moves; it is moved against the direction.
+NOTHING, PROBING, BACKING, READY, MOVING, OPPOSED = range(6)
 # A joint whose encoder has not moved for so long is at rest, s; a new rest takes longer.
 QUIET_TIME = 0.05
 REST_TIME = 0.1
@@ -70,10 +72,16 @@ RETREAT_TIME = 0.01
 WINDOW_TIME = 0.05
 REST_COUNTS = 1.5
 SLIP_COUNTS = 3.0
-# A joint that still creeps at this share of the level at which it first gave is being pushed,
-# unless it runs at these counts a sample.
+# Once the level no longer rises they give way for about so long, s.
+GIVE_TIME = 0.03
+# At this share of the level at which it first gave, a joint that nobody pushes slows down and
+# stops, below so many counts a sample. One that keeps its speed for so long, s, or gains speed in
+# half of that time, is being pushed.
 PUSHED = 0.7
-RUN_COUNTS = 3.0
+STOPPED_COUNTS = 0.3
+WATCH_TIME = 0.014
+KEEPS = 0.7
+GAINS = 1.2
 # After the step back it must not go forward by this part of a count for so long, s.
 FORWARD_COUNTS = 0.7
 PROOF_TIME = 0.3
@@ -84,9 +92,17 @@ BACKED = 0.97
 # Counts by which the joint must be deflected before that counts as a push.
 PUSH_COUNTS = 0.5
 # The kinetic term comes in so slowly where the joint moved during the probe, s.
-BLEND_TIME = 0.05
-# A joint this fast is being moved, rad/s: 5 deg/s.
-MOVED_SPEED = math.radians(5.0)
+BLEND_TIME = 0.012
+# To the level that every rest bears it rises so much faster than on from there, where a joint that
+# slips has to be noticed in time.
+ONSET = 4.0
+# A joint this fast is being moved, rad/s; so is one that went so much farther, rad, than it gives.
+MOVED_SPEED = math.radians(3.5)
+MOVED_WAY = math.radians(0.1)
+# A joint that creeps and is let go is to stop, not to gather speed: the level stays below this
+# share of sliding friction, and all current where the kinetic term alone is not higher.
+MOVING_SHARE = 0.9
+CREEP_SHARE = 0.97
 # Share of the kinetic term that is left out below about this speed while there is no direction.
 REST_SHARE = 0.15
 REST_SPEED = math.radians(2.0)
@@ -122,6 +138,7 @@ def begin_probe(s, sign, wanted):
     s[WINDOW_COUNTS] = 0.0
     s[AIM] = wanted
     s[SLIPPED] = 0.0
+    s[WATCHED] = 0.0
 
 
 @njit(cache=True)
@@ -142,12 +159,14 @@ def probe(p, s, sign):
     deflection = place - s[MARK]
     wanted = p[BREAK_POSITIVE] if sign > 0.0 else p[BREAK_NEGATIVE]
     if abs(deflection) > p[FARTHEST] or abs(s[SPEED]) > MOVED_SPEED:
-        s[PHASE] = MOVING
+        s[PHASE] = MOVING if along > 0.0 else OPPOSED
         return
     count_speed = p[RESOLUTION] / max(s[STEP], 1e-6)
-    slips = along > 0.7 * count_speed + 2.0 * max(0.0, deflection) / s[SINCE]
-    rests = False
     s[HELD] = s[HELD] + s[STEP] if level == s[AIM] else 0.0
+    # While the level rises, and for a moment after, the bristles' giving way is to be expected.
+    giving = max(0.0, deflection) / s[SINCE] * math.exp(-s[HELD] / GIVE_TIME)
+    slips = along > 0.7 * count_speed + 2.0 * giving
+    rests = False
     s[WINDOW] += s[STEP]
     if s[PHASE] == BACKING:
         # It recoils as the level steps back. If it ever goes forward again, it still slips.
@@ -160,25 +179,38 @@ def probe(p, s, sign):
         s[WINDOW_PLACE] = place
         if s[HELD] > 2.0 * WINDOW_TIME:
             rests = abs(counts) + abs(s[WINDOW_COUNTS]) < REST_COUNTS
+        if s[HELD] > WINDOW_TIME:
             slips |= counts > SLIP_COUNTS and counts > 0.8 * s[WINDOW_COUNTS]
         s[WINDOW_COUNTS] = counts
-    if 0.0 < level <= s[AIM] and (slips or s[HELD] > RESTLESS_TIME):
-        if s[SLIPPED] == 0.0:
-            s[SLIPPED] = level
-        if RETREAT * level < PUSHED * s[SLIPPED] and along < RUN_COUNTS * count_speed:
-            # A joint that the level alone had set creeping stands still by now: it is pushed.
+    if s[WATCHED] > 0.0:
+        rests = False
+        s[WATCHED] += s[STEP]
+        # Either it is being pushed, or it has come to rest and bears what is left of the level.
+        if along < STOPPED_COUNTS * count_speed or (
+                s[WATCHED] > WATCH_TIME and along >= KEEPS * s[WATCH_SPEED]) or (
+                s[WATCHED] > 0.5 * WATCH_TIME and along >= GAINS * s[WATCH_SPEED]):
             s[AIM] = level
             s[ORIGIN] = place
             s[PHASE] = READY
             return
-        s[AIM] = RETREAT * level
+    elif 0.0 < level <= s[AIM] and (slips or s[HELD] > RESTLESS_TIME):
+        if s[SLIPPED] == 0.0:
+            s[SLIPPED] = level
+        if RETREAT * level < PUSHED * s[SLIPPED]:
+            s[WATCHED] = s[STEP]
+            s[WATCH_SPEED] = along
+        else:
+            s[AIM] = RETREAT * level
         s[PHASE] = PROBING
         s[HELD] = 0.0
         rests = False
     if level > s[AIM]:
         s[LEVEL] = sign * approach(level, s[AIM], wanted * s[STEP] / RETREAT_TIME)
     else:
-        s[LEVEL] = sign * approach(level, s[AIM], wanted * s[STEP] / p[RISE_TIME])
+        safe = p[SAFE_POSITIVE] if sign > 0.0 else p[SAFE_NEGATIVE]
+        rate = wanted * s[STEP] / p[RISE_TIME]
+        s[LEVEL] = sign * max(
+            min(approach(level, s[AIM], ONSET * rate), safe), approach(level, s[AIM], rate))
     if not rests:
         return
     if s[PHASE] == BACKING:
@@ -200,35 +232,59 @@ def probe(p, s, sign):
 
 @njit(cache=True)
 def push_help(p, s, sign):
-    """Return the current in A by which a person's push has earned more than the resting level.
+    """Return the current in A by which a person's push changes the resting level.
 
-    A deflection in direction d beyond the place where the joint rested can only be a push. It is
-    answered with the share ASSIST of the current that would have made it; below 1 that is stable,
-    and a joint that nobody pushes gets nothing.
+    A deflection beyond the place where the joint rested can only be a push. It is answered with
+    the share ASSIST of the current that would have made it; below 1 that is stable, and a joint
+    that nobody pushes gets nothing. A push against the direction takes from the level instead.
     """
     place = sign * s[PLACE]
     level = sign * s[LEVEL]
-    most = (p[MOST_POSITIVE] if sign > 0.0 else p[MOST_NEGATIVE]) - level
+    most = p[MOST_POSITIVE] if sign > 0.0 else p[MOST_NEGATIVE]
     moved = place - s[ORIGIN]
     dead = PUSH_COUNTS * p[RESOLUTION]
-    if s[QUIET] > NEW_REST_TIME and abs(moved) * s[PRESLIDING] > 2.0 * (level + most):
-        # It slid and has come to rest elsewhere.
-        s[ORIGIN] = place
-        moved = 0.0
-    elif moved > 0.0:
+    way = MOVED_WAY
+    if s[PRESLIDING] > 0.0:
+        way += 2.0 * most / s[PRESLIDING]
+    if abs(moved) > way:
+        s[PHASE] = MOVING if moved > 0.0 else OPPOSED
+        return 0.0
+    if moved > -2.0 * p[RESOLUTION]:
         s[ORIGIN] += moved * s[STEP] / CREEP_TIME
-    return max(0.0, min(most, p[ASSIST] * s[PRESLIDING] * (moved - dead)))
+    if moved >= 0.0:
+        return max(0.0, min(most - level, p[ASSIST] * s[PRESLIDING] * (moved - dead)))
+    return min(0.0, max(-level, p[ASSIST] * s[PRESLIDING] * (moved + dead)))
+
+
+@njit(cache=True)
+def moving_level(p, s, sign, step):
+    """Lead the level of a joint that moves in the direction, and probe anew where it rests."""
+    wanted = p[BREAK_POSITIVE] if sign > 0.0 else p[BREAK_NEGATIVE]
+    aim = p[SAFE_POSITIVE] if sign > 0.0 else p[SAFE_NEGATIVE]
+    level = sign * s[LEVEL]
+    if sign * s[SPEED] < -p[BACK_SPEED]:
+        s[PHASE] = OPPOSED
+    elif s[QUIET] <= REST_TIME:
+        sliding = MOVING_SHARE * (p[UPPER] if sign > 0.0 else -p[LOWER])
+        aim = max(min(aim, sliding), min(level, wanted, sliding))
+    elif level == aim and wanted > 0.0:
+        begin_probe(s, sign, wanted)
+    s[LEVEL] = sign * approach(level, aim, step)
 
 
 @njit(cache=True)
 def turn_level(p, s, direction):
     """Lead the level of the breakaway term through its phases; return its sign and size in A."""
     step = max(p[BREAK_POSITIVE], p[BREAK_NEGATIVE]) * s[STEP] / p[RISE_TIME]
+    # The faster the joint moves, the less the level has to say: it may go so much faster without
+    # a jump in current, lest it drive on a joint that is to stop.
+    moving = s[KINETIC_SHARE] * math.tanh(0.5 * p[STEEPNESS] * abs(s[SPEED]))
+    leave = step / max(1.0 - moving, 0.05)
     sign = 1.0 if s[LEVEL] > 0.0 or (s[LEVEL] == 0.0 and direction > 0.0) else -1.0
     help_aim = 0.0
     if direction == 0.0 or direction != sign:
         s[PHASE] = NOTHING
-        s[LEVEL] = approach(s[LEVEL], 0.0, step)
+        s[LEVEL] = approach(s[LEVEL], 0.0, leave)
     elif s[PHASE] == NOTHING:
         wanted = p[BREAK_POSITIVE] if sign > 0.0 else p[BREAK_NEGATIVE]
         if s[QUIET] <= QUIET_TIME:
@@ -242,17 +298,20 @@ def turn_level(p, s, direction):
         probe(p, s, sign)
     elif s[PHASE] == READY:
         help_aim = push_help(p, s, sign)
+    elif s[PHASE] == MOVING:
+        moving_level(p, s, sign, step)
     else:
-        safe = p[SAFE_POSITIVE] if sign > 0.0 else p[SAFE_NEGATIVE]
-        s[LEVEL] = approach(s[LEVEL], sign * safe, step)
-        if s[QUIET] > REST_TIME and s[LEVEL] == sign * safe:
-            begin_probe(s, sign, p[BREAK_POSITIVE] if sign > 0.0 else p[BREAK_NEGATIVE])
+        s[LEVEL] = approach(s[LEVEL], 0.0, leave)
+        if sign * s[SPEED] > p[BACK_SPEED]:
+            s[PHASE] = MOVING
+        elif s[QUIET] > NEW_REST_TIME:
+            s[PHASE] = NOTHING
     # Earned at once, lost slowly.
-    s[HELP] = max(help_aim, s[HELP] - step)
+    s[HELP] = max(help_aim, s[HELP] - (step if help_aim >= 0.0 else ONSET * step))
     s[KINETIC_SHARE] = 0.0 if s[PHASE] in (PROBING, BACKING) else approach(
         s[KINETIC_SHARE], 1.0, s[STEP] / BLEND_TIME)
     level = sign * s[LEVEL]
-    return sign, level + (s[HELP] if level > 0.0 else 0.0)
+    return sign, max(0.0, level + s[HELP]) if level > 0.0 else 0.0
 
 
 @njit(cache=True)
@@ -286,7 +345,8 @@ def continuous_current(p, s, direction, friction_effects):
     ``i = L + (P(ω) - L)·tanh(c2·ω/2)``
 
     with the level L of the breakaway term and P the plateau of Eq. 6 with its viscous part: L at
-    rest, Eq. 6 centred at standstill as soon as the joint moves, never less than L in between.
+    rest, Eq. 6 centred at standstill as soon as the joint moves, never less than L in between and,
+    below full speed, a little less than sliding friction.
     """
     sign, level = turn_level(p, s, direction)
     speed = s[SPEED]
@@ -309,6 +369,10 @@ def continuous_current(p, s, direction, friction_effects):
         # What the moving joint needs is paid once: by the kinetic term or by the level.
         share = 1.0 - s[KINETIC_SHARE] * moving
         level = max(0.0, level - max(0.0, sign * friction_effects))
+        bound = max(sign * kinetic, CREEP_SHARE * sign * plateau)
+        over = sign * kinetic + share * level - bound
+        if over > 0.0:
+            share -= smooth(1.5 * moving - 0.5) * over / level
     else:
         share = 1.0 - smooth(-along / p[BACK_SPEED])
     breakaway = sign * share * level
