@@ -65,7 +65,11 @@ def huber_loss(residual, scale):
 
 def solve(matrix, current, weights):
     """Return weighted least squares coefficients; columns that say the same share the work."""
-    norm = np.sqrt(np.einsum('ij,ij->j', matrix, matrix) / len(matrix)) + 1e-300
+    norm = np.sqrt(np.einsum('ij,ij->j', matrix, matrix) / len(matrix))
+    fine = np.isfinite(norm) & (norm > 1e-100)
+    if not fine.all():
+        # Out of all proportion, or never other than zero: such a column explains nothing.
+        matrix, norm = np.where(fine, matrix, 0.0), np.where(fine, norm, 1.0)
     scaled = matrix / norm
     weighted = scaled * weights[:, None]
     gram = weighted.T @ scaled

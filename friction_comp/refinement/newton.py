@@ -18,6 +18,8 @@ _ENOUGH = 1e-4
 _STEEPEST, _FLATTEST = 3000.0, 2.0
 # Time constants, in parts of the longest recording's duration.
 _SLOWEST = 5.0
+# A bump of this exponent is a step up and a step down.
+_SHARPEST = 40.0
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,8 @@ def shifted(fit, moves):
                 delay = True
                 if old.constants['first_order']:
                     value = max(value, 0.1 * handle.unit)
+            if handle.name == 'exponent':
+                value = min(value, _SHARPEST)
             if handle.name == 'time_constant':
                 # Slower than this is a straight line in time, however slow.
                 value = min(value, _SLOWEST * fit.data.scene.duration)

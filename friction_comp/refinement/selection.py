@@ -14,6 +14,7 @@ from friction_comp.refinement import newton
 from friction_comp.refinement.candidates import best_term, kinds_for, plausible
 from friction_comp.refinement.data import correlation_samples
 from friction_comp.refinement.fitting import huber_loss, robust_scale, Term
+from friction_comp.refinement.hidden import beside_nuisance, INERTIA, loud, with_inertia
 
 # Chance of any wrong effect in a step, over all candidates together.
 ALPHA = 0.01
@@ -190,6 +191,9 @@ def try_kind(data, fits, residual, kind):
     fixed = [name for name, how in kind.constants.items() if how is None and name != 'transition']
     if any(terms[0].constants[name] != terms[1].constants[name] for name in fixed):
         for term in terms:
+            if 'lag' in term.constants:
+                choices.append([term, term])
+                continue
             variant = {name: term.constants[name] for name in fixed}
             choices.append([
                 fit.search(Term(kind, {**own.constants, **variant}))[0]
@@ -265,7 +269,13 @@ def select(data, fits, report=None):
                   if trial.p_value < chance_of(trial.kind, len(kinds))
                   and trial.advantage > max(least_share(trial, data) * loss, least)]
         if not worthy:
-            break
+            hidden = hidden_inertia(data, fits, residual, kinds)
+            if hidden is None:
+                break
+            steps.append(hidden)
+            fits = hidden.fits
+            residual = held_out_residual(data, fits)
+            continue
         chosen = simplest_of_the_best(data, worthy)
         polish(data, residual, chosen, thorough=True)
         fits = chosen.fits
@@ -280,6 +290,35 @@ def select(data, fits, report=None):
     return prune(data, steps, least)
 
 
+def hidden_inertia(data, fits, residual, kinds):
+    """Return a step for inertia that a larger effect without a name hides, None if there is none.
+
+    Parameters
+    ----------
+    data : Data
+    fits : list of Fit
+    residual : ndarray, shape (N,)
+    kinds : list of type
+        What may be tried still.
+    """
+    if INERTIA not in kinds or not loud(data, residual):
+        return None
+    free = beside_nuisance(data, fits)
+    without = held_out_residual(data, free)
+    trial = try_kind(data, free, without, INERTIA)
+    if trial is None or trial.p_value > chance_of(INERTIA, len(kinds)):
+        return None
+    loss = float(np.mean(huber_loss(without, robust_scale(without[data.usable]))[data.usable]))
+    grown = with_inertia(fits)
+    if grown is None or trial.advantage < LEAST_SHARE * loss:
+        return None
+    return Step(INERTIA, grown, rms(held_out_residual(data, grown)[data.usable]), {
+        'loss_reduction': trial.advantage / loss,
+        'standard_errors': trial.advantage / max(trial.error, 1e-300),
+        'p_value': trial.p_value, 'candidates': len(kinds),
+        'beside': 'free levels over position and time, since something larger has no name'})
+
+
 def prune(data, steps, least):
     """Take back effects that those found later have made needless.
 
@@ -289,6 +328,9 @@ def prune(data, steps, least):
     """
     place = len(steps) - 2
     while place >= 0 and len(steps) > 1:
+        if 'beside' in steps[place].evidence:
+            place -= 1
+            continue
         fits = steps[-1].fits
         first = len(fits[0].terms) - len(steps)
         poorer = [fit.without(first + place) for fit in fits]
