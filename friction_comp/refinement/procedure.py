@@ -262,17 +262,17 @@ def honest(data, bases, steps, slowest, floor):
     def state(kept):
         fits = kept[-1].fits if kept else bases
         residual = held_out_residual(data, fits)
-        loud = bulk(residual[data.usable]) > LOUD * floor
-        return left_over(data, residual, slowest, floor), loud
-    left, loud = state(steps)
-    if left and loud:
+        left = left_over(data, residual, slowest, floor)
+        # Noise that is slow (history) bends nothing; what goes with a variable may.
+        large = any(item.variable != 'history' and item.strength > LARGE for item in left)
+        return left, large and bulk(residual[data.usable]) > LOUD * floor
+    left, nameless = state(steps)
+    if nameless:
         kept = without_stand_ins(steps)
         if len(kept) < len(steps):
             steps = kept
-            left, loud = state(steps)
-    # Noise that is slow (history) has no average; what goes with a variable may.
-    nameless = any(item.variable != 'history' and item.strength > LARGE for item in left)
-    return steps, left, nameless and loud
+            left, nameless = state(steps)
+    return steps, left, nameless
 
 
 def without_blur(found, raw, clipped, model, drive, progress):
