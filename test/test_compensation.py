@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
+from friction_comp.model.effects.inertia import Inertia
+from friction_comp.model.effects.load import LoadFriction
+from friction_comp.model.effects.temperature import Temperature
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.procedures.compensation import CompensationLaw, law_parameters
 from friction_comp.share import share_path
@@ -165,6 +168,38 @@ def test_a_new_model_comes_in_without_a_jump():
         currents.append(law.update(k * 1e-3, [0.5e-3 * k], [0.5], [0])[0])
     assert np.abs(np.diff(currents[350:])).max() < 0.003
     assert currents[-1] == pytest.approx(float(other.sigmoid(0.5)), rel=0.01)
+
+
+def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
+    """The list says so, and the current neither jumps when the signal comes nor when it goes."""
+    model = replace(drive(2), effects=[
+        Temperature({'coefficients': [0.01, 0.0, 0.0], 'reference_temperature': 25.0,
+                     'transition': 0.02}),
+        LoadFriction({'coefficients': [0.02], 'exponent': 1.0, 'transition': 0.02}),
+        Inertia({'coefficients': [0.001]})])
+    law, plain = CompensationLaw([model, drive(2)]), CompensationLaw([drive(2), drive(2)])
+    assert [name for _, name, _ in law.left_out] == ['inertia']
+    currents, differences = [], []
+    for k in range(1500):
+        known = 500 <= k < 1000
+        both = [0.5e-3 * k] * 2, [0.5, 0.5], [1, 1]
+        current = law.update(k * 1e-3, *both, temperature=[35.0 if known else math.nan, 35.0],
+                             load=[1.0, 1.0] if k >= 250 else None)
+        left = {name: reason for joint, name, reason in law.left_out if joint == 0}
+        assert ('temperature' in left) != known
+        assert ('load_friction' in left) == (k < 250)
+        assert 'inertia' in left
+        assert all('unknown' in left[name] for name in left if name != 'inertia')
+        assert not any(joint == 1 for joint, *_ in law.left_out)
+        currents.append(current[0])
+        differences.append(current[0] - plain.update(k * 1e-3, *both)[0])
+    assert np.abs(np.diff(currents[50:])).max() < 0.005
+    assert differences[240] == pytest.approx(0.0, abs=1e-6)
+    assert differences[490] == pytest.approx(0.02, rel=0.03)
+    assert differences[990] == pytest.approx(0.12, rel=0.03)
+    assert differences[-1] == pytest.approx(0.02, rel=0.03)
+    law.reset()
+    assert law.left_out == law.never_applied
 
 
 def test_arguments_are_checked():

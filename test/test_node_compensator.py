@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64MultiArray
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
@@ -231,6 +232,60 @@ def test_a_new_model_is_taken_over_while_running(driver, room):
         after = driver.ask([0.0, 0.0], ZERO, base + k * 50_000_000)
     wanted = 0.9 * FrictionModel.load(MODELS[2]).breakaway.positive_mean
     assert after == [pytest.approx(wanted, rel=1e-3), pytest.approx(before[1], abs=1e-6)]
+    assert probe.set_parameter('compensator', 'model_files', MODELS[:2]) is None
+
+
+def test_effects_whose_signal_is_missing_are_named_with_the_reason(driver, room):
+    """Never received, there, stale, there again; and a load, which this node never measures."""
+    probe = driver.probe
+    temperature = {'name': 'temperature', 'parameters': {
+        'coefficients': [0.01, 0.0, 0.0], 'reference_temperature': 25.0, 'transition': 0.02}}
+    load = {'name': 'load_friction', 'parameters': {
+        'coefficients': [0.02], 'exponent': 1.0, 'transition': 0.02}}
+    warm = FrictionModel.load(MODELS[0]).to_dict()
+    FrictionModel.from_dict({**warm, 'effects': [temperature, load]}).save(room / 'warm.yaml')
+    files = [str(room / 'warm.yaml'), MODELS[1]]
+    assert probe.set_parameter('compensator', 'model_files', files) is None
+    thermometer = probe.talk(Temperature, 'motor_temperature', RELIABLE)
+    probe.matched(thermometer)
+    assert probe.set_parameter('compensator', 'law', 'kinetic') is None
+    models = [FrictionModel.load(path) for path in files]
+    expected, base, count = CompensationLaw(models, 'kinetic'), time.time_ns(), 0
+
+    def measure(second, degrees):
+        message = Temperature(temperature=degrees)
+        message.header.frame_id = 'elbow'
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(
+            base + round(second * 1e9), 1_000_000_000)
+        thermometer.publish(message)
+
+    def move(second, degrees, words):
+        """Move at a constant speed until the diagnostics meet the words; check the currents."""
+        nonlocal count
+        for _ in range(20):
+            for _ in range(20):
+                t, count = second + 0.001 * (count % 400), count + 1
+                command = driver.ask([t, t], [0.5, -0.5], base + round(t * 1e9))
+                wanted = expected.update(
+                    round(t * 1e9) * 1e-9, [t, t], [0.5, -0.5], np.zeros(2),
+                    temperature=[degrees, np.nan])
+                np.testing.assert_allclose(command, wanted, rtol=0, atol=1e-9)
+            values = {value.key: value.value for value in probe.status_of('compensator').values}
+            if [word in values['left_out'] for word in words] == list(words.values()):
+                return values['left_out']
+        raise AssertionError(f'{values["left_out"]!r} does not meet {words}')
+
+    never = {'temperature': True, 'no motor_temperature received': True,
+             'load is not measured here': True}
+    text = move(0.0, np.nan, never)
+    assert text.count('elbow: ') == 2
+    assert 'shoulder' not in text
+    measure(0.5, 35.0)
+    move(1.0, 35.0, {'temperature': False, 'load_friction': True})
+    move(61.0, np.nan, {'last motor_temperature is 6': True, 'load_friction': True})
+    measure(61.9, 15.0)
+    move(62.0, 15.0, {'temperature': False, 'load_friction': True})
+    assert probe.set_parameter('compensator', 'law', 'paper') is None
     assert probe.set_parameter('compensator', 'model_files', MODELS[:2]) is None
 
 

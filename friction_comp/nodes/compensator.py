@@ -116,8 +116,19 @@ class CompensatorNode(LifecycleNode):
             models, self._of('law'), self._of('breakaway_gain'), self._of('current_limit') or None)
 
     def _say_left_out(self):
-        for number, effect, why in self._law.left_out:
+        for number, effect, why in self._law.never_applied:
             self.get_logger().warning(f'{self._joints[number]}: {effect} is not fed back: {why}')
+
+    def _missing(self):
+        """Return joint, effect and reason for what the last joint state could not feed back."""
+        found = []
+        for number, effect, signals in self._law.missing:
+            reasons = [
+                self._temperature.why_unknown(number, self._stamp) if signal == 'temperature' else
+                f'the {signal} is not measured here: the torque sensor is for evaluation only'
+                for signal in signals]
+            found.append((self._joints[number], effect, reasons or ['its value is not finite']))
+        return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in found]
 
     # Transitions.
 
@@ -309,8 +320,9 @@ class CompensatorNode(LifecycleNode):
                 'direction': direction.at(self._stamp).tolist(),
                 'directions refused': direction.refused,
                 'listeners to current_command': self._port.listeners,
-                'left out': '; '.join(
-                    f'{self._joints[j]}: {effect}' for j, effect, _ in self._law.left_out)})
+                'left_out': '; '.join(f'{joint}: {effect} ({why})' for joint, effect, why in [
+                    *((self._joints[j], *rest) for j, *rest in self._law.never_applied),
+                    *self._missing()])})
         if self._fault:
             return ERROR, self._fault, values
         if not self._active:

@@ -81,6 +81,12 @@ class MotorTemperature:
         if joint in self._numbers and np.isfinite(value):
             self._coming.append((time, self._numbers[joint], value))
 
+    def why_unknown(self, number, time):
+        """Return in words why there is no reading of a joint for a state stamped `time` ns."""
+        if self._times[number] == 0:
+            return 'no motor_temperature received'
+        return f'last motor_temperature is {(time - self._times[number]) * 1e-9:.0f} s old'
+
     def before(self, time):
         """Return the temperatures for a state stamped `time` ns, shape (J,), or None.
 

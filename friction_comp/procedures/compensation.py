@@ -140,8 +140,13 @@ class CompensationLaw:
     ----------
     terms : dict of str to ndarray, shape (J,)
         ``kinetic``, ``breakaway`` and ``effects`` of the last sample in A.
+    never_applied : list of (int, str, str)
+        Joint, effect and reason for every effect of the models that cannot be fed back.
+    missing : list of (int, str, tuple of str)
+        Joint, effect and unknown signals for every effect that the last sample could not feed
+        back; without signals where its value was not finite.
     left_out : list of (int, str, str)
-        Joint, effect and reason for every effect of the models that is not applied.
+        Joint, effect and reason: both of them.
 
     Raises
     ------
@@ -168,8 +173,21 @@ class CompensationLaw:
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [_online(model) for model in self.models]
         self._places = [places_of(*pair) for pair in zip(self.models, self._effects)]
-        self._collect_left_out()
+        self._missing = [None] * self.joints
+        self._collect_never_applied()
         self._clear_terms()
+
+    @property
+    def missing(self):
+        """Effects that the last sample could not feed back."""
+        return [(j, *entry) for j, entries in enumerate(self._missing) for entry in entries or ()]
+
+    @property
+    def left_out(self):
+        """All effects that are not applied, with the reasons."""
+        return self.never_applied + [
+            (j, name, f'{" and ".join(signals)} unknown' if signals else 'value is not finite')
+            for j, name, signals in self.missing]
 
     def update(self, time, position, velocity, direction, temperature=None, load=None):
         """Return the current for one sample.
@@ -216,6 +234,7 @@ class CompensationLaw:
         """Forget all history, as after a pause."""
         self._states[:] = 0.0
         self._effects = [_online(model) for model in self.models]
+        self._missing = [None] * self.joints
         self._clear_terms()
 
     def set_model(self, joint, model):
@@ -238,22 +257,30 @@ class CompensationLaw:
         self._effects[joint] = effects
         self._places[joint] = places_of(model, effects)
         self._states[joint, columns.CHANGED] = self._states[joint, columns.STARTED]
-        self._collect_left_out()
+        self._missing[joint] = None
+        self._collect_never_applied()
 
     def _apply(self, terms, joint, time, position, temperature, load):
         """Return the sum of the joint's effects, and of those that are friction, in A."""
         signals = {'temperature': temperature, 'load': load}
         speed = float(self._states[joint, columns.SPEED])
         total = friction = 0.0
+        missing = []
         for effect, term in terms:
-            if any(signals[name] is None for name in term.needs):
-                continue
-            value = float(term.update(float(time), float(position), speed, **signals))
+            unknown = tuple(name for name in term.needs if signals[name] is None)
+            value = math.nan if unknown else float(
+                term.update(float(time), float(position), speed, **signals))
             if not math.isfinite(value):
+                missing.append((effect.name, unknown))
                 continue
             total += value
             if effect.variable in ('velocity', 'direction'):
                 friction += value
+        if missing != self._missing[joint]:
+            # An effect that comes or goes does so without a jump, as a new model does.
+            if self._missing[joint] is not None:
+                self._states[joint, columns.CHANGED] = self._states[joint, columns.STARTED]
+            self._missing[joint] = missing
         # While the joint moves the level has no say.
         if self._places[joint] and abs(speed) < SLOW:
             set_levels(
@@ -262,8 +289,8 @@ class CompensationLaw:
                 level_shifts(terms, self._places[joint], float(time), float(position), signals))
         return total, friction
 
-    def _collect_left_out(self):
-        self.left_out = [
+    def _collect_never_applied(self):
+        self.never_applied = [
             (j, effect.name, effect.why_left_out() or 'cannot be computed from the live signals')
             for j, model in enumerate(self.models) for effect in model.effects
             if effect.online() is None]
