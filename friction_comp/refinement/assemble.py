@@ -7,15 +7,19 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import newton
 from friction_comp.refinement.data import Data
+from friction_comp.refinement.fitting import huber_loss
 
 # More samples than this gain nothing, and would cost memory.
 _MOST_SAMPLES = 200_000
+# Losses in motion that differ by less are as good as each other.
+_AS_GOOD = 1.01
 
 
 def final_fit(data, fits):
@@ -26,7 +30,55 @@ def final_fit(data, fits):
         size = float(np.mean(np.abs(fit.residual[data.usable])))
         if best is None or size < best[0]:
             best = (size, fit)
-    return newton.upright(best[1])
+    return settled(newton.upright(best[1]))
+
+
+def settled(fit):
+    """Return the fit with the change of sign around standstill as all samples show it.
+
+    Samples beside standstill do not decide which effects there are, since a joint that sticks
+    tells nothing of friction. Without them, though, how fast friction changes its sign is a guess,
+    and an effect may differ from the sigmoid in it for no reason. Of all ways that explain the
+    motion as well, the one is taken that fits best where the joint starts, stops and turns round.
+    """
+    data, rows = fit.data, fit.data.usable
+    limit = float(np.quantile(np.abs(fit.residual), 0.999))
+
+    def errors(candidate):
+        size = np.abs(candidate.residual)
+        return (float(np.mean(huber_loss(candidate.residual[rows], fit.scale))),
+                float(np.mean(np.minimum(size, limit) ** 2)))
+
+    def changed(steepness, transition):
+        twin = fit.copy()
+        twin.steepness, twin.transition = float(steepness), float(transition)
+        twin.shift = fit.shift * fit.steepness / twin.steepness
+        twin.fill()
+        twin.solve(3)
+        return twin
+    allowed, least = errors(fit)
+    allowed *= _AS_GOOD
+    best = fit
+    speed = data.scene.speed
+
+    def tried(logarithm):
+        nonlocal best, least
+        steepness = np.exp(logarithm)
+        twin = changed(steepness, 2.0 / steepness)
+        in_motion, everywhere = errors(twin)
+        if in_motion <= allowed and everywhere < least:
+            best, least = twin, everywhere
+        return everywhere if in_motion <= allowed else everywhere + 1e3 * (in_motion - allowed)
+    grid = np.log(np.geomspace(8.0 / speed, 2000.0 / speed, 14))
+    scores = [tried(value) for value in grid]
+    place = grid[int(np.argmin(scores))]
+    step = grid[1] - grid[0]
+    minimize_scalar(tried, bounds=(place - step, place + step), method='bounded',
+                    options={'maxiter': 8})
+    if best is fit:
+        return fit
+    best.solve()
+    return best
 
 
 def moved(fit, data, rows):

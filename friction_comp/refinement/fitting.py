@@ -244,13 +244,42 @@ class Fit:
             low, high, back = bracket(name, how, current, term.constants, self.data.scene)
 
             def loss(x, name=name, back=back, term=term):
-                return -self.gain(Term(term.kind, {**term.constants, name: back(x)}), every)
+                value = limited(term.kind, name, float(back(x)), self.data.scene)
+                return -self.gain(Term(term.kind, {**term.constants, name: value}), every)
             found = minimize_scalar(loss, bounds=(low, high), method='bounded',
                                     options={'maxiter': evaluations, 'xatol': 1e-4 * (high - low)})
             if -found.fun > best:
                 best = -found.fun
-                term = Term(term.kind, {**term.constants, name: float(back(found.x))})
+                value = limited(term.kind, name, float(back(found.x)), self.data.scene)
+                term = Term(term.kind, {**term.constants, name: value})
         return term, best
+
+
+def limited(kind, name, value, scene):
+    """Return a constant kept where the effect is what its name says.
+
+    Parameters
+    ----------
+    kind : type
+        The effect.
+    name : str
+        Of the constant.
+    value : float
+    scene : Scene
+    """
+    if name == 'time_constant':
+        # Slower than this is a straight line in time, however slow.
+        return min(value, 5.0 * scene.duration)
+    if name == 'exponent' and kind.name == 'bump':
+        # Sharper than this is a step up and a step down.
+        return min(value, 40.0)
+    if name == 'exponent' and kind.name == 'viscous_shape' and 0.85 < value < 1.2:
+        # Next to one it is the linear term once more, and the two grow large against each other.
+        return 0.85 if value < 1.0 else 1.2
+    if name == 'velocity' and kind.name == 'stribeck':
+        # What fades as slowly as the top speed is a curved viscous friction.
+        return min(value, 0.7 * scene.speed)
+    return value
 
 
 def bracket(name, how, value, constants, scene):

@@ -9,17 +9,13 @@ import math
 
 import numpy as np
 
-from friction_comp.refinement.fitting import bracket, huber_loss, solve, Term
+from friction_comp.refinement.fitting import bracket, huber_loss, limited, solve, Term
 
 _HALVINGS = 4
 _ENOUGH = 1e-4
 # Steepness of the sigmoid, and the velocity over which other terms change sign, in parts of the
 # top speed: outside of this the recordings cannot tell.
 _STEEPEST, _FLATTEST = 3000.0, 2.0
-# Time constants, in parts of the longest recording's duration.
-_SLOWEST = 5.0
-# A bump of this exponent is a step up and a step down.
-_SHARPEST = 40.0
 
 
 @dataclass(frozen=True)
@@ -92,11 +88,7 @@ def shifted(fit, moves):
                 delay = True
                 if old.constants['first_order']:
                     value = max(value, 0.1 * handle.unit)
-            if handle.name == 'exponent':
-                value = min(value, _SHARPEST)
-            if handle.name == 'time_constant':
-                # Slower than this is a straight line in time, however slow.
-                value = min(value, _SLOWEST * fit.data.scene.duration)
+            value = limited(old.kind, handle.name, value, fit.data.scene)
             twin.terms[handle.place] = Term(old.kind, {**old.constants, handle.name: value})
     twin.terms = [term.turned(twin.transition) for term in twin.terms]
     if delay:
