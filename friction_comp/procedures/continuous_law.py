@@ -265,7 +265,7 @@ def moving_level(p, s, sign, step):
     if sign * s[SPEED] < -p[BACK_SPEED]:
         s[PHASE] = OPPOSED
     elif s[QUIET] <= REST_TIME:
-        sliding = MOVING_SHARE * (p[UPPER] if sign > 0.0 else -p[LOWER])
+        sliding = MOVING_SHARE * max(wanted, p[UPPER] if sign > 0.0 else -p[LOWER])
         aim = max(min(aim, sliding), min(level, wanted, sliding))
     elif level == aim and wanted > 0.0:
         begin_probe(s, sign, wanted)
@@ -369,7 +369,10 @@ def continuous_current(p, s, direction, friction_effects):
         # What the moving joint needs is paid once: by the kinetic term or by the level.
         share = 1.0 - s[KINETIC_SHARE] * moving
         level = max(0.0, level - max(0.0, sign * friction_effects))
-        bound = max(sign * kinetic, CREEP_SHARE * sign * plateau)
+        # Breakaway may exceed sliding friction by far: then friction falls as the speed rises.
+        sliding = CREEP_SHARE * sign * plateau
+        wanted = p[BREAK_POSITIVE] if sign > 0.0 else p[BREAK_NEGATIVE]
+        bound = max(sign * kinetic, sliding + max(0.0, wanted - sliding) * (1.0 - moving))
         over = sign * kinetic + share * level - bound
         if over > 0.0:
             share -= smooth(1.5 * moving - 0.5) * over / level
