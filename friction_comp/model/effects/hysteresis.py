@@ -9,7 +9,13 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, gentle, geometric, OnlineTerm, sign
+from friction_comp.model.effects.base import (
+    Effect,
+    geometric,
+    OnlineTerm,
+    SHARPEST_ONLINE,
+    sign,
+)
 
 
 @njit(cache=True)
@@ -103,7 +109,7 @@ class _Bristles(OnlineTerm):
         self.reset()
 
     def update(self, time, position, velocity, temperature=None, load=None):
-        moving = abs(math.tanh(velocity / gentle(self._constants['transition'])))
+        moving = abs(math.tanh(velocity / SHARPEST_ONLINE))
         step = 0.0 if self._position is None else position - self._position
         if step:
             side = math.copysign(1.0, step)
