@@ -1,0 +1,206 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How fast the package is, as ratios of two ways that run side by side.
+
+    python3 bench/speed.py [--pairs N] [--refine-pairs N] [--json FILE]
+
+Times depend on the machine and on what else it does, ratios hardly: the two ways of each line
+take turns, whichever was second before comes first, and every pair gives one ratio. The table
+shows the median of the ratios with their quartiles, and the median times.
+
+law step     one sample of the continuous law on a moving joint: plain Python over compiled
+plant step   one sample of the simulated joint with its person: plain Python over compiled
+closed loop  a movement under the law, per sample: loop in Python, joint and law compiled each,
+             over many joints at once in one compiled loop, per joint and sample
+refine       80 000 samples over every fourth of them, 20 000; 4 is proportional
+"""
+
+import argparse
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+ROOT = Path(__file__).resolve().parents[1]
+CONFIG = ROOT / 'config' / 'armin_configuration_2.yaml'
+sys.path.insert(0, str(ROOT))
+
+
+class Steps:
+    """The step functions, compiled or plain, as this process was started."""
+
+    def __init__(self):
+        import numpy as np
+
+        from friction_comp.model.friction_model import FrictionModel
+        from friction_comp.procedures import law_columns, law_kernel
+        from friction_comp.procedures.compensation import law_parameters
+        from friction_comp.world import kernel
+        from friction_comp.world.joint import plant_parameters, random_states
+
+        # The plain random numbers wrap around as meant, with a warning each.
+        np.seterr(over='ignore')
+        model = FrictionModel.load(CONFIG)
+        self._law, self._kernel = law_kernel, kernel
+        self._law_parameters = law_parameters(model)
+        self._law_state = np.zeros(law_columns.STATES)
+        self._plant_parameters = plant_parameters(model)
+        self._plant_state = np.zeros(kernel.STATES)
+        self._random = random_states(1, 1)[0]
+        self._out, self._table = np.zeros(kernel.OUTPUTS), np.zeros((0, 10))
+        self._memory = np.zeros(1)
+        kernel.start_state(self._plant_parameters, self._plant_state, self._random)
+
+    def law(self, count):
+        """Return s a sample."""
+        parameters, state = self._law_parameters, self._law_state
+        begin = time.perf_counter()
+        for k in range(count):
+            self._law.observe(parameters, state, 1e-3 * k, 3e-4 * k, 0.3, True)
+            self._law.decide(parameters, state, 1.0, 0.0, 0.0)
+        return (time.perf_counter() - begin) / count
+
+    def plant(self, count):
+        """Return s a sample."""
+        step = self._kernel.joint_sample
+        begin = time.perf_counter()
+        for k in range(count):
+            step(self._plant_parameters, self._plant_state, self._random, self._table,
+                 self._memory, 1e-3, 0.1, 3e-4 * k, 0.3, True, self._out)
+        return (time.perf_counter() - begin) / count
+
+
+class Worker:
+    """The same steps in another process, with compilation switched on or off."""
+
+    def __init__(self, compiled):
+        self._process = subprocess.Popen(
+            [sys.executable, __file__, '--worker'], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            text=True, env={**os.environ, 'NUMBA_DISABLE_JIT': '0' if compiled else '1'})
+
+    def measure(self, what, count):
+        self._process.stdin.write(json.dumps([what, count]) + '\n')
+        self._process.stdin.flush()
+        return json.loads(self._process.stdout.readline())
+
+    def close(self):
+        self._process.stdin.close()
+        self._process.wait()
+
+
+def serve():
+    """Answer a Worker until its end of the pipe is closed."""
+    steps = Steps()
+    for line in sys.stdin:
+        what, count = json.loads(line)
+        print(json.dumps(getattr(steps, what)(count)), flush=True)
+
+
+def loops(joints=40):
+    """Return two functions: s a sample of the loop in Python, and of the compiled one."""
+    import numpy as np
+
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.procedures.compensation import CompensationLaw, law_parameters
+    from friction_comp.world.exercise import ReferenceMovement
+    from friction_comp.world.joint import Plant, plant_parameters, random_states
+    from friction_comp.world.loop import closed_loop
+    from friction_comp.world.parallel import closed_loops
+
+    model = FrictionModel.load(CONFIG)
+    movement = ReferenceMovement(repetitions=1, standstill=0.5, announcement=0.5, amplitude=0.2)
+    count = round(movement.duration * 1000)
+    reference = movement.at(np.arange(count) * 1e-3)
+    parameters = np.tile(plant_parameters(model), (joints, 1))
+    law = np.tile(law_parameters(model), (joints, 1))
+
+    def python():
+        plant, own = Plant([model], seed=1), CompensationLaw([model])
+        begin = time.perf_counter()
+        closed_loop(plant, own, movement, movement.duration)
+        return (time.perf_counter() - begin) / count
+
+    def compiled():
+        begin = time.perf_counter()
+        closed_loops(parameters, random_states(1, joints), law, reference)
+        return (time.perf_counter() - begin) / (count * joints)
+    return python, compiled
+
+
+def refinements():
+    """Return two functions: s to refine 80 000 samples, and to refine every fourth of them."""
+    from friction_comp.refinement import refine
+    from friction_comp.samples import Samples
+    from friction_comp.world.drives import excitation_for, random_drive, record
+
+    cases = ('friction_ripple',)
+    drive = random_drive(7, cases)
+    samples = record(drive, 1, excitation_for(cases, duration=160.0, rate=500.0))[0].samples
+    fourth = Samples(time=samples.time[::4], position=samples.position[::4],
+                     current=samples.current[::4], joint=samples.joint)
+    samples = Samples(time=samples.time, position=samples.position, current=samples.current,
+                      joint=samples.joint)
+
+    def timed(part):
+        begin = time.perf_counter()
+        refine([part], model=drive.model)
+        return time.perf_counter() - begin
+    return lambda: timed(samples), lambda: timed(fourth)
+
+
+def side_by_side(slow, fast, pairs):
+    """Return times and ratios of functions that take turns, after one turn for warming up."""
+    import numpy as np
+
+    slow(), fast()
+    times = np.empty((pairs, 2))
+    for k in range(pairs):
+        for side in ((0, 1), (1, 0))[k % 2]:
+            times[k, side] = (slow, fast)[side]()
+    low, median, high = np.percentile(times[:, 0] / times[:, 1], [25, 50, 75])
+    return {'ratio': float(median), 'quartiles': [float(low), float(high)], 'pairs': pairs,
+            'slow': float(np.median(times[:, 0])), 'fast': float(np.median(times[:, 1]))}
+
+
+def show(name, result):
+    low, high = result['quartiles']
+    times = ' / '.join(f'{t:9.3g} s' if t > 0.01 else f'{1e6 * t:9.3g} µs'
+                       for t in (result['slow'], result['fast']))
+    print(f'{name:12s} {result["ratio"]:8.1f}   {low:7.1f} to {high:<7.1f} {times}   '
+          f'{result["pairs"]:3d} pairs', flush=True)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--pairs', type=int, default=15)
+    parser.add_argument('--refine-pairs', type=int, default=3)
+    parser.add_argument('--json', metavar='FILE')
+    parser.add_argument('--worker', action='store_true', help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.worker:
+        serve()
+        return
+    print('                ratio   quartiles                slow /      fast')
+    results = {}
+    compiled, plain = Worker(True), Worker(False)
+    for name, what, counts in (
+            ('law step', 'law', (2000, 20000)), ('plant step', 'plant', (300, 20000))):
+        results[name] = side_by_side(
+            lambda what=what, counts=counts: plain.measure(what, counts[0]),
+            lambda what=what, counts=counts: compiled.measure(what, counts[1]), arguments.pairs)
+        show(name, results[name])
+    compiled.close()
+    plain.close()
+    for name, make, pairs in (('closed loop', loops, arguments.pairs),
+                              ('refine', refinements, arguments.refine_pairs)):
+        if pairs > 0:
+            results[name] = side_by_side(*make(), pairs)
+            show(name, results[name])
+    if arguments.json:
+        Path(arguments.json).write_text(json.dumps(results, indent=1), encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
