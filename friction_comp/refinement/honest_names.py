@@ -44,6 +44,35 @@ def left_over(data, residual, slowest, floor):
     return found
 
 
+def with_products(left, products):
+    """Return what is left with the variables of products put first.
+
+    Parameters
+    ----------
+    left : list of Dependence
+    products : list of type
+        See `nameless`.
+
+    Returns
+    -------
+    list of Dependence
+    """
+    by_name = {item.variable: item for item in left}
+    strongest = max((item.strength for item in left), default=LEAST_STRENGTH)
+    first = []
+    for product in products:
+        for name in product.variables:
+            if all(item.variable != name for item in first):
+                strength = by_name[name].strength if name in by_name else strongest
+                first.append(Dependence(
+                    name, strength, f'{product.name} together explain more of the remaining '
+                    'error than any effect known to the package' if len(product.variables) > 1
+                    else f'the size of {product.name} explains more of the remaining error than '
+                    'any effect known to the package'))
+    taken = {item.variable for item in first}
+    return first + [item for item in left if item.variable not in taken]
+
+
 def bulk(values):
     """Return the RMS of values without their outliers."""
     limit = 4.0 * robust_scale(values)

@@ -9,8 +9,8 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate, earlier
 from friction_comp.refinement import data as recordings
+from friction_comp.refinement.evidence import rms
 from friction_comp.refinement.fitting import huber_weights, robust_scale, solve
-from friction_comp.refinement.selection import rms
 
 _MOST_SAMPLES = 150_000
 _PIECES = 15

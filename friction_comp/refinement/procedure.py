@@ -15,6 +15,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import data as recordings, newton
 from friction_comp.refinement.assemble import final_fit, to_model, with_load
 from friction_comp.refinement.asymmetry import carve_out, named_asymmetry
+from friction_comp.refinement.evidence import held_out_residual, rms
 from friction_comp.refinement.fitting import (
     first_fit,
     Fit,
@@ -26,6 +27,7 @@ from friction_comp.refinement.honest_names import (
     LARGE,
     left_over,
     LOUD,
+    with_products,
     without_stand_ins,
 )
 from friction_comp.refinement.honesty import ambiguities, warnings
@@ -38,7 +40,7 @@ from friction_comp.refinement.motion import (
     velocity_against_position,
 )
 from friction_comp.refinement.report import noise_floor, scores, words_of
-from friction_comp.refinement.selection import held_out_residual, rms, select
+from friction_comp.refinement.selection import select
 
 # A second pass over more samples than this would take too long.
 _TWICE = 200_000
@@ -174,10 +176,10 @@ def choose(raw, clipped, settings, model, drive, progress):
     terms = [Term(type(effect), dict(effect.values)) for effect in model.effects] if model else []
     bases = [newton.polished(_started(first_fit(data, data.fit_rows(fold)), terms))
              for fold in (0, 1)]
-    steps = select(data, bases, progress)
+    steps, nameless = select(data, bases, progress)
     rough = to_model((steps[-1].fits if steps else bases)[0], None, None, drive, settings)
     floor = noise_floor(samples, usable, samples.current - rough.predict(samples))
-    steps, left, loud = honest(data, bases, steps, slowest, floor)
+    steps, left, loud = honest(data, bases, steps, slowest, floor, nameless)
     found = Choice(None, data, bases, steps, left, usable)
     known = 0.5 * (model.sigmoid.upper + model.sigmoid.lower) if model else 0.0
     # What has no name may well have an average, which is no asymmetry then.
@@ -251,7 +253,7 @@ def summarise(found, samples, clipped, model, drive, settings):
                         trail)
 
 
-def honest(data, bases, steps, slowest, floor):
+def honest(data, bases, steps, slowest, floor, nameless=()):
     """Return the effects that may keep their names, and what has none.
 
     Returns
@@ -266,13 +268,13 @@ def honest(data, bases, steps, slowest, floor):
         # Noise that is slow (history) bends nothing; what goes with a variable may.
         large = any(item.variable != 'history' and item.strength > LARGE for item in left)
         return left, large and bulk(residual[data.usable]) > LOUD * floor
-    left, nameless = state(steps)
-    if nameless:
+    left, large = state(steps)
+    if large:
         kept = without_stand_ins(steps)
         if len(kept) < len(steps):
             steps = kept
-            left, nameless = state(steps)
-    return steps, left, nameless
+            left, large = state(steps)
+    return steps, with_products(left, nameless), large or bool(nameless)
 
 
 def without_blur(found, raw, clipped, model, drive, progress):

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from friction_comp.refinement.evidence import rms
 from friction_comp.refinement.fitting import robust_scale
-from friction_comp.refinement.selection import rms
 
 
 def scores(current, fit_residual, held_out_residual, usable):

@@ -1,0 +1,85 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Dependences that no effect known to the package describes, tried beside those that do.
+
+A wrong name is worse than none: where the product of two variables explains clearly more than the
+best effect with a name, that effect would only stand in for it. Such a product never becomes part
+of a model; its variables are what is reported.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.model.effects.base import sign
+
+# So many times as much as the best effect with a name has a product to explain; less where that
+# effect needs several numbers more to do so.
+_CLEARLY, _AS_MUCH, _SIMPLE = 1.25, 0.85, 1
+
+
+def _scaled(values):
+    """Return values about their middle, of size one."""
+    low, high = np.percentile(values, (1, 99))
+    return (values - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-300)
+
+
+def _product(variables, of, signals=()):
+    """Return a stand-in for an effect, made of a function of samples and transition."""
+    class Product:
+        """One column: a product of variables, each about its middle."""
+
+        name, needs = ' and '.join(variables), tuple(signals)
+        variable = variables[0]
+        constants = {'transition': None}
+
+        @classmethod
+        def grid(cls, scene):
+            """Return the one way to try it."""
+            return [{'transition': scene.transition}]
+
+        @classmethod
+        def columns(cls, samples, transition):
+            """Return one column."""
+            return of(samples, transition)[:, None]
+    Product.variables = tuple(variables)
+    return Product
+
+
+PRODUCTS = (
+    _product(('position', 'velocity'), lambda s, _: _scaled(s.position) * s.velocity),
+    _product(('position', 'velocity'), lambda s, _: _scaled(s.position) * np.abs(s.velocity)),
+    _product(('acceleration',), lambda s, _: np.abs(s.acceleration)),
+    _product(('acceleration',), lambda s, t: np.abs(s.acceleration) * sign(s.velocity, t)),
+    _product(('load', 'velocity'), lambda s, _: s.load * np.abs(s.velocity), ('load',)),
+    _product(('load', 'velocity'), lambda s, _: np.abs(s.load) * s.velocity, ('load',)),
+    _product(('load', 'position'), lambda s, _: s.load * _scaled(s.position), ('load',)),
+    _product(('load', 'position'),
+             lambda s, t: np.abs(s.load) * _scaled(s.position) * sign(s.velocity, t), ('load',)),
+)
+
+
+def products_for(data):
+    """Return the products whose signals were recorded."""
+    return [kind for kind in PRODUCTS
+            if all(getattr(data.samples, signal) is not None for signal in kind.needs)]
+
+
+def better(trial, named, limit):
+    """Tell whether a product explains clearly more than every effect with a name.
+
+    Parameters
+    ----------
+    trial : Trial
+        Of the product.
+    named : list of Trial
+    limit : float
+        p-value that the product must stay below.
+    """
+    if trial.p_value >= limit or trial.advantage <= 0.0:
+        return False
+    if not named:
+        return True
+    best = max(named, key=lambda other: other.advantage)
+    share = _AS_MUCH if best.complexity > _SIMPLE + trial.complexity else _CLEARLY
+    return trial.advantage > share * best.advantage
