@@ -10,10 +10,13 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects.gravity import Gravity
+from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.effects.ripple import FrictionRipple
+from friction_comp.model.effects.temperature import Temperature
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.procedures.compensation import CompensationLaw
+from friction_comp.procedures.rest_level import sliding_friction
 
 PLACE = 0.1
 RIPPLE = FrictionRipple({'coefficients': [0.02, 0.0], 'frequency': 20.0, 'growth': 0.0,
@@ -58,6 +61,44 @@ def test_a_model_that_does_not_know_the_place_keeps_its_level():
         bare.breakaway, positive_position=None, negative_position=None))
     law = CompensationLaw([bare], law='paper')
     assert current_at_rest(law, 0.3, 1) == pytest.approx(0.9 * bare.breakaway.positive_mean)
+
+
+def test_what_sliding_takes_here_and_now():
+    """Friction counts, what pushes at rest as well does not, and memories are left alone."""
+    warmth = Temperature({'coefficients': [0.002, 0.0, 0.0], 'reference_temperature': 25.0,
+                          'transition': 0.001})
+    bristles = Hysteresis({'coefficients': [0.05], 'distance': 0.01, 'transition': 0.001})
+    terms = [(effect, effect.online()) for effect in (RIPPLE, GRAVITY, warmth, bristles)]
+    terms[3][1].update(0.0, 0.0, 0.1)
+    for temperature, more in ((None, 0.0), (35.0, 0.02)):
+        for position in (-0.4, 0.0, 0.23):
+            expected = 0.02 * np.cos(20.0 * position) + more
+            signals = {'temperature': temperature, 'load': None}
+            assert sliding_friction(terms, 1.0, position, signals) == pytest.approx(
+                (expected, expected), abs=1e-4)
+    assert terms[3][1].update(0.1, 0.001, 1.0) == pytest.approx(0.05 * (1.0 - np.exp(-0.1)))
+
+
+def test_a_push_may_earn_what_sliding_takes():
+    """A cold drive sticks with more than the breakaway current that was measured warm."""
+    warmth = Temperature({'coefficients': [-0.005, 0.0, 0.0], 'reference_temperature': 25.0,
+                          'transition': 0.001})
+    helps = []
+    for temperature in (25.0, 15.0):
+        law = CompensationLaw([replace(model([]), effects=[warmth])])
+        current = 0.0
+        for k in range(1600):
+            # The gear gives under the current and, later, under a push that would be 0.03 A.
+            push = 0.03 * max(0, k - 1300) / 300.0
+            position = np.round((current + push) / 500.0 / 1.57e-5) * 1.57e-5
+            current = law.update(1e-3 * k, [position], [0.0], [int(k > 100)],
+                                 temperature=[temperature])[0]
+            if k == 1290:
+                level = current
+        assert level == pytest.approx(0.97 * 0.09, rel=0.02)
+        helps.append(current)
+    assert helps[0] == pytest.approx(0.1, rel=0.02)
+    assert helps[1] > 0.115
 
 
 def test_place_survives_the_model_file(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.procedures import law_columns as columns, law_kernel as kernel
-from friction_comp.procedures.rest_level import level_shifts, places_of
+from friction_comp.procedures.rest_level import level_shifts, places_of, sliding_friction
 
 LAWS = {'none': columns.NONE, 'kinetic': columns.KINETIC, 'paper': columns.PAPER,
         'continuous': columns.CONTINUOUS}
@@ -94,7 +94,7 @@ def law_parameters(model, law='continuous', breakaway_gain=0.9, current_limit=No
     return p
 
 
-def set_levels(p, breakaway, gain, shifts=(0.0, 0.0)):
+def set_levels(p, breakaway, gain, shifts=(0.0, 0.0), sliding=None):
     """Set the breakaway levels in a joint's parameters.
 
     Parameters
@@ -106,16 +106,22 @@ def set_levels(p, breakaway, gain, shifts=(0.0, 0.0)):
         Share of the mean breakaway current that is applied.
     shifts : tuple of float
         What to add to the magnitudes of the positive and negative mean, A.
+    sliding : tuple of float, optional
+        What effects add to the sigmoid's sliding friction here and now, A. A push may earn as
+        much as sliding takes, where that is more than the breakaway current.
     """
-    for level, safe, most, mean, std in (
+    plateaus = (0.0, 0.0)
+    if sliding is not None:
+        plateaus = p[columns.UPPER] + sliding[0], -p[columns.LOWER] + sliding[1]
+    for level, safe, most, mean, std, plateau in (
             (columns.BREAK_POSITIVE, columns.SAFE_POSITIVE, columns.MOST_POSITIVE,
-             breakaway.positive_mean + shifts[0], breakaway.positive_std),
+             breakaway.positive_mean + shifts[0], breakaway.positive_std, plateaus[0]),
             (columns.BREAK_NEGATIVE, columns.SAFE_NEGATIVE, columns.MOST_NEGATIVE,
-             -breakaway.negative_mean + shifts[1], breakaway.negative_std)):
+             -breakaway.negative_mean + shifts[1], breakaway.negative_std, plateaus[1])):
         mean = max(0.0, mean)
         p[level] = gain * mean
         p[safe] = max(0.0, gain * mean - SCATTER_MARGIN * std)
-        p[most] = max(p[level], mean)
+        p[most] = max(p[level], mean, plateau)
 
 
 class CompensationLaw:
@@ -282,11 +288,13 @@ class CompensationLaw:
                 self._states[joint, columns.CHANGED] = self._states[joint, columns.STARTED]
             self._missing[joint] = missing
         # While the joint moves the level has no say.
-        if self._places[joint] and abs(speed) < SLOW:
-            set_levels(
-                self._parameters[joint], self.models[joint].breakaway,
-                self._options[joint]['breakaway_gain'],
-                level_shifts(terms, self._places[joint], float(time), float(position), signals))
+        if self.models[joint].breakaway is not None and abs(speed) < SLOW:
+            here = terms, float(time), float(position), signals
+            shifts = (0.0, 0.0)
+            if self._places[joint]:
+                shifts = level_shifts(terms, self._places[joint], *here[1:])
+            set_levels(self._parameters[joint], self.models[joint].breakaway,
+                       self._options[joint]['breakaway_gain'], shifts, sliding_friction(*here))
         return total, friction
 
     def _collect_never_applied(self):

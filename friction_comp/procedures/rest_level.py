@@ -69,6 +69,32 @@ def level_shifts(terms, places, time, position, signals):
     return shifts[0], shifts[1]
 
 
+def sliding_friction(terms, time, position, signals):
+    """Return what the effects add to the current of a joint that begins to slide here, in A.
+
+    Parameters
+    ----------
+    terms, time, position, signals
+        As for `level_shifts`.
+
+    Returns
+    -------
+    tuple of float
+        Magnitudes in the positive and the negative direction, beyond what is applied at rest.
+    """
+    more = [0.0, 0.0]
+    for effect, term in terms:
+        # Asking a term with a memory of the motion would spoil it.
+        if effect.variable == 'history' or any(signals[name] is None for name in term.needs):
+            continue
+        still = term.update(time, position, 0.0, **signals)
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            value = sign * (term.update(time, position, sign * _SLIDING, **signals) - still)
+            if math.isfinite(value):
+                more[side] += value
+    return more[0], more[1]
+
+
 def _parts(term, time, position, signals):
     """Return a term's friction and its current at rest, at one place, in A."""
     forward, backward, still = (
