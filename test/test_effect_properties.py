@@ -25,7 +25,7 @@ RANGES = {
 FLAGS = {'offset', 'directional', 'first_order'}
 COLUMNS = {
     'direction_asymmetry': 2, 'gravity': 2, 'cogging': 2, 'friction_ripple': 2, 'temperature': 3,
-    'warm_up': 3, 'actuation_lag': 0,
+    'warm_up': 3, 'actuation_lag': 0, 'hysteresis': 2,
 }
 # Even or odd: what the current does when the motion is mirrored in time, at the same place.
 ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction'}
@@ -54,6 +54,8 @@ def defaults(name, /, **changes):
               'growth': 0.0, 'first_order': 0.0, 'position': 0.3, 'width': 0.1, 'speed': 1.0,
               'reference': 1.0, 'velocity': 0.1, 'frequency': 12.0, 'time_constant': 2.0,
               'distance': 0.05, 'reference_temperature': 25.0, 'lag': 0.02}
+    if name == 'hysteresis':
+        middle['exponent'] = 1.0
     found = {key: middle[key] for key in EFFECTS[name].constants}
     return {**found, 'coefficients': [0.1] * COLUMNS.get(name, 1), **changes}
 
@@ -171,7 +173,7 @@ def test_rest_makes_the_next_start_harder_and_motion_undoes_it():
 def test_hysteresis_remembers_the_way_and_not_the_time():
     way = np.concatenate((np.linspace(0, 0.2, 41), np.linspace(0.2, 0.15, 41)[1:]))
     speed = np.concatenate((np.full(41, 0.5), np.full(40, -0.125)))
-    effect = EFFECTS['hysteresis'](defaults('hysteresis'))
+    effect = EFFECTS['hysteresis'](defaults('hysteresis', coefficients=[0.1, 0.0]))
     quick, slow = samples_of(way, speed), samples_of(way, speed, step=0.1)
     assert effect.current(slow) == pytest.approx(effect.current(quick))
     # A gap in the data ends the memory.

@@ -11,6 +11,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS, VARIABLES
 from friction_comp.model.effects.base import SHARPEST_ONLINE
+from friction_comp.model.effects.hysteresis import turned
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
@@ -35,7 +36,8 @@ PARAMETERS = {
                     'coefficients': [-0.002, -0.001, 0.0]},
     'warm_up': {'time_constant': 30.0, 'transition': 0.02, 'coefficients': [0.05, 0.02, 0.0]},
     'offset_drift': {'time_constant': 30.0, 'coefficients': [0.05]},
-    'hysteresis': {'distance': 0.05, 'transition': 0.02, 'coefficients': [0.1]},
+    'hysteresis': {'distance': 0.05, 'exponent': 1.0, 'transition': 0.02,
+                   'coefficients': [0.1, 0.002]},
     'rest_time': {'time_constant': 1.0, 'distance': 0.05, 'velocity': 0.01, 'transition': 0.02,
                   'coefficients': [0.1]},
     'actuation_lag': {'lag': 0.02, 'first_order': 0.0, 'coefficients': []},
@@ -152,10 +154,34 @@ def test_hysteresis_turns_round_over_its_distance():
     time = 0.001 * np.arange(len(position))
     samples = Samples(time=time, position=position, velocity=np.gradient(position, time),
                       current=np.zeros_like(time))
-    current = EFFECTS['hysteresis'](PARAMETERS['hysteresis']).current(samples)
+    still = {**PARAMETERS['hysteresis'], 'coefficients': [0.1, 0.0]}
+    current = EFFECTS['hysteresis'](still).current(samples)
     assert current[1000] == pytest.approx(0.1, rel=1e-6)
     # After one distance of 0.05 rad the state is -1 + 2/e of its amplitude.
     assert current[1050] == pytest.approx(0.1 * (-1 + 2 / math.e), rel=1e-3)
+
+
+@pytest.mark.parametrize(('exponent', 'left'), [
+    (0.5, (math.sqrt(2) - 0.5) ** 2), (1.0, 2 / math.e), (2.0, 1 / 1.5)])
+def test_hysteresis_turns_round_as_its_exponent_says(exponent, left):
+    # The solution of du/dx = -u^p for u = 1 - z, which is 2 at the reversal, at x = 1.
+    assert 1.0 - turned(-1.0, 0.05, 0.05, exponent) == pytest.approx(left)
+    halves = turned(turned(-1.0, 0.02, 0.05, exponent), 0.03, 0.05, exponent)
+    assert halves == pytest.approx(turned(-1.0, 0.05, 0.05, exponent))
+    assert turned(0.3, 0.0, 0.05, exponent) == 0.3
+    assert turned(0.3, -1e3, 0.05, exponent) == pytest.approx(-1.0, abs=1e-3)
+
+
+def test_damping_of_the_bristles_is_the_change_of_their_state():
+    time = np.arange(0.0, 4.0, 0.001)
+    position = 0.5 * np.sin(2.0 * time)
+    samples = Samples(time=time, position=position, velocity=np.cos(2.0 * time),
+                      current=np.zeros_like(time))
+    kind, still = EFFECTS['hysteresis'], {'distance': 0.1, 'exponent': 1.3, 'transition': 1e-4}
+    state = kind({**still, 'coefficients': [1.0, 0.0]}).current(samples)
+    change = kind({**still, 'coefficients': [0.0, 1.0]}).current(samples)
+    inner = np.abs(samples.velocity) > 0.05
+    assert change[inner] == pytest.approx(np.gradient(state, time)[inner], abs=0.05)
 
 
 def test_effects_without_their_signal_say_so(motion):

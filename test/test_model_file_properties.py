@@ -25,12 +25,12 @@ EFFECT = {
     'gravity': {},
     'cogging': {'frequency': (1.0, 300.0), 'growth': (0.0, 1.0), 'speed': (0.1, 2.0),
                 'transition': (1e-4, 0.05)},
-    'hysteresis': {'distance': (1e-3, 0.2), 'transition': (1e-4, 0.05)},
+    'hysteresis': {'distance': (1e-3, 0.2), 'exponent': (0.5, 2.0), 'transition': (1e-4, 0.05)},
     'warm_up': {'time_constant': (1.0, 500.0), 'transition': (1e-4, 0.05)},
     'temperature': {'reference_temperature': (10.0, 40.0), 'transition': (1e-4, 0.05)},
     'actuation_lag': {'lag': (0.001, 0.1), 'first_order': (0.0, 0.0)},
 }
-COEFFICIENTS = {'stribeck': 1, 'gravity': 2, 'cogging': 2, 'hysteresis': 1, 'warm_up': 3,
+COEFFICIENTS = {'stribeck': 1, 'gravity': 2, 'cogging': 2, 'hysteresis': 2, 'warm_up': 3,
                 'temperature': 3, 'actuation_lag': 0}
 
 
@@ -136,7 +136,8 @@ def refused(path, *words):
     ({'effects': [{'name': 'gravity', 'parameters': [1]}]}, 'gravity'),
     ({'effects': [{'name': 'gravity', 'parameters': {'coefficients': ['x', 1]}}]}, 'coefficients'),
     ({'effects': [{'name': 'hysteresis', 'parameters': {
-        'coefficients': [0.1], 'distance': 0.0, 'transition': 0.01}}]}, 'distance'),
+        'coefficients': [0.1, 0], 'distance': 0.0, 'exponent': 1, 'transition': 0.01}}]},
+     'distance'),
     ({'drive': {'torque_constant': 0.1, 'gear_ratio': 10 ** 400}}, 'too large'),
     ({'breakaway': {'positive': {'mean': 10 ** 400}, 'negative': {'mean': -0.1}}}, 'too large'),
     ({'effects': [{'name': 'gravity', 'parameters': {'coefficients': [10 ** 400, 1]}}]}, 'gravity'),

@@ -12,7 +12,7 @@ from friction_comp.refinement.fitting import Term
 from friction_comp.refinement.selection import ALPHA, Step
 
 # Plateaus of Eq. 6 that differ by less are drawn as they are: the note's three drives do.
-WORTH_A_NAME = 0.06
+WORTH_A_NAME = 0.10
 _KIND = EFFECTS['direction_asymmetry']
 
 

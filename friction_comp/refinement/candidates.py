@@ -70,7 +70,7 @@ def plausible(fit):
         return abs(last.constants['lag']) > 0.7 * fit.data.scene.sample_time
     if last.kind.name not in _POSITIVE:
         return True
-    return fit.coefficients[-1] > 0
+    return fit.coefficients[-fit.parts[-1].shape[1]] > 0
 
 
 def _ripples(fit, kind):

@@ -273,6 +273,8 @@ def limited(kind, name, value, scene):
     if name == 'exponent' and kind.name == 'bump':
         # Sharper than this is a step up and a step down.
         return min(value, 40.0)
+    if name == 'exponent' and kind.name == 'hysteresis':
+        return min(max(value, 0.3), 3.0)
     if name == 'exponent' and kind.name == 'viscous_shape' and 0.85 < value < 1.2:
         # Next to one it is the linear term once more, and the two grow large against each other.
         return 0.85 if value < 1.0 else 1.2
