@@ -65,9 +65,7 @@ def with_products(left, products):
             if all(item.variable != name for item in first):
                 strength = by_name[name].strength if name in by_name else strongest
                 first.append(Dependence(
-                    name, strength, f'{product.name} together explain more of the remaining '
-                    'error than any effect known to the package' if len(product.variables) > 1
-                    else f'the size of {product.name} explains more of the remaining error than '
+                    name, strength, f'{product.name} explains more of the remaining error than '
                     'any effect known to the package'))
     taken = {item.variable for item in first}
     return first + [item for item in left if item.variable not in taken]

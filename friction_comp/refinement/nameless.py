@@ -24,12 +24,12 @@ def _scaled(values):
     return (values - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-300)
 
 
-def _product(variables, of, signals=()):
+def _product(words, variables, of, signals=()):
     """Return a stand-in for an effect, made of a function of samples and transition."""
     class Product:
         """One column: a product of variables, each about its middle."""
 
-        name, needs = ' and '.join(variables), tuple(signals)
+        name, needs = words, tuple(signals)
         variable = variables[0]
         constants = {'transition': None}
 
@@ -46,15 +46,44 @@ def _product(variables, of, signals=()):
     return Product
 
 
+class Change:
+    """Friction of another level from some moment on."""
+
+    name, needs = 'another level of friction from some moment on', ()
+    variable, variables = 'time', ('time',)
+    constants = {'moment': None, 'transition': None}
+
+    @classmethod
+    def grid(cls, scene):
+        """Return moments all through the longest recording."""
+        return [{'moment': share * scene.duration, 'transition': scene.transition}
+                for share in np.linspace(0.04, 0.96, 47)]
+
+    @classmethod
+    def columns(cls, samples, moment, transition):
+        """Return two columns, of Coulomb and of viscous friction."""
+        later = (samples.time > moment).astype(float)
+        return np.column_stack((later * sign(samples.velocity, transition),
+                                later * samples.velocity))
+
+
 PRODUCTS = (
-    _product(('position', 'velocity'), lambda s, _: _scaled(s.position) * s.velocity),
-    _product(('position', 'velocity'), lambda s, _: _scaled(s.position) * np.abs(s.velocity)),
-    _product(('acceleration',), lambda s, _: np.abs(s.acceleration)),
-    _product(('acceleration',), lambda s, t: np.abs(s.acceleration) * sign(s.velocity, t)),
-    _product(('load', 'velocity'), lambda s, _: s.load * np.abs(s.velocity), ('load',)),
-    _product(('load', 'velocity'), lambda s, _: np.abs(s.load) * s.velocity, ('load',)),
-    _product(('load', 'position'), lambda s, _: s.load * _scaled(s.position), ('load',)),
-    _product(('load', 'position'),
+    Change,
+    _product('the product of position and velocity', ('position', 'velocity'),
+             lambda s, _: _scaled(s.position) * s.velocity),
+    _product('the product of position and speed', ('position', 'velocity'),
+             lambda s, _: _scaled(s.position) * np.abs(s.velocity)),
+    _product('the size of the acceleration', ('acceleration',),
+             lambda s, _: np.abs(s.acceleration)),
+    _product('the size of the acceleration as friction', ('acceleration',),
+             lambda s, t: np.abs(s.acceleration) * sign(s.velocity, t)),
+    _product('the product of load and speed', ('load', 'velocity'),
+             lambda s, _: s.load * np.abs(s.velocity), ('load',)),
+    _product('the product of the size of the load and velocity', ('load', 'velocity'),
+             lambda s, _: np.abs(s.load) * s.velocity, ('load',)),
+    _product('the product of load and position', ('load', 'position'),
+             lambda s, _: s.load * _scaled(s.position), ('load',)),
+    _product('friction as the product of load and position', ('load', 'position'),
              lambda s, t: np.abs(s.load) * _scaled(s.position) * sign(s.velocity, t), ('load',)),
 )
 
@@ -81,5 +110,6 @@ def better(trial, named, limit):
     if not named:
         return True
     best = max(named, key=lambda other: other.advantage)
-    share = _AS_MUCH if best.complexity > _SIMPLE + trial.complexity else _CLEARLY
+    simpler = trial.kind is not Change and best.complexity > _SIMPLE + trial.complexity
+    share = _AS_MUCH if simpler else _CLEARLY
     return trial.advantage > share * best.advantage
