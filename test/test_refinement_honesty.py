@@ -74,6 +74,29 @@ def test_a_change_at_one_moment_is_traced_to_time():
     assert 'time' in traced(report)
 
 
+def test_a_lasting_change_is_not_called_warm_up():
+    t, q, v, _ = strokes(5)
+    changed = friction(v) * np.where(t > 55.0, 1.4, 1.0)
+    report = refine([recorded(t, q, changed, 5)], drive=DRIVE).report
+    assert names(report) == []
+    assert traced(report)[0] == 'time'
+
+
+def test_warming_up_is_not_called_a_change_at_one_moment():
+    t, q, v, _ = strokes(5)
+    fading = friction(v) * (1.0 + 0.5 * np.exp(-t / 30.0))
+    report = refine([recorded(t, q, fading, 5)], drive=DRIVE).report
+    assert names(report) == ['warm_up']
+
+
+def test_a_product_of_position_and_velocity_gets_no_wrong_name():
+    t, q, v, _ = strokes(4)
+    report = refine([recorded(t, q, friction(v) + 0.08 * q * v, 4)], drive=DRIVE).report
+    assert names(report) == []
+    assert set(traced(report)[:2]) == {'position', 'velocity'}
+    assert 'product of position and velocity' in report['unexplained'][0]['note']
+
+
 def test_friction_of_the_size_of_acceleration_is_traced_to_it():
     t, q, v, a = strokes(6)
     report = refine([recorded(t, q, friction(v) + 0.03 * np.abs(a), 6)], drive=DRIVE).report
