@@ -9,7 +9,7 @@ import numpy as np
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.evidence import advantage, held_out_residual, rms
 from friction_comp.refinement.fitting import Term
-from friction_comp.refinement.selection import ALPHA, Step
+from friction_comp.refinement.trial import ALPHA, Step
 
 # Plateaus of Eq. 6 that differ by less are drawn as they are: the note's three drives do.
 WORTH_A_NAME = 0.10

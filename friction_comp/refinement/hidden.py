@@ -1,18 +1,30 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Inertia that something larger hides: looked for beside whatever position and time may do."""
+"""What the search for one effect at a time passes over: hidden inertia, and pairs of effects."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.evidence import held_out_residual, rms
 from friction_comp.refinement.fitting import robust_scale, Term
+from friction_comp.refinement.trial import (
+    ALPHA,
+    chance_of,
+    LEAST_SHARE,
+    mean_loss,
+    polish,
+    Step,
+    try_kind,
+)
 
 INERTIA = EFFECTS['inertia']
 _POSITIONS, _TIMES = 16, 12
 # Residuals this many times the noise from sample to sample may hide an effect.
 _LOUD = 1.5
+# Effects that a second one is tried beside.
+_FIRSTS = 3
 
 
 def nuisance_of(samples):
@@ -76,3 +88,87 @@ def with_inertia(fits):
     """Return fits with inertia, None where its sign would be wrong."""
     grown = [fit.with_term(Term(INERTIA, {})) for fit in fits]
     return grown if all(fit.coefficients[-1] > 0 for fit in grown) else None
+
+
+def hidden_inertia(data, fits, residual, kinds):
+    """Return a step for inertia that a larger effect without a name hides, None if there is none.
+
+    Parameters
+    ----------
+    data : Data
+    fits : list of Fit
+    residual : ndarray, shape (N,)
+    kinds : list of type
+        What may be tried still.
+    """
+    if INERTIA not in kinds or not loud(data, residual):
+        return None
+    free = beside_nuisance(data, fits)
+    without = held_out_residual(data, free)
+    trial = try_kind(data, free, without, INERTIA)
+    if trial is None or trial.p_value > chance_of(INERTIA, len(kinds)):
+        return None
+    loss = mean_loss(data, without)
+    grown = with_inertia(fits)
+    if grown is None or trial.advantage < LEAST_SHARE * loss:
+        return None
+    return Step(INERTIA, grown, rms(held_out_residual(data, grown)[data.usable]), {
+        'loss_reduction': trial.advantage / loss,
+        'standard_errors': trial.advantage / max(trial.error, 1e-300),
+        'p_value': trial.p_value, 'candidates': len(kinds),
+        'beside': 'free levels over position and time, since something larger has no name'})
+
+
+def together(data, fits, residual, trials, kinds, least):
+    """Return two steps for effects that help only together, none if there are no such.
+
+    Load torque that is not in the model hides friction that grows with the load, and the other way
+    round: neither lowers the held-out error alone. A second effect is tried beside each of those
+    that fit best where they were fitted.
+
+    Parameters
+    ----------
+    data : Data
+    fits : list of Fit
+    residual : ndarray, shape (N,)
+    trials : list of Trial
+        Of one effect each.
+    kinds : list of type
+        What may be tried.
+    least : float
+        Advantage in A² that is worth a name.
+
+    Returns
+    -------
+    list of Step
+    """
+    if not loud(data, residual):
+        return []
+
+    def fitted(trial):
+        return sum(float(np.mean(np.abs(fit.residual[fit.index]))) for fit in trial.fits)
+    firsts = sorted(trials, key=fitted)[:_FIRSTS]
+    best, first = None, None
+    for trial in firsts:
+        for kind in kinds:
+            if kind is trial.kind and not kind.repeatable:
+                continue
+            pair = try_kind(data, trial.fits, residual, kind)
+            if pair is not None and (best is None or pair.advantage > best.advantage):
+                best, first = pair, trial
+    loss = mean_loss(data, residual)
+    if best is None:
+        return []
+    polish(data, residual, best)
+    number = _FIRSTS * len(kinds)
+    if best.p_value > ALPHA / number or best.advantage < max(2.0 * LEAST_SHARE * loss, least):
+        return []
+    evidence = {'loss_reduction': best.advantage / loss,
+                'standard_errors': best.advantage / max(best.error, 1e-300),
+                'p_value': best.p_value, 'candidates': number}
+    steps = []
+    for trial, other in ((first, best), (best, first)):
+        steps.append(Step(
+            trial.kind, trial.fits, rms(held_out_residual(data, trial.fits)[data.usable]),
+            {**evidence, 'together_with': other.kind.name}))
+    return steps

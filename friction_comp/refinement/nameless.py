@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from friction_comp.model.effects.base import sign
+from friction_comp.refinement.trial import chance_of, try_kind
 
 # So many times as much as the best effect with a name has a product to explain; less where that
 # effect needs several numbers more to do so.
@@ -113,3 +114,28 @@ def better(trial, named, limit):
     simpler = trial.kind is not Change and best.complexity > _SIMPLE + trial.complexity
     share = _AS_MUCH if simpler else _CLEARLY
     return trial.advantage > share * best.advantage
+
+
+def best_product(data, fits, residual, named, least):
+    """Return the product that explains most, None where an effect with a name does as well.
+
+    Parameters
+    ----------
+    data : Data
+    fits : list of Fit
+    residual : ndarray, shape (N,)
+    named : list of Trial
+        Of the effects with a name.
+    least : float
+        Advantage in A² that is worth a word.
+    """
+    best = None
+    products = products_for(data)
+    for kind in products:
+        trial = try_kind(data, fits, residual, kind)
+        if trial is None or trial.advantage < least:
+            continue
+        if better(trial, named, chance_of(kind, len(products))) and (
+                best is None or trial.advantage > best.advantage):
+            best = trial
+    return best.kind if best else None

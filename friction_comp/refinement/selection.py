@@ -4,116 +4,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from friction_comp.refinement import newton
-from friction_comp.refinement.candidates import best_term, kinds_for, plausible
+from friction_comp.refinement.candidates import kinds_for
 from friction_comp.refinement.evidence import advantage, held_out_residual, rms
-from friction_comp.refinement.fitting import huber_loss, robust_scale, Term
-from friction_comp.refinement.hidden import beside_nuisance, INERTIA, loud, with_inertia
-from friction_comp.refinement.nameless import better, products_for
+from friction_comp.refinement.fitting import robust_scale
+from friction_comp.refinement.hidden import hidden_inertia, together
+from friction_comp.refinement.nameless import best_product
+from friction_comp.refinement.trial import (
+    ALPHA,
+    chance_of,
+    LEAST_SHARE,
+    least_share,
+    LEAST_SIZE,
+    mean_loss,
+    polish,
+    Step,
+    try_kind,
+)
 
-# Chance of any wrong effect in a step, over all candidates together.
-ALPHA = 0.01
-# An effect has to lower the held-out loss by this share (the error by half of it), or it is not
-# worth its place: less may be a base that is not quite of the right shape.
-LEAST_SHARE = 0.04
-# The same for a lag of a sample or two, which may be how the signals were sampled.
-_SHARE_OF_SHORT_LAG = 0.16
-# Nor one whose current is a smaller share of the signal than this: no drive is known as well.
-LEAST_SIZE = 0.003
-# Every drive has inertia, so that half of the chance is kept for it and the others share the rest.
-_EXPECTED = 'inertia'
 _MOST_EFFECTS = 10
 _POLISHED = 3
-
-
-@dataclass
-class Trial:
-    """A candidate effect, fitted in both folds."""
-
-    kind: type
-    fits: list
-    residual: np.ndarray
-    advantage: float = 0.0
-    error: float = 0.0
-    p_value: float = 1.0
-
-    @property
-    def complexity(self):
-        """Number of coefficients and searched constants."""
-        term = self.fits[0].terms[-1]
-        searched = sum(how is not None for how in term.kind.constants.values())
-        free = term.kind.columns(self.fits[0].samples.take(slice(0, 3)), **term.constants).shape[1]
-        return searched + free
-
-
-@dataclass
-class Step:
-    """An effect that was added: how, and what else would have done nearly as well."""
-
-    kind: type
-    fits: list
-    held_out_rmse: float
-    evidence: dict
-    rivals: list = field(default_factory=list)
-
-
-def try_kind(data, fits, residual, kind):
-    """Fit one more effect in both folds; None where it makes no sense.
-
-    A fold may hold too little of the effect to tell its variant (a bump crossed in one direction
-    only). Where the folds disagree, either's variant is tried in both.
-    """
-    terms = [best_term(fit, kind) for fit in fits]
-    if any(term is None for term in terms):
-        return None
-    choices = [terms]
-    fixed = [name for name, how in kind.constants.items() if how is None and name != 'transition']
-    if any(terms[0].constants[name] != terms[1].constants[name] for name in fixed):
-        for term in terms:
-            if 'lag' in term.constants:
-                choices.append([term, term])
-                continue
-            variant = {name: term.constants[name] for name in fixed}
-            choices.append([
-                fit.search(Term(kind, {**own.constants, **variant}))[0]
-                for fit, own in zip(fits, terms)])
-    best = None
-    for choice in choices:
-        grown = [fit.with_term(term) for fit, term in zip(fits, choice)]
-        if not all(plausible(fit) for fit in grown):
-            continue
-        trial = Trial(kind, grown, held_out_residual(data, grown))
-        trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
-        if best is None or trial.advantage > best.advantage:
-            best = trial
-    return best
-
-
-def least_share(trial, data):
-    """Return the share of the loss that an effect has to take away to be worth its place.
-
-    A lag of a sample or two may be how the signals were sampled, and asks for more.
-    """
-    if trial.kind.name != 'actuation_lag':
-        return LEAST_SHARE
-    lag = min(abs(fit.terms[-1].constants['lag']) for fit in trial.fits)
-    return LEAST_SHARE if lag > 2.0 * data.scene.sample_time else _SHARE_OF_SHORT_LAG
-
-
-def chance_of(kind, number):
-    """Return the p-value an effect must stay below as one of a number tried (Bonferroni)."""
-    return 0.5 * ALPHA if kind.name == _EXPECTED else 0.5 * ALPHA / max(number - 1, 1)
-
-
-def polish(data, residual, trial, thorough=False):
-    """Adjust all constants of a trial together and count its advantage anew."""
-    trial.fits = [(newton.polished if thorough else newton.polish)(fit) for fit in trial.fits]
-    trial.residual = held_out_residual(data, trial.fits)
-    trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+# A product of variables is tried against effects with a name in so many steps, and has to lower
+# the loss of all of them to this share.
+_PRODUCT_ROUNDS, _PRODUCT = 3, 0.9
+# Share of the loss that an effect beside a product has to take away to keep its name.
+_BESIDE = 0.25
 
 
 def select(data, fits, report=None):
@@ -131,14 +50,55 @@ def select(data, fits, report=None):
     -------
     list of Step
     list of type
-        Products of variables that explain more than any effect with a name: see `nameless`.
+        A product of variables without which the effects with a name cannot do: see `nameless`.
     """
-    steps, nameless = [], []
+    steps, product = greedy(data, fits, report)
+    if product is None:
+        return steps, []
+    residual = held_out_residual(data, fits)
+    trial = try_kind(data, fits, residual, product)
+    if trial is None:
+        return steps, []
+    place = len(fits[0].terms)
+    beside, _ = greedy(data, trial.fits, report)
+    named = held_out_residual(data, steps[-1].fits if steps else fits)
+    nameless = held_out_residual(data, beside[-1].fits if beside else trial.fits)
+    poorer = [fit.without(place) for fit in (beside[-1].fits if beside else trial.fits)]
+    scale = robust_scale(nameless[data.usable])
+    losses = [mean_loss(data, values, scale)
+              for values in (nameless, named, held_out_residual(data, poorer))]
+    if not losses[0] < _PRODUCT * min(losses[1:]):
+        return steps, []
+    # What is small beside something that is only traced may well be its rest.
+    while beside and beside[-1].evidence['loss_reduction'] < _BESIDE:
+        beside.pop()
+    steps = []
+    for step in beside:
+        bare = [fit.without(place) for fit in step.fits]
+        steps.append(replace(
+            step, fits=bare, held_out_rmse=rms(held_out_residual(data, bare)[data.usable])))
+    return steps, [product]
+
+
+def greedy(data, fits, report=None):
+    """Add the best effect again and again, and take back what has become needless.
+
+    Parameters
+    ----------
+    data, fits, report
+        As for `select`.
+
+    Returns
+    -------
+    list of Step
+    type or None
+        The product of variables, if any, that explained more than every effect with a name.
+    """
+    steps, product = [], None
     residual = held_out_residual(data, fits)
     least = (LEAST_SIZE * rms(data.samples.current[data.usable])) ** 2
     while len(steps) < _MOST_EFFECTS:
-        loss = float(np.mean(huber_loss(residual, robust_scale(residual[data.usable]))[
-            data.usable]))
+        loss = mean_loss(data, residual)
         kinds = kinds_for(data, fits[0].terms)
         trials = []
         for number, kind in enumerate(kinds):
@@ -150,23 +110,18 @@ def select(data, fits, report=None):
         trials.sort(key=lambda trial: -trial.advantage)
         for trial in trials[:_POLISHED]:
             polish(data, residual, trial)
+        if product is None and len(steps) < _PRODUCT_ROUNDS:
+            product = best_product(data, fits, residual, trials, max(LEAST_SHARE * loss, least))
         worthy = [trial for trial in trials
                   if trial.p_value < chance_of(trial.kind, len(kinds))
                   and trial.advantage > max(least_share(trial, data) * loss, least)]
-        for product in products_for(data):
-            trial = None if product in nameless else try_kind(data, fits, residual, product)
-            if trial is not None and better(trial, trials, chance_of(product, len(kinds))) and (
-                    trial.advantage > max(LEAST_SHARE * loss, least)):
-                nameless.append(product)
-        taken = {variable for product in nameless for variable in product.variables}
-        worthy = [trial for trial in worthy
-                  if trial.kind is INERTIA or trial.kind.variable not in taken]
         if not worthy:
             hidden = hidden_inertia(data, fits, residual, kinds)
-            if hidden is None:
+            found = [hidden] if hidden else together(data, fits, residual, trials, kinds, least)
+            if not found:
                 break
-            steps.append(hidden)
-            fits = hidden.fits
+            steps += found
+            fits = found[-1].fits
             residual = held_out_residual(data, fits)
             continue
         chosen = simplest_of_the_best(data, worthy)
@@ -180,36 +135,7 @@ def select(data, fits, report=None):
              'standard_errors': chosen.advantage / max(chosen.error, 1e-300),
              'p_value': chosen.p_value, 'candidates': len(kinds)}, rivals))
         residual = polished
-    return prune(data, steps, least), nameless
-
-
-def hidden_inertia(data, fits, residual, kinds):
-    """Return a step for inertia that a larger effect without a name hides, None if there is none.
-
-    Parameters
-    ----------
-    data : Data
-    fits : list of Fit
-    residual : ndarray, shape (N,)
-    kinds : list of type
-        What may be tried still.
-    """
-    if INERTIA not in kinds or not loud(data, residual):
-        return None
-    free = beside_nuisance(data, fits)
-    without = held_out_residual(data, free)
-    trial = try_kind(data, free, without, INERTIA)
-    if trial is None or trial.p_value > chance_of(INERTIA, len(kinds)):
-        return None
-    loss = float(np.mean(huber_loss(without, robust_scale(without[data.usable]))[data.usable]))
-    grown = with_inertia(fits)
-    if grown is None or trial.advantage < LEAST_SHARE * loss:
-        return None
-    return Step(INERTIA, grown, rms(held_out_residual(data, grown)[data.usable]), {
-        'loss_reduction': trial.advantage / loss,
-        'standard_errors': trial.advantage / max(trial.error, 1e-300),
-        'p_value': trial.p_value, 'candidates': len(kinds),
-        'beside': 'free levels over position and time, since something larger has no name'})
+    return prune(data, steps, least), product
 
 
 def prune(data, steps, least):
@@ -228,7 +154,7 @@ def prune(data, steps, least):
         first = len(fits[0].terms) - len(steps)
         poorer = [fit.without(first + place) for fit in fits]
         full = held_out_residual(data, fits)
-        loss = float(np.mean(huber_loss(full, robust_scale(full[data.usable]))[data.usable]))
+        loss = mean_loss(data, full)
         missed, _, p_value = advantage(data, held_out_residual(data, poorer), full)
         if missed < 3.0 * max(LEAST_SHARE * loss, least):
             poorer = [newton.polished(fit) for fit in poorer]

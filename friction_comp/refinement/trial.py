@@ -1,0 +1,126 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""One more effect on trial: fitted in both folds, and how sure it is that it helps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from friction_comp.refinement import newton
+from friction_comp.refinement.candidates import best_term, plausible
+from friction_comp.refinement.evidence import advantage, held_out_residual
+from friction_comp.refinement.fitting import huber_loss, robust_scale, Term
+
+# Chance of any wrong effect in a step, over all candidates together.
+ALPHA = 0.01
+# An effect has to lower the held-out loss by this share (the error by half of it), or it is not
+# worth its place: less may be a base that is not quite of the right shape.
+LEAST_SHARE = 0.04
+# The same for a lag of a sample or two, which may be how the signals were sampled.
+_SHARE_OF_SHORT_LAG = 0.16
+# Nor one whose current is a smaller share of the signal than this: no drive is known as well.
+LEAST_SIZE = 0.003
+# Every drive has inertia, so that half of the chance is kept for it and the others share the rest.
+_EXPECTED = 'inertia'
+
+
+@dataclass
+class Trial:
+    """A candidate effect, fitted in both folds."""
+
+    kind: type
+    fits: list
+    residual: np.ndarray
+    advantage: float = 0.0
+    error: float = 0.0
+    p_value: float = 1.0
+
+    @property
+    def complexity(self):
+        """Number of coefficients and searched constants."""
+        term = self.fits[0].terms[-1]
+        searched = sum(how is not None for how in term.kind.constants.values())
+        free = term.kind.columns(self.fits[0].samples.take(slice(0, 3)), **term.constants).shape[1]
+        return searched + free
+
+
+@dataclass
+class Step:
+    """An effect that was added: how, and what else would have done nearly as well."""
+
+    kind: type
+    fits: list
+    held_out_rmse: float
+    evidence: dict
+    rivals: list = field(default_factory=list)
+
+
+def try_kind(data, fits, residual, kind):
+    """Fit one more effect in both folds; None where it makes no sense.
+
+    A fold may hold too little of the effect to tell its variant (a bump crossed in one direction
+    only). Where the folds disagree, either's variant is tried in both.
+    """
+    terms = [best_term(fit, kind) for fit in fits]
+    if any(term is None for term in terms):
+        return None
+    choices = [terms]
+    fixed = [name for name, how in kind.constants.items() if how is None and name != 'transition']
+    if any(terms[0].constants[name] != terms[1].constants[name] for name in fixed):
+        for term in terms:
+            if 'lag' in term.constants:
+                choices.append([term, term])
+                continue
+            variant = {name: term.constants[name] for name in fixed}
+            choices.append([
+                fit.search(Term(kind, {**own.constants, **variant}))[0]
+                for fit, own in zip(fits, terms)])
+    best = None
+    for choice in choices:
+        grown = [fit.with_term(term) for fit, term in zip(fits, choice)]
+        if not all(plausible(fit) for fit in grown):
+            continue
+        trial = Trial(kind, grown, held_out_residual(data, grown))
+        trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+        if best is None or trial.advantage > best.advantage:
+            best = trial
+    return best
+
+
+def least_share(trial, data):
+    """Return the share of the loss that an effect has to take away to be worth its place.
+
+    A lag of a sample or two may be how the signals were sampled, and asks for more.
+    """
+    if trial.kind.name != 'actuation_lag':
+        return LEAST_SHARE
+    lag = min(abs(fit.terms[-1].constants['lag']) for fit in trial.fits)
+    return LEAST_SHARE if lag > 2.0 * data.scene.sample_time else _SHARE_OF_SHORT_LAG
+
+
+def chance_of(kind, number):
+    """Return the p-value an effect must stay below as one of a number tried (Bonferroni)."""
+    return 0.5 * ALPHA if kind.name == _EXPECTED else 0.5 * ALPHA / max(number - 1, 1)
+
+
+def polish(data, residual, trial, thorough=False):
+    """Adjust all constants of a trial together and count its advantage anew."""
+    trial.fits = [(newton.polished if thorough else newton.polish)(fit) for fit in trial.fits]
+    trial.residual = held_out_residual(data, trial.fits)
+    trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+
+
+def mean_loss(data, residual, scale=None):
+    """Return the mean Huber loss of the usable samples, A².
+
+    Parameters
+    ----------
+    data : Data
+    residual : ndarray, shape (N,)
+    scale : float, optional
+        Standard deviation in A beyond which it is linear; that of the residual when omitted.
+    """
+    values = residual[data.usable]
+    return float(np.mean(huber_loss(values, scale or robust_scale(values))))
