@@ -115,6 +115,9 @@ def earlier(values, samples, lag):
 def delayed(values, samples, time_constant):
     """Return values behind a first-order low pass, as a filter in the sensor makes them.
 
+    A negative time constant undoes such a low pass: what a current was before an actuator made
+    torque of it.
+
     Parameters
     ----------
     values : ndarray, shape (N,) or (N, M)
@@ -126,6 +129,12 @@ def delayed(values, samples, time_constant):
     if not time_constant:
         return values
     result = np.array(values, dtype=float)
+    if time_constant < 0.0:
+        for part in samples.segments():
+            if part.stop - part.start > 1:
+                result[part] -= time_constant * np.gradient(
+                    result[part], max(samples.sample_time, 1e-9), axis=0)
+        return result
     keep = math.exp(-max(samples.sample_time, 1e-9) / time_constant)
     for part in samples.segments():
         stretch = result[part]

@@ -105,7 +105,8 @@ class FrictionModel:
         for effect in self.effects:
             if effect.name == 'actuation_lag':
                 lag = effect.values['lag']
-                return (0.0, lag) if effect.values['first_order'] else (lag, 0.0)
+                side = effect.values['first_order']
+                return (0.0, side * lag) if side else (lag, 0.0)
         return 0.0, 0.0
 
     def to_dict(self):

@@ -44,8 +44,6 @@ def best_term(fit, kind):
     Term or None
         None where the data offer nothing to search.
     """
-    if kind.name == 'actuation_lag':
-        return _best_lag(fit, kind)
     every = max(1, len(fit.index) // _COARSE_ROWS)
     if 'frequency' in kind.constants:
         points = _ripples(fit, kind)
@@ -95,9 +93,14 @@ def _ripples(fit, kind):
     return points
 
 
-def _best_lag(fit, kind):
-    if any(term.kind is kind for term in fit.terms):
-        return None
+def lags(fit, kind):
+    """Return the best lag of each of its forms: a delay, and a low pass either way.
+
+    Returns
+    -------
+    list of Term or None
+        None where a form does not help.
+    """
     every = max(1, len(fit.index) // _COARSE_ROWS)
     index, weights = fit.index[::every], fit.weights[::every]
     goal = fit.target[index]
@@ -107,14 +110,15 @@ def _best_lag(fit, kind):
         residual = goal - inner @ solve(inner, goal, weights)
         return float(weights @ residual ** 2)
     matrix = np.hstack(fit.parts)
-    best, least = None, error(matrix)
+    without = error(matrix)
+    best = dict.fromkeys((0.0, 1.0, -1.0), (None, without))
     for constants in kind.grid(fit.data.scene):
-        lag = constants['lag']
-        if constants['first_order']:
-            trial = delayed(matrix, fit.samples, lag)
+        lag, side = constants['lag'], constants['first_order']
+        if side:
+            trial = delayed(matrix, fit.samples, side * lag)
         else:
             trial = earlier(matrix, fit.samples, lag)
         size = error(trial)
-        if size < least:
-            best, least = constants, size
-    return Term(kind, best) if best else None
+        if size < best[side][1]:
+            best[side] = (Term(kind, constants), size)
+    return [term for term, _ in best.values()]

@@ -130,8 +130,8 @@ class Fit:
         """Lag of the motion and time constant of the smoothing in s, from the term for them."""
         for term in self.terms:
             if 'lag' in term.constants:
-                lag, smoothed = term.constants['lag'], term.constants['first_order']
-                return (0.0, lag) if smoothed else (lag, 0.0)
+                lag, side = term.constants['lag'], term.constants['first_order']
+                return (0.0, side * lag) if side else (lag, 0.0)
         return 0.0, 0.0
 
     def base(self):

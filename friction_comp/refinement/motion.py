@@ -30,7 +30,7 @@ def excerpt(samples, *masks):
 
 
 def choose_differentiation(samples, clipped):
-    """Return the settings whose motion explains the current best, by sigmoid and inertia."""
+    """Return the settings whose motion explains the current best, by a plain model."""
     samples, clipped = excerpt(samples, clipped)
     best = None
     thin = max(1, len(samples) // 20000)
@@ -170,8 +170,13 @@ def lagging(samples, moving):
 
 def _motion_error(part, transition):
     v = part.velocity
-    matrix = np.column_stack((
-        np.ones_like(v), np.tanh(v / transition), v, part.acceleration))
+    side = np.tanh(v / transition)
+    columns = [np.ones_like(v), side, v, part.acceleration, np.cos(part.position),
+               np.sin(part.position)]
+    if part.load is not None:
+        # A load that is not in the model would drown what the bandwidth changes.
+        columns += [part.load, np.abs(part.load) * side]
+    matrix = np.column_stack(columns)
     weights = np.ones(len(v))
     for _ in range(3):
         residual = part.current - matrix @ solve(matrix, part.current, weights)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from friction_comp.refinement import newton
-from friction_comp.refinement.candidates import best_term, plausible
+from friction_comp.refinement.candidates import best_term, lags, plausible
 from friction_comp.refinement.evidence import advantage, held_out_residual
 from friction_comp.refinement.fitting import huber_loss, robust_scale, Term
 
@@ -63,6 +63,8 @@ def try_kind(data, fits, residual, kind):
     A fold may hold too little of the effect to tell its variant (a bump crossed in one direction
     only). Where the folds disagree, either's variant is tried in both.
     """
+    if kind.name == 'actuation_lag':
+        return _lag(data, fits, residual, kind)
     terms = [best_term(fit, kind) for fit in fits]
     if any(term is None for term in terms):
         return None
@@ -70,9 +72,6 @@ def try_kind(data, fits, residual, kind):
     fixed = [name for name, how in kind.constants.items() if how is None and name != 'transition']
     if any(terms[0].constants[name] != terms[1].constants[name] for name in fixed):
         for term in terms:
-            if 'lag' in term.constants:
-                choices.append([term, term])
-                continue
             variant = {name: term.constants[name] for name in fixed}
             choices.append([
                 fit.search(Term(kind, {**own.constants, **variant}))[0]
@@ -85,6 +84,20 @@ def try_kind(data, fits, residual, kind):
         trial = Trial(kind, grown, held_out_residual(data, grown))
         trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
         if best is None or trial.advantage > best.advantage:
+            best = trial
+    return best
+
+
+def _lag(data, fits, residual, kind):
+    """Return the trial of the form of lag that helps most, its lag adjusted with all else."""
+    best = None
+    for choice in zip(*(lags(fit, kind) for fit in fits)):
+        if any(term is None for term in choice):
+            continue
+        trial = Trial(kind, [fit.with_term(term) for fit, term in zip(fits, choice)], residual)
+        polish(data, residual, trial)
+        if all(plausible(fit) for fit in trial.fits) and (
+                best is None or trial.advantage > best.advantage):
             best = trial
     return best
 
