@@ -14,12 +14,15 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import newton
 from friction_comp.refinement.data import Data
-from friction_comp.refinement.fitting import huber_loss
+from friction_comp.refinement.fitting import huber_loss, Term
 
 # More samples than this gain nothing, and would cost memory.
 _MOST_SAMPLES = 200_000
 # Losses in motion that differ by less are as good as each other.
 _AS_GOOD = 1.01
+_NEARLY_AS_GOOD = 1.05
+# The longest lag tried, s.
+_LONGEST_LAG = 0.15
 
 
 def final_fit(data, fits):
@@ -33,52 +36,94 @@ def final_fit(data, fits):
     return settled(newton.upright(best[1]))
 
 
-def settled(fit):
-    """Return the fit with the change of sign around standstill as all samples show it.
+class _Judge:
+    """Errors of fits in motion and everywhere, compared with those of a first one.
 
     Samples beside standstill do not decide which effects there are, since a joint that sticks
     tells nothing of friction. Without them, though, how fast friction changes its sign is a guess,
-    and an effect may differ from the sigmoid in it for no reason. Of all ways that explain the
-    motion as well, the one is taken that fits best where the joint starts, stops and turns round.
+    an effect may differ from the sigmoid in it for no reason, and one form of a lag is as good as
+    another. Of all ways that explain the motion as well, the one is taken that fits best where the
+    joint starts, stops and turns round.
     """
-    data, rows = fit.data, fit.data.usable
-    limit = float(np.quantile(np.abs(fit.residual), 0.999))
 
-    def errors(candidate):
-        size = np.abs(candidate.residual)
-        return (float(np.mean(huber_loss(candidate.residual[rows], fit.scale))),
-                float(np.mean(np.minimum(size, limit) ** 2)))
+    def __init__(self, fit, slack):
+        self._scale, self._rows = fit.scale, fit.data.usable
+        self._limit = float(np.quantile(np.abs(fit.residual), 0.999))
+        in_motion, self._least = self.errors(fit)
+        self._allowed = slack * in_motion
+        self.best = fit
 
-    def changed(steepness, transition):
-        twin = fit.copy()
-        twin.steepness, twin.transition = float(steepness), float(transition)
-        twin.shift = fit.shift * fit.steepness / twin.steepness
-        twin.fill()
-        twin.solve(3)
-        return twin
-    allowed, least = errors(fit)
-    allowed *= _AS_GOOD
-    best = fit
-    speed = data.scene.speed
+    def errors(self, fit):
+        """Return the loss in motion and the bounded mean square everywhere, A²."""
+        size = np.minimum(np.abs(fit.residual), self._limit)
+        return (float(np.mean(huber_loss(fit.residual[self._rows], self._scale))),
+                float(np.mean(size ** 2)))
+
+    def hear(self, fit):
+        """Keep a fit if it is the best so far; return what to make small."""
+        in_motion, everywhere = self.errors(fit)
+        if in_motion > self._allowed:
+            return everywhere + 1e3 * (in_motion - self._allowed)
+        if everywhere < self._least:
+            self.best, self._least = fit, everywhere
+        return everywhere
+
+
+def with_steepness(fit, steepness):
+    """Return the fit with friction of all terms changing sign as steeply as that, solved."""
+    twin = fit.copy()
+    twin.steepness, twin.transition = float(steepness), 2.0 / float(steepness)
+    twin.shift = fit.shift * fit.steepness / twin.steepness
+    twin.fill()
+    twin.solve(3)
+    return twin
+
+
+def settled(fit):
+    """Return the fit with the change of sign around standstill as all samples show it."""
+    fit = lag_settled(fit)
+    judge, speed = _Judge(fit, _AS_GOOD), fit.data.scene.speed
 
     def tried(logarithm):
-        nonlocal best, least
-        steepness = np.exp(logarithm)
-        twin = changed(steepness, 2.0 / steepness)
-        in_motion, everywhere = errors(twin)
-        if in_motion <= allowed and everywhere < least:
-            best, least = twin, everywhere
-        return everywhere if in_motion <= allowed else everywhere + 1e3 * (in_motion - allowed)
+        return judge.hear(with_steepness(fit, np.exp(logarithm)))
     grid = np.log(np.geomspace(8.0 / speed, 2000.0 / speed, 14))
-    scores = [tried(value) for value in grid]
-    place = grid[int(np.argmin(scores))]
+    place = grid[int(np.argmin([tried(value) for value in grid]))]
     step = grid[1] - grid[0]
     minimize_scalar(tried, bounds=(place - step, place + step), method='bounded',
                     options={'maxiter': 8})
-    if best is fit:
+    if judge.best is fit:
         return fit
-    best.solve()
-    return best
+    judge.best.solve()
+    return judge.best
+
+
+def lag_settled(fit):
+    """Return the fit with the form and size of its lag, if it has one, as all samples show it."""
+    place = next((k for k, term in enumerate(fit.terms) if 'lag' in term.constants), None)
+    if place is None:
+        return fit
+    judge, kind = _Judge(fit, _NEARLY_AS_GOOD), fit.terms[place].kind
+    shortest, longest = fit.data.scene.sample_time, _LONGEST_LAG
+    sizes = np.geomspace(shortest, max(longest, 2.0 * shortest), 14)
+    forms = [(0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+    for steepness in (fit.steepness, 300.0 / fit.data.scene.speed):
+        for form, sign in forms:
+            for size in sizes:
+                twin = fit.copy()
+                twin.terms[place] = Term(kind, {'lag': float(sign * size), 'first_order': form})
+                judge.hear(with_steepness(twin, steepness))
+    if judge.best is fit:
+        return fit
+    near, term = judge.best, judge.best.terms[place]
+
+    def tried(ratio):
+        twin = near.copy()
+        twin.terms[place] = Term(kind, {
+            **term.constants, 'lag': float(term.constants['lag'] * np.exp(ratio))})
+        return judge.hear(with_steepness(twin, near.steepness))
+    minimize_scalar(tried, bounds=(-0.4, 0.4), method='bounded', options={'maxiter': 10})
+    judge.best.solve()
+    return judge.best
 
 
 def moved(fit, data, rows):
