@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -93,7 +94,7 @@ class Samples:
         """Return a copy with some signals replaced."""
         return replace(self, **changes)
 
-    @property
+    @cached_property
     def sample_time(self):
         """Median time step within recordings in s."""
         steps = np.diff(self.time)[np.diff(self.recording) == 0]
@@ -113,6 +114,15 @@ class Samples:
         -------
         list of slice
         """
+        if largest_gap not in self._cuts:
+            self._cuts[largest_gap] = self._cut(largest_gap)
+        return list(self._cuts[largest_gap])
+
+    @cached_property
+    def _cuts(self):
+        return {}
+
+    def _cut(self, largest_gap):
         if len(self) == 0:
             return []
         step = np.diff(self.time)

@@ -283,8 +283,9 @@ def without_blur(found, raw, clipped, model, drive, progress):
     A lag smooths, and so lowers the noise of velocities that were not smoothed enough: then it is
     no property of the drive.
     """
-    if not any(step.kind.name == 'actuation_lag' for step in found.steps) or (
-            len(raw) >= _TWICE):
+    lags = [effect for effect in found.model.effects if effect.name == 'actuation_lag']
+    # Only a low pass of the current smooths; a delay does not.
+    if not lags or lags[0].values['first_order'] <= 0.0 or len(raw) >= _TWICE:
         return found
     settings = found.model.differentiation
     plain = replace(found.model, effects=[

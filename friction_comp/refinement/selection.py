@@ -31,6 +31,8 @@ _POLISHED = 3
 # A product of variables is tried against effects with a name in so many steps, and has to lower
 # the loss of all of them to this share.
 _PRODUCT_ROUNDS, _PRODUCT = 3, 0.9
+# Pairs of effects are looked for while so few were found one by one.
+_PAIR_ROUNDS = 3
 # Share of the loss that an effect beside a product has to take away to keep its name.
 _BESIDE = 0.25
 
@@ -117,7 +119,9 @@ def greedy(data, fits, report=None):
                   and trial.advantage > max(least_share(trial, data) * loss, least)]
         if not worthy:
             hidden = hidden_inertia(data, fits, residual, kinds)
-            found = [hidden] if hidden else together(data, fits, residual, trials, kinds, least)
+            found = [hidden] if hidden else []
+            if not found and len(steps) < _PAIR_ROUNDS:
+                found = together(data, fits, residual, trials, kinds, least)
             if not found:
                 break
             steps += found
