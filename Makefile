@@ -50,7 +50,7 @@ lint: setup
 	@$(BIN)/python -m ruff check .
 
 test: lint
-	@$(BIN)/python -m pytest $(TESTS)
+	@$(BIN)/python -m pytest -n 2 --dist loadgroup $(TESTS)
 
 bench: setup
 	@set -e; for file in bench/*.py; do echo "$$file"; $(BIN)/python "$$file"; done

@@ -13,7 +13,7 @@ import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.tools import demo
-from friction_comp.tools.processes import Nodes, ros_arguments
+from friction_comp.tools.processes import interrupts_deferred, Nodes, ros_arguments
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
@@ -54,6 +54,23 @@ def alive(folder):
         except OSError:
             pass
     return found
+
+
+def test_an_interrupt_while_a_process_starts_comes_after_it():
+    done = []
+
+    def started_while_interrupted():
+        with interrupts_deferred():
+            os.kill(os.getpid(), signal.SIGINT)
+            done.append('started')
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            started_while_interrupted()
+        assert done == ['started']
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.slow

@@ -4,11 +4,13 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 from friction_comp.errors import InputError
@@ -30,6 +32,24 @@ def _yaml(value):
     if isinstance(value, (str, os.PathLike)):
         return "'" + str(value).replace("'", "''") + "'"
     return repr(value)
+
+
+@contextmanager
+def interrupts_deferred():
+    """Let an interrupt or request to end, if one comes meanwhile, take effect afterwards."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came = []
+    handlers = {number: signal.signal(number, lambda number, _: came.append(number))
+                for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 class Nodes:
@@ -66,7 +86,8 @@ class Nodes:
         parameters : dict
         """
         self._logs.mkdir(parents=True, exist_ok=True)
-        with (self._logs / f'{name}.log').open('ab') as log:
+        # Interrupted half-way, the process would be there and nobody would know of it.
+        with interrupts_deferred(), (self._logs / f'{name}.log').open('ab') as log:
             # A session of its own: an interrupt from the keyboard goes to the tool, which ends the
             # nodes in order.
             self._running[name] = subprocess.Popen(

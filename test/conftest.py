@@ -1,0 +1,18 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How tests are dealt to several processes, where pytest-xdist is there to do so."""
+
+import pytest
+
+# Tests with nodes follow one another: each drives several processes as it is.
+NODES = ('test_demo', 'test_node_', 'test_packaging')
+
+
+def pytest_collection_modifyitems(items):
+    """Keep the tests of a file, and all with nodes, in one process; nodes begin."""
+    def with_nodes(item):
+        return item.path.stem.startswith(NODES)
+    for item in items:
+        group = 'nodes' if with_nodes(item) else item.path.stem
+        item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: not with_nodes(item))
