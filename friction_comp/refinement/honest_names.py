@@ -6,11 +6,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_comp.refinement.dependence import Dependence, fallback, LEAST_STRENGTH, unexplained
+from friction_comp.refinement.dependence import (
+    Dependence,
+    fallback,
+    LEAST_STRENGTH,
+    unexplained,
+    whiteness,
+)
 from friction_comp.refinement.fitting import robust_scale
 
 # Residuals this many times the noise from sample to sample hold something that is no noise.
 LOUD = 1.5
+# Beyond so many standard deviations an error counts as if it were of that size.
+_FAR = 15.0
 # What stays below this share of that noise is not worth a word.
 LEAST_LOUD = 0.15
 # Dependence this strong may bend what else is fitted.
@@ -37,7 +45,11 @@ def left_over(data, residual, slowest, floor):
     list of Dependence
     """
     found = unexplained(data.samples, data.usable, residual, slowest, LEAST_LOUD * floor)
-    if not found and bulk(residual[data.usable]) > LOUD * floor:
+    values = residual[data.usable]
+    # Rare but large errors next to each other are no outliers of a sensor: they hold something.
+    rare = bulk(values, _FAR)
+    lasting = rare > LOUD * floor and whiteness(np.clip(values, -_FAR * floor, _FAR * floor)) > 0.3
+    if not found and (lasting or bulk(values) > LOUD * floor):
         entry = fallback(residual, data.samples, data.usable, slowest)
         if entry.strength > LEAST_STRENGTH:
             found = [entry]
@@ -71,9 +83,9 @@ def with_products(left, products):
     return first + [item for item in left if item.variable not in taken]
 
 
-def bulk(values):
-    """Return the RMS of values without their outliers."""
-    limit = 4.0 * robust_scale(values)
+def bulk(values, deviations=4.0):
+    """Return the RMS of values, those beyond so many standard deviations taken as of that size."""
+    limit = deviations * robust_scale(values)
     return float(np.sqrt(np.mean(np.clip(values, -limit, limit) ** 2)))
 
 
