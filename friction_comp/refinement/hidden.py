@@ -9,6 +9,7 @@ import numpy as np
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.evidence import held_out_residual, rms
 from friction_comp.refinement.fitting import robust_scale, Term
+from friction_comp.refinement.report import noise_floor
 from friction_comp.refinement.trial import (
     ALPHA,
     chance_of,
@@ -71,11 +72,8 @@ def loud(data, residual):
     data : Data
     residual : ndarray, shape (N,)
     """
-    whole = data.usable[2:] & data.usable[1:-1] & data.usable[:-2]
-    second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[whole]
-    if second.size < 50:
-        return False
-    return robust_scale(residual[data.usable]) > _LOUD * robust_scale(second) / np.sqrt(6.0)
+    floor = noise_floor(data.samples, data.usable, residual)
+    return robust_scale(residual[data.usable]) > _LOUD * floor
 
 
 def beside_nuisance(data, fits):
