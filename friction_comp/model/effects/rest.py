@@ -57,8 +57,9 @@ class RestTime(Effect):
         span = scene.highest - scene.lowest
         if not span > 0:
             return []
-        return [{'time_constant': constant, 'distance': distance, 'velocity': scene.slowest,
+        return [{'time_constant': constant, 'distance': distance, 'velocity': share * scene.slowest,
                  'transition': scene.transition}
+                for share in (1.0, 0.25)
                 for constant in geometric(0.3, 30.0, 5)
                 for distance in geometric(2e-3 * span, 0.2 * span, 6)]
 
