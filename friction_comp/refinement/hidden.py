@@ -7,8 +7,10 @@ from __future__ import annotations
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.candidates import plausible
 from friction_comp.refinement.evidence import held_out_residual, rms
 from friction_comp.refinement.fitting import robust_scale, Term
+from friction_comp.refinement.honest_names import LOUD
 from friction_comp.refinement.report import noise_floor
 from friction_comp.refinement.trial import (
     ALPHA,
@@ -22,8 +24,6 @@ from friction_comp.refinement.trial import (
 
 INERTIA = EFFECTS['inertia']
 _POSITIONS, _TIMES = 16, 12
-# Residuals this many times the noise from sample to sample may hide an effect.
-_LOUD = 1.5
 # Effects that a second one is tried beside.
 _FIRSTS = 3
 
@@ -73,7 +73,7 @@ def loud(data, residual):
     residual : ndarray, shape (N,)
     """
     floor = noise_floor(data.samples, data.usable, residual)
-    return robust_scale(residual[data.usable]) > _LOUD * floor
+    return robust_scale(residual[data.usable]) > LOUD * floor
 
 
 def beside_nuisance(data, fits):
@@ -85,7 +85,7 @@ def beside_nuisance(data, fits):
 def with_inertia(fits):
     """Return fits with inertia, None where its sign would be wrong."""
     grown = [fit.with_term(Term(INERTIA, {})) for fit in fits]
-    return grown if all(fit.coefficients[-1] > 0 for fit in grown) else None
+    return grown if all(plausible(fit) for fit in grown) else None
 
 
 def hidden_inertia(data, fits, residual, kinds):
@@ -111,9 +111,7 @@ def hidden_inertia(data, fits, residual, kinds):
     if grown is None or trial.advantage < LEAST_SHARE * loss:
         return None
     return Step(INERTIA, grown, rms(held_out_residual(data, grown)[data.usable]), {
-        'loss_reduction': trial.advantage / loss,
-        'standard_errors': trial.advantage / max(trial.error, 1e-300),
-        'p_value': trial.p_value, 'candidates': len(kinds),
+        **trial.evidence(loss, len(kinds)),
         'beside': 'free levels over position and time, since something larger has no name'})
 
 
@@ -161,9 +159,7 @@ def together(data, fits, residual, trials, kinds, least):
     number = _FIRSTS * len(kinds)
     if best.p_value > ALPHA / number or best.advantage < max(2.0 * LEAST_SHARE * loss, least):
         return []
-    evidence = {'loss_reduction': best.advantage / loss,
-                'standard_errors': best.advantage / max(best.error, 1e-300),
-                'p_value': best.p_value, 'candidates': number}
+    evidence = best.evidence(loss, number)
     steps = []
     for trial, other in ((first, best), (best, first)):
         steps.append(Step(

@@ -135,9 +135,7 @@ def greedy(data, fits, report=None):
         rivals = find_rivals(data, chosen, trials, residual)
         steps.append(Step(
             chosen.kind, fits, rms(polished[data.usable]),
-            {'loss_reduction': chosen.advantage / loss,
-             'standard_errors': chosen.advantage / max(chosen.error, 1e-300),
-             'p_value': chosen.p_value, 'candidates': len(kinds)}, rivals))
+            chosen.evidence(loss, len(kinds)), rivals))
         residual = polished
     return prune(data, steps, least), product
 

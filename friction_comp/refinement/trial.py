@@ -45,6 +45,20 @@ class Trial:
         free = term.kind.columns(self.fits[0].samples.take(slice(0, 3)), **term.constants).shape[1]
         return searched + free
 
+    def evidence(self, loss, candidates):
+        """Return the entry `evidence` of the report.
+
+        Parameters
+        ----------
+        loss : float
+            Mean loss in A² without the effect.
+        candidates : int
+            How many effects were tried.
+        """
+        return {'loss_reduction': self.advantage / loss,
+                'standard_errors': self.advantage / max(self.error, 1e-300),
+                'p_value': self.p_value, 'candidates': candidates}
+
 
 @dataclass
 class Step:
