@@ -33,11 +33,11 @@ from refine_table import moving  # noqa: E402
 from scipy.signal import butter, filtfilt  # noqa: E402
 
 from friction_comp.drive import Drive  # noqa: E402
-from friction_comp.procedures.sigmoid_fit import fit_sigmoid  # noqa: E402
+from friction_comp.identification.sigmoid_fit import fit_sigmoid  # noqa: E402
 from friction_comp.recordings import read_recording  # noqa: E402
 from friction_comp.refinement import predict, refine  # noqa: E402
 from friction_comp.samples import Samples  # noqa: E402
-from friction_comp.world.drives import excitation_for, random_drive, record  # noqa: E402
+from simulated_recordings.drives import excitation_for, random_drive, record  # noqa: E402
 
 SIMULATED = [
     (), ('stribeck',), ('gravity',), ('friction_ripple',), ('inertia',), ('temperature',),

@@ -35,8 +35,8 @@ from scipy.ndimage import minimum_filter1d  # noqa: E402
 from scipy.signal import butter, filtfilt  # noqa: E402
 
 from friction_comp.refinement import predict, refine  # noqa: E402
-from friction_comp.world.drive_cases import CASES  # noqa: E402
-from friction_comp.world.drives import excitation_for, random_drive, record  # noqa: E402
+from simulated_recordings.cases import CASES  # noqa: E402
+from simulated_recordings.drives import excitation_for, random_drive, record  # noqa: E402
 
 LIMIT = 1.3
 MOVING = 0.01

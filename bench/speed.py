@@ -34,11 +34,11 @@ class Steps:
     def __init__(self):
         import numpy as np
 
+        from friction_comp.compensation import law_columns, law_kernel
+        from friction_comp.compensation.law import law_parameters
         from friction_comp.model.friction_model import FrictionModel
-        from friction_comp.procedures import law_columns, law_kernel
-        from friction_comp.procedures.compensation import law_parameters
-        from friction_comp.world import kernel
-        from friction_comp.world.joint import plant_parameters, random_states
+        from friction_comp.simulation import joint_kernel as kernel
+        from friction_comp.simulation.joint import plant_parameters, random_states
 
         # The plain random numbers wrap around as meant, with a warning each.
         np.seterr(over='ignore')
@@ -102,12 +102,12 @@ def loops(joints=40):
     """Return two functions: s a sample of the loop in Python, and of the compiled one."""
     import numpy as np
 
+    from friction_comp.compensation.law import CompensationLaw, law_parameters
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.procedures.compensation import CompensationLaw, law_parameters
-    from friction_comp.world.exercise import ReferenceMovement
-    from friction_comp.world.joint import Plant, plant_parameters, random_states
-    from friction_comp.world.loop import closed_loop
-    from friction_comp.world.parallel import closed_loops
+    from friction_comp.simulation.batch import closed_loops
+    from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+    from friction_comp.simulation.loop import closed_loop
+    from friction_comp.simulation.reference_movement import ReferenceMovement
 
     model = FrictionModel.load(CONFIG)
     movement = ReferenceMovement(repetitions=1, standstill=0.5, announcement=0.5, amplitude=0.2)
@@ -133,7 +133,7 @@ def refinements():
     """Return two functions: s to refine 80 000 samples, and to refine every fourth of them."""
     from friction_comp.refinement import refine
     from friction_comp.samples import Samples
-    from friction_comp.world.drives import excitation_for, random_drive, record
+    from simulated_recordings.drives import excitation_for, random_drive, record
 
     cases = ('friction_ripple',)
     drive = random_drive(7, cases)

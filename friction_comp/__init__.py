@@ -3,10 +3,11 @@
 """Identifies, explains and compensates the friction of geared robot drives.
 
 A drive's current is a sum of effects, and the same sum predicts, explains and compensates. The
-rooms from the ground up: :mod:`friction_comp.drive` and :mod:`friction_comp.samples`,
-:mod:`friction_comp.model`, :mod:`friction_comp.procedures` and :mod:`friction_comp.refinement`,
-:mod:`friction_comp.world`; at the edges :mod:`friction_comp.recordings`,
-:mod:`friction_comp.reports`, :mod:`friction_comp.nodes` and :mod:`friction_comp.tools`.
+rooms from the ground up: :mod:`friction_comp.drive` and :mod:`friction_comp.samples`;
+:mod:`friction_comp.model`; :mod:`friction_comp.identification`, :mod:`friction_comp.compensation`,
+:mod:`friction_comp.refinement` and :mod:`friction_comp.recordings`, none of which knows another;
+:mod:`friction_comp.simulation`; :mod:`friction_comp.evaluation`, :mod:`friction_comp.reports` and
+:mod:`friction_comp.note`; at the edges :mod:`friction_comp.nodes` and :mod:`friction_comp.tools`.
 """
 
 import os

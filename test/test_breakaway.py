@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
+from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
+from friction_comp.identification.breakaway_dependence import read_breakaway_table, scatter_report
+from friction_comp.identification.excitation import current_ramp
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.procedures.breakaway import breakaway_currents, BreakawayRecords
-from friction_comp.procedures.excitation import current_ramp
-from friction_comp.procedures.scatter import read_breakaway_table, scatter_report
-from friction_comp.world import kernel
-from friction_comp.world.joint import Plant
+from friction_comp.simulation import joint_kernel as kernel
+from friction_comp.simulation.joint import Plant
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get('FRICTION_COMP_DATA', ROOT.parent / 'shared' / 'data'))

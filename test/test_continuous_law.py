@@ -8,15 +8,15 @@ import math
 import numpy as np
 import pytest
 
+from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.procedures.compensation import CompensationLaw, law_parameters
-from friction_comp.reproduction.standstill import with_breakaway_error
-from friction_comp.reproduction.trials import persons_reference
-from friction_comp.share import share_path
-from friction_comp.world import kernel
-from friction_comp.world.exercise import ReferenceMovement
-from friction_comp.world.joint import Plant, plant_parameters, random_states
-from friction_comp.world.parallel import closed_loops
+from friction_comp.note.condition_runs import persons_reference
+from friction_comp.note.standstill import with_breakaway_error
+from friction_comp.package_files import package_file
+from friction_comp.simulation import joint_kernel as kernel
+from friction_comp.simulation.batch import closed_loops
+from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+from friction_comp.simulation.reference_movement import ReferenceMovement
 
 NUMBERS = (1, 2, 3)
 SEEDS = (1, 2)
@@ -25,7 +25,7 @@ PEOPLE = 10
 
 def drive(number):
     """Return one of the note's drives in the hands of the simulation's default, stiff person."""
-    model = FrictionModel.load(share_path('config', f'armin_configuration_{number}.yaml'))
+    model = FrictionModel.load(package_file('config', f'armin_configuration_{number}.yaml'))
     simulation = {name: value for name, value in model.simulation.items() if name != 'human'}
     return replace(model, simulation=simulation)
 

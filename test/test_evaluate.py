@@ -9,9 +9,9 @@ import pytest
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
+from friction_comp.evaluation.conditions import evaluate
+from friction_comp.evaluation.movements import find_movements
 from friction_comp.recordings import write_samples
-from friction_comp.reports.evaluation import evaluate
-from friction_comp.reports.movements import find_movements
 from friction_comp.samples import Samples
 
 REST, RAMP, CRUISE, SPEED = 2.0, 0.5, 1.5, 0.4

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.procedures.excitation import (
+from friction_comp.identification.excitation import (
     at_travel,
     constant_velocity_windows,
     current_ramp,

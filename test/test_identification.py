@@ -10,15 +10,15 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.procedures.identification import (
+from friction_comp.identification.kinetic import constant_velocity_currents, merge_points
+from friction_comp.identification.run import (
     IdentificationError,
     IdentificationGoal,
     IdentificationRun,
 )
-from friction_comp.procedures.kinetic import constant_velocity_currents, merge_points
-from friction_comp.world.joint import Plant
-from friction_comp.world.undeclared import Undeclared
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.undeclared import Undeclared
 
 ROOT = Path(__file__).resolve().parents[1]
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}

@@ -23,8 +23,8 @@ from ros_system import (
     RELIABLE,
 )
 
+from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.procedures.compensation import CompensationLaw
 
 JOINTS = ['elbow', 'shoulder']
 START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 2.0,

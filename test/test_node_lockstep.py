@@ -12,12 +12,12 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from ros_system import MODELS, probe_node, Process
 
+from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.procedures.compensation import CompensationLaw
 from friction_comp.recordings.reader import read_recording_with_info
-from friction_comp.world.exercise import ReferenceMovement
-from friction_comp.world.joint import Plant
-from friction_comp.world.loop import closed_loop
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.loop import closed_loop
+from friction_comp.simulation.reference_movement import ReferenceMovement
 
 JOINT = 'elbow'
 MOVEMENT = {'amplitude': 0.5, 'speed': 0.7, 'acceleration_time': 0.2, 'standstill': 0.6,

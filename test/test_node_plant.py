@@ -17,8 +17,8 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.world.exercise import ReferenceMovement
-from friction_comp.world.joint import Plant
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.reference_movement import ReferenceMovement
 
 JOINTS = ['elbow', 'shoulder']
 pytestmark = pytest.mark.slow

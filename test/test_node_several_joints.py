@@ -10,13 +10,13 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 from ros_system import CONFIG, MODELS, own_domain, probe_node, Process
 from rosbags.highlevel import AnyReader
 
+from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.procedures.compensation import CompensationLaw
 from friction_comp.recordings.reader import read_recording_with_info
-from friction_comp.world.exercise import ReferenceMovement
-from friction_comp.world.joint import Plant
-from friction_comp.world.loop import closed_loop
-from friction_comp.world.undeclared import Undeclared
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.loop import closed_loop
+from friction_comp.simulation.reference_movement import ReferenceMovement
+from friction_comp.simulation.undeclared import Undeclared
 
 JOINTS = ['elbow', 'shoulder']
 FILES = MODELS[:2]

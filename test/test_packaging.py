@@ -18,7 +18,7 @@ import pytest
 import friction_comp
 from friction_comp import __main__ as entry
 from friction_comp.errors import InputError
-from friction_comp.share import share_path
+from friction_comp.package_files import package_file
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = {**entry.NODES, **entry.TOOLS}
@@ -196,9 +196,9 @@ def test_an_environment_with_ros_wheels_names_itself(monkeypatch, tmp_path):
 
 
 def test_share_path_finds_what_comes_with_the_package():
-    assert share_path('package.xml').is_file()
+    assert package_file('package.xml').is_file()
     with pytest.raises(InputError, match=r'no file config/nonsense\.yaml'):
-        share_path('config', 'nonsense.yaml')
+        package_file('config', 'nonsense.yaml')
 
 
 @pytest.mark.parametrize('path', LAUNCH_FILES, ids=lambda path: path.name)

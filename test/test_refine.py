@@ -17,7 +17,7 @@ from friction_comp.recordings import write_samples
 from friction_comp.refinement import predict, refine
 from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
-from friction_comp.world.drives import excitation_for, random_drive, record
+from simulated_recordings.drives import excitation_for, random_drive, record
 
 DATA = Path(os.environ.get(
     'FRICTION_COMP_DATA', Path(__file__).parents[2] / 'shared' / 'data'))

@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.procedures.compensation import CompensationLaw
+from friction_comp.note.standstill import with_breakaway_error
 from friction_comp.refinement import predict, refine
-from friction_comp.reproduction.standstill import with_breakaway_error
-from friction_comp.world.drives import excitation_for, record, SimulatedDrive
-from friction_comp.world.exercise import ReferenceMovement
-from friction_comp.world.joint import Plant
-from friction_comp.world.loop import closed_loop
-from friction_comp.world.undeclared import Undeclared
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.loop import closed_loop
+from friction_comp.simulation.reference_movement import ReferenceMovement
+from friction_comp.simulation.undeclared import Undeclared
+from simulated_recordings.drives import excitation_for, record, SimulatedDrive
 
 pytestmark = pytest.mark.slow
 

@@ -12,8 +12,8 @@ from outside_effects import OUTSIDE
 import pytest
 
 from friction_comp.refinement import predict, refine
-from friction_comp.world.drive_cases import CASES
-from friction_comp.world.drives import excitation_for, random_drive, record
+from simulated_recordings.cases import CASES
+from simulated_recordings.drives import excitation_for, random_drive, record
 
 pytestmark = pytest.mark.slow
 

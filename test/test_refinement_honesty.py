@@ -8,10 +8,10 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.model.differentiation import differentiate
 from friction_comp.refinement import predict, refine
-from friction_comp.refinement.dependence import inseparable
-from friction_comp.refinement.evidence import ranks_tail
-from friction_comp.refinement.fitting import solve
-from friction_comp.refinement.motion import velocity_against_position
+from friction_comp.refinement.fit.effect_sum import solve
+from friction_comp.refinement.judge.evidence import ranks_tail
+from friction_comp.refinement.judge.residual_dependence import inseparable
+from friction_comp.refinement.prepare.differentiation_choice import velocity_against_position
 from friction_comp.samples import Samples
 
 DRIVE = Drive(0.1, 100.0)

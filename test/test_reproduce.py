@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from friction_comp.__main__ import run
-from friction_comp.reproduction.identify import identify_breakaway
-from friction_comp.reproduction.note import EXPERIMENTS
-from friction_comp.reproduction.trials import run_trial
+from friction_comp.note.condition_runs import run_trial
+from friction_comp.note.identify import identify_breakaway
+from friction_comp.note.published import EXPERIMENTS
 
 
 @pytest.mark.parametrize('experiment', EXPERIMENTS, ids=lambda e: f'configuration {e.number}')

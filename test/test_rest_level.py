@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from friction_comp.compensation.law import CompensationLaw
+from friction_comp.compensation.rest_level import sliding_friction
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects.gravity import Gravity
@@ -15,8 +17,6 @@ from friction_comp.model.effects.ripple import FrictionRipple
 from friction_comp.model.effects.temperature import Temperature
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.procedures.compensation import CompensationLaw
-from friction_comp.procedures.rest_level import sliding_friction
 
 PLACE = 0.1
 RIPPLE = FrictionRipple({'coefficients': [0.02, 0.0], 'frequency': 20.0, 'growth': 0.0,

@@ -10,9 +10,9 @@ import pytest
 from scipy.optimize import linprog
 
 from friction_comp.errors import InputError
+from friction_comp.identification.least_absolute import least_absolute
+from friction_comp.identification.sigmoid_fit import fit_sigmoid, sigmoid_error
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.procedures.least_absolute import least_absolute
-from friction_comp.procedures.sigmoid_fit import fit_sigmoid, sigmoid_error
 
 NOTE = {
     1: (0.1101, 1.2456, 0.1359, 1.1671, 1.4959, 0.0008),

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.world.drive_cases import CASES
-from friction_comp.world.drives import Excitation, random_drive, record, SimulatedDrive
-from friction_comp.world.joint import Plant
-from friction_comp.world.undeclared import heated, Undeclared, undeclared_torque
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.undeclared import heated, Undeclared, undeclared_torque
+from simulated_recordings.cases import CASES
+from simulated_recordings.drives import Excitation, random_drive, record, SimulatedDrive
 
 # Formulas as a reader of the file format would write them: torque N·m that the motor has to
 # hold, and torque by which friction is higher, as functions of position, velocity, time, load.

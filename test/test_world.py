@@ -8,21 +8,21 @@ import math
 import numpy as np
 import pytest
 
+from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.procedures.compensation import CompensationLaw, law_parameters
-from friction_comp.share import share_path
-from friction_comp.world import kernel
-from friction_comp.world.exercise import ReferenceMovement
-from friction_comp.world.human import ReferenceHold
-from friction_comp.world.joint import Plant, plant_parameters, random_states
-from friction_comp.world.loop import closed_loop
-from friction_comp.world.parallel import closed_loops
+from friction_comp.package_files import package_file
+from friction_comp.simulation import joint_kernel as kernel
+from friction_comp.simulation.batch import closed_loops
+from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+from friction_comp.simulation.loop import closed_loop
+from friction_comp.simulation.person import ReferenceHold
+from friction_comp.simulation.reference_movement import ReferenceMovement
 
 
 def models():
     """Return the note's three drives."""
-    return [FrictionModel.load(share_path('config', f'armin_configuration_{k}.yaml'))
+    return [FrictionModel.load(package_file('config', f'armin_configuration_{k}.yaml'))
             for k in (1, 2, 3)]
 
 

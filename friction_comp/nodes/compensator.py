@@ -12,12 +12,10 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Int8MultiArray
 
+from friction_comp.compensation.law import CompensationLaw, LAWS
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.nodes.held import Direction, MotorTemperature
-from friction_comp.nodes.parameters import declare, declare_joints, load_models
-from friction_comp.nodes.running import run
-from friction_comp.nodes.streams import (
+from friction_comp.nodes.joint_io import (
     AGAIN,
     CommandPort,
     input_qos,
@@ -26,7 +24,9 @@ from friction_comp.nodes.streams import (
     nanoseconds,
     NEW,
 )
-from friction_comp.procedures.compensation import CompensationLaw, LAWS
+from friction_comp.nodes.node_main import run
+from friction_comp.nodes.parameters import declare, declare_joints, load_models
+from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 
 
 class CompensatorNode(LifecycleNode):

@@ -17,9 +17,7 @@ from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
-from friction_comp.nodes.parameters import declare, declare_joints
-from friction_comp.nodes.running import run
-from friction_comp.nodes.streams import (
+from friction_comp.nodes.joint_io import (
     input_qos,
     JointColumns,
     NANO,
@@ -27,7 +25,9 @@ from friction_comp.nodes.streams import (
     RELIABLE,
     set_stamp,
 )
-from friction_comp.world.exercise import ReferenceMovement
+from friction_comp.nodes.node_main import run
+from friction_comp.nodes.parameters import declare, declare_joints
+from friction_comp.simulation.reference_movement import ReferenceMovement
 
 # Each end of a connection finds the other in its own time; real s.
 _MOMENT = 0.5

@@ -9,8 +9,8 @@ import math
 from rcl_interfaces.msg import ParameterDescriptor
 
 from friction_comp.errors import InputError
+from friction_comp.identification.run import IdentificationGoal
 from friction_comp.nodes.parameters import declare
-from friction_comp.procedures.identification import IdentificationGoal
 
 # 4 to 100 deg/s, the note's range.
 DEFAULT_SPEEDS = [math.radians(v) for v in (4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80.0, 100.0)]

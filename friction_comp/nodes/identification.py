@@ -18,12 +18,10 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState, Temperature
 
 from friction_comp.errors import InputError
+from friction_comp.identification.run import IdentificationRun
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.goals import declare_defaults, fill_result, make_goal
-from friction_comp.nodes.held import MotorTemperature
-from friction_comp.nodes.parameters import declare, declare_joints, load_models
-from friction_comp.nodes.running import run
-from friction_comp.nodes.streams import (
+from friction_comp.nodes.joint_io import (
     AGAIN,
     CommandPort,
     input_qos,
@@ -32,7 +30,9 @@ from friction_comp.nodes.streams import (
     nanoseconds,
     NEW,
 )
-from friction_comp.procedures.identification import IdentificationRun
+from friction_comp.nodes.node_main import run
+from friction_comp.nodes.parameters import declare, declare_joints, load_models
+from friction_comp.nodes.slow_inputs import MotorTemperature
 
 # Real time in s between looks whether joint_states have a publisher at all: in simulated time,
 # which rests with its publisher, nothing else would tell.

@@ -16,12 +16,12 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
+from friction_comp.nodes.joint_io import JointColumns, NANO, nanoseconds, RELIABLE, set_stamp
+from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
-from friction_comp.nodes.running import run
-from friction_comp.nodes.streams import JointColumns, NANO, nanoseconds, RELIABLE, set_stamp
-from friction_comp.world.human import ReferenceHold
-from friction_comp.world.joint import Plant
-from friction_comp.world.undeclared import Undeclared
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.person import ReferenceHold
+from friction_comp.simulation.undeclared import Undeclared
 
 # Real time between looks at a plant in lockstep that waits. What it waits for is asked for again
 # at the second look in vain: in between, everything that had arrived has been taken in.

@@ -17,9 +17,9 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
+from friction_comp.nodes.joint_io import input_qos, NANO
+from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare
-from friction_comp.nodes.running import run
-from friction_comp.nodes.streams import input_qos, NANO
 from friction_comp.recordings.writer import RecordingWriter
 
 STATES = 'joint_states'

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_comp.reports.evaluation import evaluate
+from friction_comp.evaluation.conditions import evaluate
 from friction_comp.reports.figures import band, COLOURS, new_figure
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.refinement_report import (
@@ -22,7 +22,7 @@ from friction_comp.reports.refinement_report import (
 _COLOURS = ('grey', 'blue', 'orange', 'green')
 
 
-class Trial:
+class EvaluatedTrial:
     """One recorded trial, evaluated on its own.
 
     Parameters
@@ -110,7 +110,7 @@ def demo_report(trials, refined, model, undeclared):
 
     Parameters
     ----------
-    trials : list of Trial
+    trials : list of EvaluatedTrial
         Without compensation, with the kinetic term, compensated, with the refined model.
     refined : RefineResult
     model : FrictionModel

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.refinement.spectrum import highest_frequency, position_spectrum
+from friction_comp.refinement.search.spectrum import highest_frequency, position_spectrum
 from friction_comp.reports.figures import COLOURS, new_figure, scatter
 from friction_comp.reports.html import number, Report
 

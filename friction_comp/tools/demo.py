@@ -19,10 +19,10 @@ from rich.console import Console
 from rich.table import Table
 
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
-from friction_comp.reports.demo_report import demo_report, residuals, table_rows, Trial
-from friction_comp.share import share_path
+from friction_comp.reports.demo_report import demo_report, EvaluatedTrial, residuals, table_rows
 from friction_comp.tools.common import Arguments, progress, to_json, whole_number
 from friction_comp.tools.processes import Nodes
 
@@ -100,9 +100,9 @@ class Demo:
         self._arguments = arguments
         self._output = arguments.output.absolute()
         self._console = Console(highlight=False)
-        self._true_model = share_path('config', 'armin_configuration_1.yaml')
+        self._true_model = package_file('config', 'armin_configuration_1.yaml')
         self._undeclared = (arguments.undeclared
-                            or share_path('config', 'undeclared_example.yaml')).absolute()
+                            or package_file('config', 'undeclared_example.yaml')).absolute()
         self._began = time.monotonic()
         self._speeds = []
 
@@ -206,7 +206,7 @@ class Demo:
             self._speeds.append((last[0] - began[0], last[1] - began[1]))
         self._ros.forget('exercise')
         self._nodes.stop('recorder')
-        trial = Trial(name, title, read_recording(
+        trial = EvaluatedTrial(name, title, read_recording(
             self._output / 'recordings' / name, JOINT, *self._drive())[0])
         self._say(f'trial with {title}: peak {trial.peak_torque:.2f} N·m, '
                   f'RMS {trial.rms_torque:.2f} N·m')

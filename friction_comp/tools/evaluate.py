@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
+from friction_comp.evaluation.conditions import evaluate
 from friction_comp.recordings import read_recording_with_info
-from friction_comp.reports.evaluation import evaluate
 from friction_comp.reports.evaluation_report import evaluation_report, summary
 from friction_comp.reports.html import number
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json

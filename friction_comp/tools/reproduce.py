@@ -10,10 +10,10 @@ import multiprocessing
 from rich.console import Console
 from rich.table import Table
 
-from friction_comp.reproduction.experiment_set import run_experiment
-from friction_comp.reproduction.identify import identify_table
-from friction_comp.reproduction.note import EXPERIMENTS
-from friction_comp.reproduction.report import reproduction_report
+from friction_comp.note.experiment_set import run_experiment
+from friction_comp.note.identify import identify_table
+from friction_comp.note.note_report import reproduction_report
+from friction_comp.note.published import EXPERIMENTS
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json, whole_number
 
 DESCRIPTION = """Repeat all of the technical note's experiments on simulated joints, and print its

@@ -1,0 +1,191 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What an identification is asked for, and what comes out of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.identification.breakaway import BreakawayRecords
+from friction_comp.identification.breakaway_dependence import scatter_report
+from friction_comp.identification.excitation import LARGEST_SPEED, ramp_peak
+from friction_comp.model.friction_model import Breakaway, FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+
+USED_SHARE = 0.9
+"""Share of the motion range that the profiles use; the rest is for the controller's errors."""
+
+
+class IdentificationError(InputError):
+    """The drive did not do what identification needs; the text says what and what to change."""
+
+
+@dataclass(frozen=True)
+class IdentificationGoal:
+    """Speeds, range and ramps of one identification.
+
+    Parameters
+    ----------
+    speeds : sequence of float
+        Constant velocities ω_c in rad/s. Each is driven in both directions, so signs and
+        repeated magnitudes are dropped; at least two different ones.
+    motion_range : float
+        Width in rad of the range about the position at the start that the joint may use.
+    ramp_slope : float
+        Gradient s of Eq. 8 in A/s.
+    ramp_period : float
+        T of Eq. 8 in s.
+    breakaway_cycles : int
+        Ramps per direction.
+    velocity_cycles : int
+        Cycles of Eq. 3 per speed.
+    largest_speed : float
+        Bound on |ω_c| in rad/s; the note's is 100 deg/s.
+    longest_cycle : float
+        Slow speeds use part of the range only, so that a cycle takes no longer than this, in s.
+        Infinity follows Eq. 5 to the letter, at 2.5·range/speed per cycle.
+
+    Raises
+    ------
+    InputError
+        Naming the entry and what is wrong with it.
+    """
+
+    speeds: tuple
+    motion_range: float = 1.0
+    ramp_slope: float = 0.1
+    ramp_period: float = 10.0
+    breakaway_cycles: int = 20
+    velocity_cycles: int = 1
+    largest_speed: float = LARGEST_SPEED
+    longest_cycle: float = 20.0
+
+    def __post_init__(self):
+        try:
+            speeds = [abs(float(speed)) for speed in self.speeds]
+        except (TypeError, ValueError):
+            raise InputError(f'speeds must be numbers, not {self.speeds!r}') from None
+        if not all(map(math.isfinite, speeds)) or any(speed == 0.0 for speed in speeds):
+            raise InputError(f'speeds must be finite and not zero, not {list(self.speeds)}')
+        speeds = sorted({round(speed, 9) for speed in speeds})
+        if len(speeds) < 2:
+            raise InputError('speeds: at least two different magnitudes are needed')
+        for name in ('motion_range', 'ramp_slope', 'ramp_period', 'largest_speed'):
+            value = getattr(self, name)
+            if (isinstance(value, bool) or not isinstance(value, (int, float))
+                    or not math.isfinite(value) or value <= 0.0):
+                raise InputError(f'{name} must be positive and finite, not {value!r}')
+        if not self.longest_cycle > 0.0:
+            raise InputError(f'longest_cycle must be positive, not {self.longest_cycle!r}')
+        for name in ('breakaway_cycles', 'velocity_cycles'):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100_000:
+                raise InputError(f'{name} must be a whole number from 1 to 100000, not {value!r}')
+        if speeds[-1] > 1.01 * self.largest_speed:
+            raise InputError(
+                f'speeds: {speeds[-1]:g} rad/s is above the limit of {self.largest_speed:g} rad/s')
+        if self.ramp_period < 1.0:
+            raise InputError(f'ramp_period must be at least 1 s, not {self.ramp_period:g} s')
+        object.__setattr__(self, 'speeds', tuple(speeds))
+        shortest = 0.3 * self.cycle(speeds[-1])[0]
+        if shortest < 0.12:
+            raise InputError(
+                f'motion_range: {self.motion_range:g} rad leaves {shortest:.2g} s of constant '
+                f'velocity at {speeds[-1]:g} rad/s, 0.12 s are needed')
+
+    def cycle(self, speed):
+        """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""
+        width = min(USED_SHARE * self.motion_range, 0.4 * speed * self.longest_cycle)
+        return 2.5 * width / speed, width
+
+    @property
+    def ramp_peak(self):
+        """Largest current in A that the ramps reach."""
+        return ramp_peak(self.ramp_slope, self.ramp_period)
+
+    def check(self, drive):
+        """Raise InputError where the drive cannot do what is asked."""
+        if self.ramp_peak > drive.current_limit:
+            raise InputError(
+                f'ramp_slope and ramp_period: the ramps would reach {self.ramp_peak:g} A, above '
+                f'the current limit of {drive.current_limit:g} A')
+
+
+@dataclass(frozen=True)
+class IdentificationResult:
+    """Everything identification found.
+
+    Attributes
+    ----------
+    points : list of KineticPoint
+        The look-up table in ascending speed, negative speeds first.
+    sigmoid : Sigmoid
+        Fit of Eq. 6.
+    sigmoid_error : float
+        E of Eq. 7 in A.
+    breakaway : Breakaway
+    records : BreakawayRecords
+        Every single breakaway.
+    acceleration_per_current : float
+        k_t·n/J as found by a short push, rad/s² per A; accurate to some tens of percent.
+    goal : IdentificationGoal
+    warnings : list of str
+    """
+
+    points: list
+    sigmoid: Sigmoid
+    sigmoid_error: float
+    breakaway: Breakaway
+    records: BreakawayRecords
+    acceleration_per_current: float
+    goal: IdentificationGoal
+    warnings: list = field(default_factory=list)
+
+    @property
+    def speeds(self):
+        """Speeds of the look-up table, rad/s, shape (N,)."""
+        return np.array([point.speed for point in self.points])
+
+    @property
+    def currents(self):
+        """Mean currents of the look-up table, A, shape (N,)."""
+        return np.array([point.current for point in self.points])
+
+    @property
+    def standard_deviations(self):
+        """Standard deviations of the current, A, shape (N,)."""
+        return np.array([point.standard_deviation for point in self.points])
+
+    @property
+    def coefficients(self):
+        """c1..c6 of Eq. 6 with velocity in rad/s."""
+        return self.sigmoid.coefficients()
+
+    def lookup_table(self):
+        """Return the look-up table as the model file holds it."""
+        return {'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
+                'standard_deviations': self.standard_deviations.tolist()}
+
+    def scatter(self):
+        """Return what the breakaway currents' scatter depends on, a `ScatterReport`."""
+        return scatter_report(self.records)
+
+    def model(self, drive, joint=''):
+        """Return the `FrictionModel` of the drive; the caller saves it."""
+        return FrictionModel(
+            drive=drive, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,
+            lookup_table=self.lookup_table(),
+            notes={
+                'source': 'identification: constant velocities and current ramps',
+                'sigmoid_error': self.sigmoid_error,
+                'motion_range': self.goal.motion_range,
+                'ramp_slope': self.goal.ramp_slope,
+                'ramp_period': self.goal.ramp_period,
+                'breakaway_cycles': self.goal.breakaway_cycles,
+                'breakaway_scatter': self.scatter().sentences(),
+                'warnings': list(self.warnings),
+            })

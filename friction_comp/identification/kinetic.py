@@ -1,0 +1,125 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Mean currents at constant velocity: the look-up table of section 2.3."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.identification.excitation import constant_velocity_windows
+
+SETTLING = 0.25
+"""Time in s that a constant-velocity phase is given to settle; at most 60 % of the phase."""
+
+
+@dataclass(frozen=True)
+class KineticPoint:
+    """One entry of the look-up table.
+
+    Attributes
+    ----------
+    speed : float
+        ω_c as asked for, rad/s, signed.
+    current : float
+        Mean motor current in A, the share that accelerates the joint taken off.
+    standard_deviation : float
+        Of the measured current over the phase, A.
+    actual_speed : float
+        Mean velocity over the phase, rad/s.
+    unsteadiness : float
+        Largest deviation of position from a straight line over the phase, as a share of the
+        way that the joint went.
+    samples : int
+    """
+
+    speed: float
+    current: float
+    standard_deviation: float
+    actual_speed: float
+    unsteadiness: float
+    samples: int
+
+
+def constant_velocity_currents(time, position, current, speed, cycle_time,
+                               acceleration_per_current=None, settling=SETTLING):
+    """Average the current over the two constant-velocity phases of one cycle of Eq. 3.
+
+    Parameters
+    ----------
+    time : array_like, shape (N,)
+        Time since the cycle began in s.
+    position, current : array_like, shape (N,)
+        rad, measured motor current in A.
+    speed, cycle_time : float
+        ω_c in rad/s and T in s.
+    acceleration_per_current : float, optional
+        k_t·n/J in rad/s² per A. With it the small current that still accelerates the joint
+        during the phase is taken off the mean.
+    settling : float
+        s.
+
+    Returns
+    -------
+    tuple of KineticPoint
+        At +ω_c and at -ω_c.
+
+    Raises
+    ------
+    InputError
+        If a phase holds fewer than ten samples.
+    """
+    time, position, current = (
+        np.asarray(values, dtype=float) for values in (time, position, current))
+    points = []
+    for sign, (begin, end) in zip((1.0, -1.0), constant_velocity_windows(cycle_time, settling)):
+        chosen = (time >= begin) & (time <= end)
+        count = int(np.sum(chosen))
+        if count < 10:
+            raise InputError(
+                f'speed {sign * speed:g} rad/s: the constant-velocity phase holds {count} samples, '
+                'too few to average')
+        t = time[chosen] - np.mean(time[chosen])
+        x, i = position[chosen], current[chosen]
+        bend, slope, _ = np.polyfit(t, x, 2)
+        mean = float(np.mean(i))
+        if acceleration_per_current is not None:
+            mean -= 2.0 * bend / acceleration_per_current
+        straight = x - np.polyval(np.polyfit(t, x, 1), t)
+        way = max(abs(slope) * (t[-1] - t[0]), 1e-12)
+        points.append(KineticPoint(
+            speed=sign * speed, current=mean, standard_deviation=float(np.std(i)),
+            actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / way),
+            samples=count))
+    return tuple(points)
+
+
+def merge_points(points):
+    """Average repeated speeds and sort: the look-up table's entries in ascending speed.
+
+    Parameters
+    ----------
+    points : iterable of KineticPoint
+
+    Returns
+    -------
+    list of KineticPoint
+    """
+    groups = {}
+    for point in points:
+        groups.setdefault(round(point.speed, 9), []).append(point)
+    merged = []
+    for speed in sorted(groups):
+        group = groups[speed]
+        weights = np.array([point.samples for point in group], dtype=float)
+        means = np.array([point.current for point in group])
+        mean = float(np.average(means, weights=weights))
+        spread = np.array([point.standard_deviation for point in group])
+        variance = float(np.average(spread ** 2 + (means - mean) ** 2, weights=weights))
+        merged.append(KineticPoint(
+            speed=speed, current=mean, standard_deviation=variance ** 0.5,
+            actual_speed=float(np.average([p.actual_speed for p in group], weights=weights)),
+            unsteadiness=max(point.unsteadiness for point in group), samples=int(weights.sum())))
+    return merged

@@ -1,0 +1,208 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Identification of a drive, sample by sample (note, sections 2.3 and 2.4).
+
+Whatever calls `IdentificationRun.update` once a sample runs the procedure, be it a ROS node or a
+plain loop. The procedure itself is `identification_script.Script`; here are the safety about it,
+its progress, and the evaluation of what it measured.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
+from friction_comp.identification.goal import (
+    IdentificationError,
+    IdentificationGoal,
+    IdentificationResult,
+)
+from friction_comp.identification.kinetic import merge_points
+from friction_comp.identification.script import Sample, Script
+from friction_comp.identification.sigmoid_fit import fit_sigmoid
+
+__all__ = ['IdentificationError', 'IdentificationGoal', 'IdentificationResult',
+           'IdentificationRun']
+
+LONGEST_GAP = 0.25      # s without a sample after which the joint is out of control
+
+
+class IdentificationRun:
+    """One identification, from standstill to zero current.
+
+    Call `update` with every sample and apply the current that it returns, until `finished`. Then
+    `result()` fits the model.
+
+    Parameters
+    ----------
+    goal : IdentificationGoal
+    drive : Drive
+
+    Attributes
+    ----------
+    phase : str
+        'standstill', 'push', 'velocity', 'travel', 'breakaway', 'done', or 'failed'.
+    progress : float
+        0 to 1, never falling.
+    remaining : float
+        Estimated time to the end in s.
+    finished : bool
+        Whether the measurement is complete.
+    error : str
+        Why the run failed; empty while it has not.
+
+    Raises
+    ------
+    InputError
+        If the drive cannot do what the goal asks for.
+    """
+
+    def __init__(self, goal, drive):
+        goal.check(drive)
+        self.goal, self.drive = goal, drive
+        self.error, self.finished = '', False
+        self.progress, self.remaining = 0.0, math.nan
+        self.warnings = []
+        self._script = Script(goal, drive)
+        self._steps = self._script.run()
+        next(self._steps)
+        self._begin, self._last, self._command, self._result = None, None, 0.0, None
+
+    @property
+    def phase(self):
+        """What the run is doing."""
+        if self.error:
+            return 'failed'
+        return 'done' if self.finished else self._script.phase
+
+    def update(self, time, position, velocity=None, current=0.0, temperature=None):
+        """Take one sample of the joint and return the current to apply.
+
+        Parameters
+        ----------
+        time : float
+            s, on any time base; a sample that is not newer than the last one changes nothing.
+        position : float
+            rad.
+        velocity : float, optional
+            Not used: the position is finer.
+        current : float
+            Measured motor current in A.
+        temperature : float, optional
+            Motor temperature in degrees Celsius.
+
+        Returns
+        -------
+        float
+            A; zero when finished.
+
+        Raises
+        ------
+        IdentificationError
+            When the joint leaves its range, the encoder fails, or the drive does not do what
+            identification needs. From then on every call returns zero.
+        """
+        if self.finished or self.error:
+            return 0.0
+        try:
+            self._check(time, position)
+            if self._last is not None and time <= self._last:
+                return self._command
+            command = self._steps.send(Sample(
+                float(time), float(position),
+                float(current) if math.isfinite(current) else math.nan,
+                math.nan if temperature is None else float(temperature)))
+        except StopIteration:
+            self.finished = True
+            self.progress, self.remaining, self._command = 1.0, 0.0, 0.0
+            return 0.0
+        except Exception as error:
+            self.abort(str(error))
+            raise
+        self._last = float(time)
+        self._estimate()
+        limit = self.drive.current_limit
+        self._command = min(max(command, -limit), limit)
+        return self._command
+
+    def abort(self, reason='cancelled'):
+        """End the run: every later `update` returns zero current."""
+        if not self.finished:
+            self.error, self._command, self.remaining = reason or 'cancelled', 0.0, 0.0
+            self._steps.close()
+
+    def result(self):
+        """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
+
+        Raises
+        ------
+        IdentificationError
+            If the run is not finished, or too many ramps show no breakaway.
+        """
+        if not self.finished:
+            raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
+        if self._result is None:
+            script = self._script
+            points = merge_points(script.points)
+            sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
+            self.warnings = list(script.warnings)
+            records = self._records()
+            self._result = IdentificationResult(
+                points=points, sigmoid=sigmoid, sigmoid_error=error,
+                breakaway=records.statistics(), records=records,
+                acceleration_per_current=script.acceleration, goal=self.goal,
+                warnings=list(self.warnings))
+        return self._result
+
+    def _check(self, time, position):
+        if not math.isfinite(time):
+            raise IdentificationError('the time of a sample is not finite')
+        if not math.isfinite(position):
+            raise IdentificationError('the joint position is not finite: encoder failure')
+        if self._last is not None and abs(time - self._last) > LONGEST_GAP:
+            what = 'no sample for' if time > self._last else 'time went back by'
+            raise IdentificationError(
+                f'{what} {abs(time - self._last):.2g} s; {LONGEST_GAP} s are tolerated')
+        centre = self._script.centre
+        if centre is not None and abs(position - centre) > 0.5 * self.goal.motion_range:
+            raise IdentificationError(
+                f'the joint left its motion range of {self.goal.motion_range:g} rad')
+
+    def _estimate(self):
+        """Renew `remaining` and `progress`, ten times a second of the joint's time."""
+        if self._begin is None:
+            self._begin = self._estimated = self._last
+        elif self._last - self._estimated < 0.1:
+            return
+        self._estimated = self._last
+        elapsed = self._last - self._begin
+        self.remaining = self._script.remaining()
+        share = elapsed / max(elapsed + self.remaining, 1e-9)
+        self.progress = max(self.progress, min(0.999, share))
+
+    def _records(self):
+        """Evaluate the ramps."""
+        resolution = self.drive.position_resolution
+        parts, lost = [], 0
+        for sign, cycle, rest, samples in self._script.ramps:
+            good = np.isfinite(samples[:, 2])
+            time, position, current, warmth = samples[good].T
+            command = sign * np.maximum(time - time[0], 1e-6)
+            part = breakaway_currents(time, position, current, command=command,
+                                      temperature=warmth, resolution=resolution)
+            if len(part) == 0:
+                lost += 1
+                continue
+            part.rest_time[:] = rest
+            part.cycle[:] = cycle
+            parts.append(part)
+        count = len(self._script.ramps)
+        if lost > 0.1 * count:
+            raise IdentificationError(
+                f'{lost} of {count} ramps show no clear breakaway: the joint creeps; '
+                'ask for a steeper ramp_slope')
+        if lost:
+            self.warnings.append(f'{lost} of {count} ramps show no clear breakaway')
+        return BreakawayRecords.join(parts)

@@ -1,0 +1,335 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The movements of an identification, as a script that yields currents and is handed samples.
+
+`Script.run` is the whole procedure of sections 2.3 and 2.4 in order; the methods below it are its
+steps. Each ``yield`` is one sample of the joint. What is measured is left in attributes.
+"""
+
+from __future__ import annotations
+
+from collections import deque, namedtuple
+import math
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.identification.excitation import at_position, at_ramp, at_travel, at_velocity
+from friction_comp.identification.goal import IdentificationError
+from friction_comp.identification.kinetic import constant_velocity_currents
+from friction_comp.identification.push import acceleration_of_push
+from friction_comp.identification.velocity_control import (
+    BANDWIDTH,
+    LIMIT,
+    velocity_controller_parameters,
+    velocity_controller_state,
+    velocity_controller_step,
+)
+
+STILL_TIME = 0.2        # s of standstill asked for before each ramp
+STILL_PATIENCE = 10.0   # s to come to rest
+CUT_SPEED = 0.05        # rad/s at which a ramp is cut: well beyond the run-away that is looked for
+PUSH_SPEED = 0.3        # rad/s that the inertia's short push aims at
+# Stick-slip asks for higher gains, a joint with more lag than expected for lower ones.
+GAIN_LADDER = (1.0, 1.7, 0.3)
+REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
+
+Sample = namedtuple('Sample', 'time position current temperature')
+
+
+class Script:
+    """The steps of one identification and what they measured.
+
+    Parameters
+    ----------
+    goal : IdentificationGoal
+    drive : Drive
+
+    Attributes
+    ----------
+    phase : str
+        What is being done.
+    sample : Sample or None
+        The latest sample handed to the script.
+    centre : float or None
+        Position at the start in rad; the motion range lies about it.
+    acceleration : float
+        k_t·n/J in rad/s² per A as found by the push; NaN before.
+    points : list of KineticPoint
+    ramps : list of (int, int, float, ndarray)
+        Direction, cycle, rest time before in s, samples as rows of `Sample`.
+    warnings : list of str
+    """
+
+    def __init__(self, goal, drive):
+        self.goal, self.drive = goal, drive
+        self.phase, self.warnings = 'standstill', []
+        self.sample, self.centre, self.acceleration = None, None, math.nan
+        self.points, self.ramps = [], []
+        self._resolution = drive.position_resolution or 1e-6
+        self._push = {1: 0.0, -1: 0.0}     # current that overcomes friction, per direction
+        self._reached = {1: 0.5, -1: 0.5}  # share of the ramp at which the joint broke free
+        self._speeds_done = 0
+        _compile()
+
+    def remaining(self):
+        """Return the estimated time to the end in s."""
+        goal, left = self.goal, 0.0
+        for speed in goal.speeds[self._speeds_done:]:
+            duration, width = goal.cycle(speed)
+            left += goal.velocity_cycles * (
+                duration + self._travel_time(0.5 * width) + STILL_TIME)
+        ramps = 2 * goal.breakaway_cycles - len(self.ramps)
+        share = 0.5 * (self._reached[1] + self._reached[-1])
+        return left + ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
+
+    def run(self):
+        """Yield currents, be handed samples; the whole of sections 2.3 and 2.4 in order."""
+        sample = yield 0.0
+        self.centre, self.sample = sample.position, sample
+        yield from self._standstill(STILL_TIME)
+        self.phase = 'push'
+        rates = []
+        for sign in (1, -1):
+            rates.append((yield from self._short_push(sign)))
+        self.acceleration = self._combine(rates)
+        self._check_accelerations()
+        for speed in self.goal.speeds:
+            yield from self._constant_velocity(speed)
+            self._speeds_done += 1
+        if len({abs(point.speed) for point in self.points}) < 2:
+            raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
+        yield from self._travel(self.centre)
+        for cycle in range(self.goal.breakaway_cycles):
+            for sign in (1, -1):
+                if abs(self.sample.position - self.centre) > 0.2 * self.goal.motion_range:
+                    yield from self._travel(self.centre)
+                self.phase = 'breakaway'
+                yield from self._ramp(sign, cycle)
+        yield from self._standstill(STILL_TIME)
+
+    def _step(self, command):
+        """Apply a current and return the next sample."""
+        sample = yield command
+        self.sample = sample
+        return sample
+
+    def _standstill(self, duration):
+        """Wait at zero current until the joint has stood for `duration`; return for how long."""
+        sample = self.sample
+        begin, still_since, place = sample.time, sample.time, sample.position
+        while sample.time - still_since < duration:
+            if sample.time - begin > STILL_PATIENCE + duration:
+                raise IdentificationError(
+                    'the joint does not come to rest at zero current: it is driven by gravity, '
+                    'pushed, or rings')
+            sample = yield from self._step(0.0)
+            if abs(sample.position - place) > 2.5 * self._resolution:
+                still_since, place = sample.time, sample.position
+        return sample.time - still_since
+
+    def _short_push(self, sign):
+        """Break the joint free, push it a little, let it coast; return k_t·n/J or NaN."""
+        peak = self.goal.ramp_peak
+        slope = peak / 3.0
+        yield from self._standstill(STILL_TIME)
+        sample = self.sample
+        begin, home = sample.time, sample.position
+        window = deque([sample], maxlen=200)
+        while True:
+            current = slope * (sample.time - begin)
+            if current > peak:
+                self._never_free(sign, peak)
+            sample = yield from self._step(sign * current)
+            window.append(sample)
+            if _speed(window, sign, 0.01) > PUSH_SPEED / 10.0 and (
+                    sign * (sample.position - home) > 8.0 * self._resolution):
+                break
+        self._push[sign] = sign * current
+        strong = min(1.3 * current, self.drive.current_limit)
+        room = sample.position + sign * 0.04 * self.goal.motion_range
+        pushed, begin = [sample], sample.time
+        while (sign * (sample.position - room) < 0.0 and sample.time - begin < 1.0
+               and _speed(pushed, sign, 0.004) < PUSH_SPEED):
+            sample = yield from self._step(sign * strong)
+            pushed.append(sample)
+        coasted = [sample]
+        while _speed(coasted, sign, 0.02) > 0.0 or len(coasted) < 25:
+            sample = yield from self._step(0.0)
+            coasted.append(sample)
+            if sample.time - coasted[0].time > 2.0:
+                break
+        yield from self._standstill(STILL_TIME)
+        return acceleration_of_push(pushed, coasted, strong, sign)
+
+    def _combine(self, rates):
+        """The larger of the two estimates; from the breakaway current alone where both failed."""
+        # A joint that its own breakaway torque accelerates at 10 rad/s² is typical.
+        typical = 10.0 / max(self._push[1], -self._push[-1])
+        rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
+        if not rates:
+            self.warnings.append('the inertia could not be estimated; a typical one was assumed')
+            return typical
+        return max(rates)
+
+    def _check_accelerations(self):
+        push = max(self._push[1], -self._push[-1])
+        for speed in self.goal.speeds:
+            needed = push + 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
+            if needed > 0.9 * self.drive.current_limit:
+                raise IdentificationError(
+                    f'{speed:g} rad/s within {self.goal.motion_range:g} rad would take about '
+                    f'{needed:.2g} A to accelerate, the current limit is '
+                    f'{self.drive.current_limit:g} A: lower the speed or widen the range')
+
+    def _controller(self, bandwidth, speed):
+        # The encoder's single counts must not make the current rattle by more than friction.
+        push = min(self._push[1], -self._push[-1])
+        quiet = math.sqrt(0.06 * push * self.acceleration / self._resolution)
+        return velocity_controller_parameters(
+            self.acceleration, self.drive.current_limit,
+            self._expected(1, speed), self._expected(-1, speed),
+            bandwidth=max(min(bandwidth, quiet), 5.0)), velocity_controller_state()
+
+    def _follow(self, reference, duration, allowance, speed, factor=1.0):
+        """Follow reference(t) -> (position, velocity) and return the samples, times from zero."""
+        parameters, state = self._controller(factor * BANDWIDTH, speed)
+        begin, last = self.sample.time, self.sample.time - 1e-3
+        samples, sample = [], self.sample
+        while sample.time - begin < duration:
+            position, velocity = reference(sample.time - begin)
+            command = velocity_controller_step(
+                parameters, state, position, velocity, sample.position, sample.time - last)
+            if abs(position - sample.position) > allowance:
+                raise IdentificationError(
+                    f'the joint lags {abs(position - sample.position):.3g} rad behind its '
+                    f'reference at {abs(command):.3g} A: blocked, encoder stuck, or current limit '
+                    f'({parameters[LIMIT]:g} A) too low')
+            last = sample.time
+            sample = yield from self._step(command)
+            samples.append(sample)
+        return begin, samples
+
+    def _travel(self, target):
+        """Go to a position and stand still there."""
+        start = self.sample.position
+        distance = target - start
+        if abs(distance) > 0.01 * self.goal.motion_range:
+            self.phase = 'travel'
+            duration = self._travel_time(distance)
+
+            def reference(t):
+                position, velocity = at_travel(t, distance, duration)
+                return start + position, velocity
+
+            yield from self._follow(
+                reference, duration, max(0.5 * abs(distance), 0.05 * self.goal.motion_range),
+                speed=0.5 * self.goal.speeds[0])
+        yield from self._standstill(STILL_TIME)
+
+    def _travel_time(self, distance):
+        return max(1.875 * abs(distance) / min(0.5, self.goal.speeds[-1]), 0.5)
+
+    def _constant_velocity(self, speed):
+        """Drive the cycles of Eq. 3 at one speed and average over the constant phases."""
+        for _ in range(self.goal.velocity_cycles):
+            points = None
+            for factor in GAIN_LADDER:
+                points = yield from self._one_cycle(speed, factor)
+                if points is not None:
+                    break
+            if points is None:
+                self.warnings.append(
+                    f'{speed:g} rad/s left out: the joint sticks and slips or swings at it')
+                return
+            self.points.extend(points)
+
+    def _expected(self, sign, speed):
+        """Current that friction will ask for at a speed, by the table so far."""
+        known = [point for point in self.points if point.speed * sign > 0.0][-2:]
+        if not known:
+            return self._push[sign]
+        current, last = known[-1].current, known[-1]
+        if last.speed != known[0].speed:
+            rise = (last.current - known[0].current) / (last.speed - known[0].speed)
+            current += max(rise, 0.0) * (sign * speed - last.speed)
+        return current if current * sign > 0.0 else self._push[sign]
+
+    def _one_cycle(self, speed, factor):
+        """Drive one cycle of Eq. 3; return its table entries, None where the speed swung."""
+        duration, width = self.goal.cycle(speed)
+        yield from self._travel(self.centre - 0.5 * width)
+        self.phase = 'velocity'
+        start = self.sample.position
+
+        def reference(t):
+            return start + at_position(t, speed, duration), at_velocity(t, speed, duration)
+
+        begin, samples = yield from self._follow(
+            reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
+        columns = np.array([sample[:3] for sample in samples]).T
+        return self._evaluate(columns, begin, speed, duration)
+
+    def _evaluate(self, columns, begin, speed, duration):
+        """Return the two table entries, None where the speed was not held."""
+        time, position, current = columns[0] - begin, columns[1], columns[2]
+        good = np.isfinite(current)
+        if np.mean(good) < 0.95:
+            raise IdentificationError('the measured current is not finite')
+        try:
+            points = constant_velocity_currents(
+                time[good], position[good], current[good], speed, duration, self.acceleration)
+        except InputError as error:
+            raise IdentificationError(str(error)) from None
+        for point in points:
+            if (abs(point.actual_speed / point.speed - 1.0) > 0.1
+                    or point.unsteadiness > 0.1):
+                return None
+        return points
+
+    def _ramp(self, sign, cycle):
+        """Raise the current along Eq. 8 until the joint runs away, then let it come to rest."""
+        goal = self.goal
+        rest = yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
+        sample = self.sample
+        begin, home, samples = sample.time, sample.position, [sample]
+        window = deque([sample], maxlen=200)
+        farthest = 0.2 * goal.motion_range
+        while True:
+            elapsed = sample.time - begin
+            if elapsed > 0.4 * goal.ramp_period:
+                self._never_free(sign, goal.ramp_peak)
+            sample = yield from self._step(sign * at_ramp(elapsed, goal.ramp_slope,
+                                                          goal.ramp_period))
+            samples.append(sample)
+            window.append(sample)
+            way = sign * (sample.position - home)
+            if way > farthest or (way > 8.0 * self._resolution
+                                  and _speed(window, sign, 0.02) > CUT_SPEED):
+                break
+        self._reached[sign] = min(1.0, elapsed / (0.4 * goal.ramp_period))
+        self.ramps.append((sign, cycle, rest, np.array(samples)))
+
+    def _never_free(self, sign, reached):
+        side = 'positive' if sign > 0 else 'negative'
+        raise IdentificationError(
+            f'the joint did not break free in the {side} direction up to {reached:.3g} A: ask for '
+            'a steeper ramp_slope or a longer ramp_period')
+
+
+def _speed(samples, sign, window):
+    """Speed in the direction `sign` over the last `window` seconds; 0 while they are too few."""
+    last = samples[-1]
+    for k in range(len(samples) - 2, -1, -1):
+        elapsed = last.time - samples[k].time
+        if elapsed >= 0.999 * window:
+            return sign * (last.position - samples[k].position) / elapsed
+    return 0.0
+
+
+def _compile():
+    """Have every kernel of the control loop compiled before the first sample comes."""
+    at_position(0.1, 1.0, 1.0), at_velocity(0.1, 1.0, 1.0), at_ramp(0.1, 1.0, 1.0)
+    at_travel(0.1, 1.0, 1.0)
+    velocity_controller_step(velocity_controller_parameters(1.0, 1.0),
+                             velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)

@@ -1,0 +1,121 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Section 2.6: ten repetitions each way by a simulated person, with and without compensation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from friction_comp.compensation import law_columns
+from friction_comp.compensation.law import law_parameters
+from friction_comp.evaluation.conditions import evaluate
+from friction_comp.samples import Samples
+from friction_comp.simulation import joint_kernel as kernel
+from friction_comp.simulation.batch import closed_loops
+from friction_comp.simulation.joint import plant_parameters, random_states
+
+SAMPLE_TIME = 1e-3
+REPETITIONS = 10
+CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
+# What nobody does twice alike: standard deviations of the person's stiffness (relative), of the
+# instant at which the movement begins, s, and of its speed (relative).
+STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
+_FRICTION = (
+    kernel.UPPER, kernel.LOWER, kernel.VISCOUS, kernel.FLOOR_POSITIVE, kernel.FLOOR_NEGATIVE,
+    kernel.BREAK_POSITIVE, kernel.BREAK_NEGATIVE, kernel.STD_POSITIVE, kernel.STD_NEGATIVE)
+
+
+@dataclass(frozen=True)
+class ConditionRun:
+    """One condition: evaluation, and what was recorded of it.
+
+    Attributes
+    ----------
+    name : str
+        One of `CONDITIONS`.
+    evaluation : Evaluation
+    peak : float
+        Mean over both directions of the ensemble average's peak, N·m.
+    time : ndarray, shape (N,)
+    log : dict of str to ndarray, shape (R, N)
+    """
+
+    name: str
+    evaluation: object
+    peak: float
+    time: np.ndarray
+    log: dict
+
+
+def persons_reference(movement, time, repetitions, seed):
+    """Return what the person aims at in each repetition: position, velocity, direction.
+
+    Returns
+    -------
+    tuple of ndarray, shape (repetitions, N)
+    factors : ndarray, shape (repetitions,)
+        Of the person's stiffness.
+    """
+    rng = np.random.default_rng(seed)
+    begin = movement.begins(0)
+    rows = ([], [], [])
+    for _ in range(repetitions):
+        delay = DELAY_VARIATION * rng.standard_normal()
+        rate = 1.0 + SPEED_VARIATION * rng.standard_normal()
+        position, velocity, _ = movement.at(begin + (time - begin - delay) * rate)
+        for row, values in zip(rows, (position, velocity * rate, movement.at(time)[2])):
+            row.append(values)
+    factors = np.exp(STIFFNESS_VARIATION * rng.standard_normal(repetitions))
+    return tuple(np.array(row, dtype=float) for row in rows), factors
+
+
+def run_trial(experiment, model, name, seed, gain=0.9, dead_speed=0.0, repetitions=REPETITIONS):
+    """Run one condition.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    model : FrictionModel
+        What the compensation knows.
+    name : str
+        One of `CONDITIONS`.
+    seed : int
+        Of the person and of the joint; the same person comes under every condition.
+    gain : float
+        breakaway_gain.
+    dead_speed : float
+        rad/s up to which the printed kinetic term is left out; for showing what it does there.
+    repetitions : int
+
+    Returns
+    -------
+    ConditionRun
+    """
+    movement = experiment.movement(compensated=name in ('paper', 'continuous'))
+    count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
+    time = np.arange(count) * SAMPLE_TIME
+    reference, factors = persons_reference(movement, time, repetitions, seed)
+    parameters = np.tile(plant_parameters(experiment.model()), (repetitions, 1))
+    parameters[:, kernel.HUMAN_STIFFNESS] *= factors
+    parameters[:, kernel.HUMAN_DAMPING] *= np.sqrt(factors)
+    if name == 'inertia':
+        # A bearing without friction: what is left of the levels only keeps the formulas finite.
+        parameters[:, _FRICTION] *= 1e-6
+    law = law_parameters(model, 'none' if name == 'inertia' else name, gain)
+    law[law_columns.DEAD_SPEED] = dead_speed
+    log, _ = closed_loops(
+        parameters, random_states((seed, 1), repetitions), np.tile(law, (repetitions, 1)),
+        reference, np.arange(repetitions), sample_time=SAMPLE_TIME)
+    shown = movement.at(time)
+    recordings = [
+        Samples(
+            time=time, position=log['position'][r], velocity=log['velocity'][r],
+            current=log['current'][r], load=log['interaction_torque'][r],
+            direction=shown[2].astype(float), reference_position=shown[0],
+            reference_velocity=shown[1], joint=f'armin_{experiment.number}')
+        for r in range(repetitions)]
+    evaluation = evaluate(recordings, [f'repetition {r + 1}' for r in range(repetitions)])
+    peak = float(np.mean([condition.peak_torque for condition in evaluation.conditions]))
+    return ConditionRun(name, evaluation, peak, time, log)

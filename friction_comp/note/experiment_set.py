@@ -1,0 +1,123 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""All experiments of one configuration in their order, with progress."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from friction_comp.note.condition_runs import CONDITIONS, run_trial
+from friction_comp.note.identify import identified_model, identify_breakaway
+from friction_comp.note.standstill import stand_still
+
+LAWS = ('paper', 'continuous')
+GAINS = (0.5, 0.7, 0.8, 0.9, 0.95, 1.0, 1.1, 1.2, 1.35, 1.5)
+# Speeds up to which the kinetic term is left out, deg/s: what slow motion contributes to it.
+DEAD_SPEEDS = (0.0, 0.3, 0.7, 1.5, 3.0)
+_SWEEP = {'standstills': 60, 'each': 6.0}
+_SWEEP_REPETITIONS = 4
+
+
+@dataclass
+class Outcome:
+    """Everything that was found with one configuration.
+
+    Attributes
+    ----------
+    experiment : Experiment
+    table : IdentificationResult
+    ramps : Ramps
+    model : FrictionModel
+        As identified.
+    trials : dict of str to ConditionRun
+    standstills : dict of str to Standstill
+        Per law, an hour each with breakaway currents 10 % too large.
+    sweep : dict of str to list of (gain, peak in N·m, false starts, standstills)
+    dead : list of (speed in rad/s, peak in N·m)
+        Peak with d = 0 when the kinetic term is left out up to a speed.
+    drive_time : float
+        s simulated for identification.
+    """
+
+    experiment: object
+    table: object
+    ramps: object
+    model: object
+    trials: dict
+    standstills: dict
+    sweep: dict
+    dead: list
+    drive_time: float
+
+    @property
+    def peaks(self):
+        """Peak torque per condition in N·m."""
+        return {name: trial.peak for name, trial in self.trials.items()}
+
+    def reduction(self, law):
+        """Share by which a law lowers the peak of the kinetic condition."""
+        return 1.0 - self.trials[law].peak / self.trials['kinetic'].peak
+
+    def as_dict(self):
+        """Return the configuration's entry of results.json."""
+        breakaway = self.model.breakaway
+        return {
+            'breakaway': {
+                'positive_mean': breakaway.positive_mean, 'positive_std': breakaway.positive_std,
+                'negative_mean': breakaway.negative_mean, 'negative_std': breakaway.negative_std,
+                'cycles': int(np.sum(self.ramps.records.direction > 0))},
+            'sigmoid': list(self.model.sigmoid.coefficients()),
+            'sigmoid_error': self.table.sigmoid_error,
+            'speeds': [point.speed for point in self.table.points],
+            'currents': [point.current for point in self.table.points],
+            'peak_torque': self.peaks,
+            'peak_reduction': {law: self.reduction(law) for law in LAWS},
+            'false_starts': {law: self.standstills[law].false_starts for law in LAWS}}
+
+
+def run_experiment(experiment, table, cycles, seed, report):
+    """Run everything but the look-up table, which takes its time and was made beside.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    table : callable
+        Returns the `IdentificationResult` and its drive time when it is needed.
+    cycles : int
+        Ramps per direction.
+    seed : int
+    report : callable
+        ``report(share, what)``.
+
+    Returns
+    -------
+    Outcome
+    """
+    report(0.0, 'current ramps')
+    ramps = identify_breakaway(experiment, cycles, seed)
+    report(0.15, 'look-up table')
+    result, table_time = table()
+    model = identified_model(experiment, result, ramps)
+    report(0.3, 'trials')
+    trials = {name: run_trial(experiment, model, name, seed) for name in CONDITIONS}
+    dead = [(math.radians(speed), run_trial(
+        experiment, model, 'kinetic', seed, dead_speed=math.radians(speed)).peak)
+        for speed in DEAD_SPEEDS]
+    standstills = {}
+    for k, law in enumerate(LAWS):
+        report(0.35 + 0.2 * k, f'standstill, {law} law')
+        standstills[law] = stand_still(experiment, model, law, seed)
+    sweep = {law: [] for law in LAWS}
+    for k, gain in enumerate(GAINS):
+        report(0.75 + 0.25 * k / len(GAINS), 'breakaway gain')
+        for law in LAWS:
+            peak = run_trial(
+                experiment, model, law, seed, gain, repetitions=_SWEEP_REPETITIONS).peak
+            still = stand_still(experiment, model, law, seed, error=0.0, gain=gain, **_SWEEP)
+            sweep[law].append((gain, peak, still.false_starts, still.standstills))
+    report(1.0, 'done')
+    return Outcome(experiment, result, ramps, model, trials, standstills, sweep, dead,
+                   table_time + ramps.duration)

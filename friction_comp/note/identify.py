@@ -1,0 +1,157 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sections 2.3 and 2.4 on a simulated joint that shows what a real drive would show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import math
+
+from numba import njit, prange
+import numpy as np
+
+from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
+from friction_comp.identification.excitation import at_ramp
+from friction_comp.identification.goal import IdentificationGoal
+from friction_comp.identification.run import IdentificationRun
+from friction_comp.note.published import RAMP_PERIOD
+from friction_comp.simulation import joint_kernel as kernel
+from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+
+SAMPLE_TIME = 1e-3
+MOTION_RANGE = math.radians(90.0)
+CYCLES_PER_RUN = 10
+# A ramp is cut once the joint runs: this speed in rad/s over so many samples, beyond so many
+# encoder counts. The note's joint had a motion range too.
+CUT_SPEED = 0.05
+CUT_SAMPLES = 20
+CUT_COUNTS = 8.0
+
+
+@dataclass(frozen=True)
+class Ramps:
+    """Current ramps: what was recorded of the first cycle, and every breakaway.
+
+    Attributes
+    ----------
+    time, position, current : ndarray, shape (N,)
+        First cycle, s, rad, A.
+    records : BreakawayRecords
+    duration : float
+        s of drive time.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    current: np.ndarray
+    records: BreakawayRecords
+    duration: float
+
+
+def identify_table(experiment, seed):
+    """Run the identification procedure itself, sample by sample, for the look-up table.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    seed : int
+
+    Returns
+    -------
+    result : IdentificationResult
+        With the breakaway of one cycle only: `identify_breakaway` has the others.
+    duration : float
+        s of drive time.
+    """
+    model = experiment.model()
+    goal = IdentificationGoal(
+        speeds=experiment.speeds, motion_range=MOTION_RANGE, ramp_slope=experiment.ramp_slope,
+        ramp_period=RAMP_PERIOD, breakaway_cycles=1)
+    plant = Plant([model], seed=seed, sample_time=SAMPLE_TIME)
+    run = IdentificationRun(goal, model.drive)
+    while True:
+        state = plant.state
+        command = run.update(state.time, state.position[0], state.velocity[0], state.current[0])
+        if run.finished:
+            return run.result(), state.time
+        plant.step([command])
+
+
+@njit(cache=True, parallel=True)
+def _ramp_runs(p, random, slope, period, count, sample_time, log):
+    for r in prange(len(random)):
+        s = np.zeros(kernel.STATES)
+        out = np.zeros(kernel.OUTPUTS)
+        table, memory = np.zeros((0, 10)), np.zeros(1)
+        past = np.zeros(CUT_SAMPLES)
+        kernel.start_state(p, s, random[r])
+        kernel.measure(p, s, random[r], sample_time, out)
+        half, home, free = -1, 0.0, False
+        for k in range(count):
+            t = k * sample_time
+            position = out[kernel.OUT_POSITION]
+            now = int(t / (0.5 * period))
+            if now != half:
+                half, home, free = now, position, False
+                past[:] = position
+            command = at_ramp(t - math.floor(t / period) * period, slope, period)
+            speed = (position - past[k % CUT_SAMPLES]) / (CUT_SAMPLES * sample_time)
+            past[k % CUT_SAMPLES] = position
+            if abs(position - home) > CUT_COUNTS * p[kernel.RESOLUTION] and abs(
+                    speed) > CUT_SPEED:
+                free = True
+            if free:
+                command = 0.0
+            log[r, k, 0] = position
+            log[r, k, 1] = out[kernel.OUT_CURRENT]
+            log[r, k, 2] = command
+            kernel.joint_sample(p, s, random[r], table, memory, sample_time, command, 0.0, 0.0,
+                                False, out)
+
+
+def identify_breakaway(experiment, cycles, seed):
+    """Run the current ramps of Eq. 8, many cycles at once.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    cycles : int
+        Ramps per direction.
+    seed : int
+
+    Returns
+    -------
+    Ramps
+    """
+    model = experiment.model()
+    each = min(CYCLES_PER_RUN, cycles)
+    runs = -(-cycles // each)
+    count = round(each * RAMP_PERIOD / SAMPLE_TIME)
+    log = np.zeros((runs, count, 3))
+    _ramp_runs(plant_parameters(model), random_states(seed, runs), experiment.ramp_slope,
+               RAMP_PERIOD, count, SAMPLE_TIME, log)
+    time = np.arange(count) * SAMPLE_TIME
+    parts = [breakaway_currents(time, *rows.T, resolution=model.drive.position_resolution)
+             for rows in log]
+    records = BreakawayRecords.join(parts)
+    # The last run may be longer than was asked for.
+    records = _first(records, cycles)
+    shown = slice(0, round(RAMP_PERIOD / SAMPLE_TIME))
+    return Ramps(time[shown], log[0, shown, 0].copy(), log[0, shown, 1].copy(), records,
+                 runs * count * SAMPLE_TIME)
+
+
+def _first(records, cycles):
+    keep = np.zeros(len(records), dtype=bool)
+    for sign in (1, -1):
+        keep[np.nonzero(records.direction == sign)[0][:cycles]] = True
+    changes = {name: getattr(records, name)[keep] for name in (
+        'time', 'current', 'direction', 'position', 'rest_time', 'temperature', 'slope', 'cycle')}
+    return replace(records, **changes)
+
+
+def identified_model(experiment, table, ramps):
+    """Return the model that the compensation is given: only what was measured."""
+    model = experiment.model()
+    return replace(model, sigmoid=table.sigmoid, breakaway=ramps.records.statistics(),
+                   simulation={}, notes={})

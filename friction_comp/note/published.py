@@ -1,0 +1,74 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the note did and found, configuration by configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
+from friction_comp.simulation.reference_movement import ReferenceMovement
+
+RAMP_PERIOD = 10.0
+"""T of Eq. 8 in s, all configurations."""
+
+FALSE_START = math.radians(1.0)
+"""rad. An untouched joint that goes farther has started by itself. Sticking joints give by 0.01
+to 0.02 degrees under the breakaway term alone, and that is no start."""
+
+_FAST = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One of the note's three configurations.
+
+    Attributes
+    ----------
+    number : int
+    breakaway, breakaway_std : float
+        Section 3, A.
+    ramp_slope : float
+        s of Eq. 8 in A/s.
+    peak_kinetic, peak_compensated, reduction : float
+        Section 3: N·m with d = 0 and with d = ±1, and the reduction stated.
+    slow : tuple of float
+        The slowest speeds of the table, deg/s. The note does not give its table, and the slowest
+        speed decides how steep the fitted transition is.
+    """
+
+    number: int
+    breakaway: float
+    breakaway_std: float
+    ramp_slope: float
+    peak_kinetic: float
+    peak_compensated: float
+    reduction: float
+    slow: tuple
+
+    @property
+    def speeds(self):
+        """Speeds of the look-up table in rad/s, each driven both ways."""
+        return tuple(math.radians(speed) for speed in self.slow + _FAST)
+
+    def model(self):
+        """Return the drive as the note describes it, the simulated joint's model."""
+        return FrictionModel.load(
+            package_file('config', f'armin_configuration_{self.number}.yaml'))
+
+    def movement(self, compensated=True):
+        """Return one repetition of the reference movement, forth and back."""
+        entry = self.model().simulation['movement']
+        return ReferenceMovement(
+            amplitude=math.radians(entry['amplitude']), speed=math.radians(entry['speed']),
+            acceleration_time=float(entry['acceleration_time']), standstill=3.0,
+            announcement=1.0, repetitions=1, compensated=compensated)
+
+
+EXPERIMENTS = (
+    Experiment(1, 0.0995, 0.0034, 0.05, 0.98, 0.39, 0.60, (3.0,)),
+    Experiment(2, 0.1377, 0.0043, 0.06, 1.28, 0.44, 0.65, (2.25,)),
+    Experiment(3, 0.3357, 0.0172, 0.12, 6.02, 1.21, 0.80, (0.35, 1.0, 2.0)),
+)

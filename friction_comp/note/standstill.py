@@ -1,0 +1,90 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a joint that nobody touches starts by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from friction_comp.compensation.law import law_parameters
+from friction_comp.model.friction_model import Breakaway
+from friction_comp.note.published import FALSE_START
+from friction_comp.simulation.batch import closed_loops
+from friction_comp.simulation.joint import plant_parameters, random_states
+
+SAMPLE_TIME = 1e-3
+# The direction is announced so long after the joint came to rest, s.
+ANNOUNCED = 0.5
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """Outcome of many standstills.
+
+    Attributes
+    ----------
+    false_starts : int
+        Standstills in which the joint went farther than `FALSE_START`.
+    farthest : float
+        rad.
+    standstills : int
+    duration : float
+        s in all.
+    """
+
+    false_starts: int
+    farthest: float
+    standstills: int
+    duration: float
+
+
+def with_breakaway_error(model, error):
+    """Return the model with breakaway means too large by a share."""
+    both = model.breakaway
+    return replace(model, breakaway=Breakaway(
+        both.positive_mean * (1.0 + error), both.negative_mean * (1.0 + error),
+        both.positive_std, both.negative_std))
+
+
+def stand_still(experiment, model, law, seed, error=0.1, gain=0.9, standstills=360, each=10.0):
+    """Leave the joint alone with a direction announced, again and again.
+
+    Every standstill is a new rest with breakaway levels of its own: one rest of an hour would try
+    a single pair of them.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    model : FrictionModel
+        As identified.
+    law : {'paper', 'continuous'}
+    seed : int
+    error : float
+        Share by which the breakaway currents in use are too large.
+    gain : float
+        breakaway_gain.
+    standstills : int
+        Half of them with d = 1, half with d = -1.
+    each : float
+        s.
+
+    Returns
+    -------
+    Standstill
+    """
+    count = round(each / SAMPLE_TIME)
+    direction = np.zeros((2, count))
+    direction[0, round(ANNOUNCED / SAMPLE_TIME):] = 1.0
+    direction[1, round(ANNOUNCED / SAMPLE_TIME):] = -1.0
+    parameters = plant_parameters(experiment.model())
+    law_row = law_parameters(with_breakaway_error(model, error), law, gain)
+    _, extremes = closed_loops(
+        np.tile(parameters, (standstills, 1)), random_states((seed, 2), standstills),
+        np.tile(law_row, (standstills, 1)),
+        (np.zeros_like(direction), np.zeros_like(direction), direction),
+        np.arange(standstills) % 2, active=False, sample_time=SAMPLE_TIME, every=0)
+    farthest = np.abs(extremes).max(axis=1)
+    return Standstill(int(np.sum(farthest > FALSE_START)), float(farthest.max()), standstills,
+                      standstills * each)

@@ -1,2 +1,0 @@
-# Copyright 2026 The friction_comp authors
-# SPDX-License-Identifier: Apache-2.0

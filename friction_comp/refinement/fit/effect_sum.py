@@ -1,0 +1,312 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Robust fit of a sum of effects: coefficients by Huber's estimator, constants by search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.special import expit
+
+from friction_comp.model.differentiation import advance, delayed
+
+# Residuals beyond this many standard deviations weigh less (Huber 1964 has 1.345 for 95 %
+# efficiency; the wider band keeps the short accelerations, where much of the information is).
+HUBER = 2.0
+_RIDGE = 1e-9
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect class with the constants that are tried."""
+
+    kind: type
+    constants: dict = field(default_factory=dict)
+
+    def turned(self, transition):
+        """Return the term with another velocity over which its friction changes sign."""
+        if self.constants.get('transition', transition) == transition:
+            return self
+        return Term(self.kind, {**self.constants, 'transition': transition})
+
+    def columns(self, samples, window):
+        """Return the design matrix; ripple is damped as the averaging of samples damps it."""
+        matrix = self.kind.columns(samples, **self.constants)
+        if window and 'frequency' in self.constants:
+            turns = self.constants['frequency'] * samples.velocity * window / (2.0 * math.pi)
+            matrix = matrix * np.sinc(turns)[:, None]
+        return matrix
+
+
+def base_columns(samples, steepness, shift=0.0):
+    """Return the columns of Eq. 6: constant, transition and viscous."""
+    v = samples.velocity
+    return np.column_stack((np.ones_like(v), 2.0 * expit(steepness * (v - shift)) - 1.0, v))
+
+
+def robust_scale(residual):
+    """Return the standard deviation that the bulk of residuals suggests (1.4826 · MAD)."""
+    return 1.4826 * float(np.median(np.abs(residual))) + 1e-15
+
+
+def huber_weights(residual, scale):
+    """Return Huber's weights, 1 within `HUBER` · scale and falling beyond."""
+    return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-300))
+
+
+def huber_loss(residual, scale):
+    """Return Huber's loss in A², which is r² within `HUBER` · scale and linear beyond."""
+    size, limit = np.abs(residual), HUBER * scale
+    return np.where(size <= limit, size * size, limit * (2.0 * size - limit))
+
+
+def solve(matrix, current, weights):
+    """Return weighted least squares coefficients; columns that say the same share the work."""
+    norm = np.sqrt(np.einsum('ij,ij->j', matrix, matrix) / len(matrix))
+    fine = np.isfinite(norm) & (norm > 1e-100)
+    if not fine.all():
+        # Out of all proportion, or never other than zero: such a column explains nothing.
+        matrix, norm = np.where(fine, matrix, 0.0), np.where(fine, norm, 1.0)
+    scaled = matrix / norm
+    weighted = scaled * weights[:, None]
+    gram = weighted.T @ scaled
+    gram[np.diag_indices_from(gram)] += _RIDGE * max(len(matrix), 1)
+    return np.linalg.lstsq(gram, weighted.T @ current, rcond=1e-12)[0] / norm
+
+
+class Fit:
+    """A sum of effects being fitted on some rows of the data.
+
+    Parameters
+    ----------
+    data : FitData
+    rows : ndarray of bool, shape (N,)
+        The samples it may learn from.
+    steepness : float
+        Of the sigmoid, s/rad.
+    terms : sequence of Term
+    offset : ndarray, shape (N,), optional
+        Current in A that is known and not fitted.
+    transition : float, optional
+        Velocity in rad/s over which the friction of the terms changes sign: one for all, which
+        need not be the sigmoid's own. That of the sigmoid when omitted.
+    """
+
+    def __init__(self, data, rows, steepness, terms=(), offset=None, transition=None):
+        self.data, self.rows, self.steepness = data, rows, steepness
+        self.offset, self.shift = offset, 0.0
+        self.index = np.nonzero(rows)[0]
+        self.transition = transition or 2.0 / steepness
+        self.terms = [term.turned(self.transition) for term in terms]
+        self.refresh()
+
+    def copy(self):
+        """Return an independent copy."""
+        twin = object.__new__(Fit)
+        twin.__dict__.update(self.__dict__)
+        twin.terms = list(self.terms)
+        return twin
+
+    def forget(self):
+        """Drop what was kept of the samples, for they are others now."""
+        self._pick = None
+
+    def refresh(self):
+        """Compute all columns anew and solve."""
+        self.fill()
+        self.solve()
+
+    def fill(self):
+        """Compute all columns anew."""
+        self.samples = advance(self.data.samples, self.delays[0])
+        self.terms = [term.turned(self.transition) for term in self.terms]
+        self.parts = [self.base()] + [self.columns(term) for term in self.terms]
+
+    @property
+    def delays(self):
+        """Lag of the motion and time constant of the smoothing in s, from the term for them."""
+        for term in self.terms:
+            if 'lag' in term.constants:
+                lag, side = term.constants['lag'], term.constants['first_order']
+                return (0.0, side * lag) if side else (lag, 0.0)
+        return 0.0, 0.0
+
+    def base(self):
+        """Return the sigmoid's columns, shape (N, 3)."""
+        columns = base_columns(self.samples, self.steepness, self.shift)
+        if not self.data.scene.both_directions:
+            # From motion in one direction a constant cannot be told from Coulomb friction, and the
+            # two together would bend into any shape: friction is taken to be odd.
+            columns[:, 0] = 0.0
+        return delayed(columns, self.samples, self.delays[1])
+
+    def columns(self, term):
+        """Return a term's columns, shape (N, M)."""
+        return delayed(term.columns(self.samples, self.data.window), self.samples,
+                       self.delays[1])
+
+    @property
+    def target(self):
+        """Current in A to explain, shape (N,)."""
+        current = self.data.target
+        return current if self.offset is None else current - self.offset
+
+    def solve(self, rounds=6):
+        """Find the coefficients by iteratively reweighted least squares."""
+        matrix = np.hstack(self.parts)
+        inner, goal = matrix[self.index], self.target[self.index]
+        weights = np.ones(len(goal))
+        for _ in range(rounds):
+            self.coefficients = solve(inner, goal, weights)
+            residual = goal - inner @ self.coefficients
+            self.scale = robust_scale(residual)
+            weights = huber_weights(residual, self.scale)
+        self.weights = weights
+        self.prediction = matrix @ self.coefficients
+        self.residual = self.target - self.prediction
+        self._basis = None
+
+    def with_term(self, term):
+        """Return a copy with one more term, solved."""
+        twin = self.copy()
+        if 'lag' in term.constants:
+            twin.terms.append(term)
+            twin.refresh()
+            return twin
+        term = term.turned(self.transition)
+        twin.terms.append(term)
+        twin.parts = self.parts + [self.columns(term)]
+        twin.solve()
+        return twin
+
+    def without(self, place):
+        """Return a copy that lacks one term, solved."""
+        twin = self.copy()
+        gone = twin.terms.pop(place)
+        if 'lag' in gone.constants:
+            twin.refresh()
+            return twin
+        twin.parts = self.parts[:place + 1] + self.parts[place + 2:]
+        twin.solve()
+        return twin
+
+    def basis(self, every=1):
+        """Return orthonormal weighted columns and the weighted residual on the fitted rows."""
+        if self._basis is None or self._basis[0] != every:
+            index = self.index[::every]
+            root = np.sqrt(self.weights[::every])
+            matrix = np.hstack(self.parts)[index] * root[:, None]
+            norm = np.linalg.norm(matrix, axis=0) + 1e-300
+            q, _ = np.linalg.qr(matrix / norm)
+            residual = self.residual[index] * root
+            residual = residual - q @ (q.T @ residual)
+            self._basis = (every, index, root, q, residual)
+        return self._basis[1:]
+
+    def gain(self, term, every=1):
+        """Return by how much a term would lower the weighted sum of squares, in A²."""
+        index, root, q, residual = self.basis(every)
+        if term.kind.variable == 'history' or self.delays[1]:
+            columns = self.columns(term)[index]
+        else:
+            columns = term.columns(self._picked(index), self.data.window)
+        columns = columns * root[:, None]
+        before = np.linalg.norm(columns, axis=0)
+        columns = columns - q @ (q.T @ columns)
+        after = np.linalg.norm(columns, axis=0)
+        # A column that the model already has is no news, whatever rounding leaves of it.
+        fresh = after > 1e-4 * before
+        if not fresh.any():
+            return 0.0
+        columns = columns[:, fresh] / after[fresh]
+        gram = columns.T @ columns
+        gram[np.diag_indices_from(gram)] += 1e-9
+        product = columns.T @ residual
+        return float(product @ np.linalg.solve(gram, product)) * every
+
+    def _picked(self, index):
+        """Return the fitted samples alone."""
+        held = getattr(self, '_pick', None)
+        if held is None or held[0] is not self.samples or len(held[1]) != len(index):
+            self._pick = held = (self.samples, self.samples.take(index))
+        return held[1]
+
+    def search(self, term, every=1, evaluations=14):
+        """Return the term with its constants searched around where they are, and its gain."""
+        best = self.gain(term, every)
+        for name, how in term.kind.constants.items():
+            if how is None or name == 'lag':
+                continue
+            current = term.constants[name]
+            low, high, back = bracket(name, how, current, term.constants, self.data.scene)
+
+            def loss(x, name=name, back=back, term=term):
+                value = limited(term.kind, name, float(back(x)), self.data.scene)
+                return -self.gain(Term(term.kind, {**term.constants, name: value}), every)
+            found = minimize_scalar(loss, bounds=(low, high), method='bounded',
+                                    options={'maxiter': evaluations, 'xatol': 1e-4 * (high - low)})
+            if -found.fun > best:
+                best = -found.fun
+                value = limited(term.kind, name, float(back(found.x)), self.data.scene)
+                term = Term(term.kind, {**term.constants, name: value})
+        return term, best
+
+
+def limited(kind, name, value, scene):
+    """Return a constant kept where the effect is what its name says.
+
+    Parameters
+    ----------
+    kind : type
+        The effect.
+    name : str
+        Of the constant.
+    value : float
+    scene : Scene
+    """
+    if name == 'time_constant':
+        # Slower than this is a straight line in time, however slow.
+        return min(value, 5.0 * scene.duration)
+    if name == 'exponent' and kind.name == 'bump':
+        # Sharper than this is a step up and a step down.
+        return min(value, 40.0)
+    if name == 'exponent' and kind.name == 'hysteresis':
+        return min(max(value, 0.3), 3.0)
+    if name == 'exponent' and kind.name == 'viscous_shape' and 0.85 < value < 1.2:
+        # Next to one it is the linear term once more, and the two grow large against each other.
+        return 0.85 if value < 1.0 else 1.2
+    if name == 'velocity' and kind.name == 'stribeck':
+        # What fades as slowly as the top speed is a curved viscous friction.
+        return min(value, 0.7 * scene.speed)
+    return value
+
+
+def bracket(name, how, value, constants, scene):
+    """Return the search interval of a constant and the map from its scale."""
+    kind, width = how
+    if kind == 'log':
+        return math.log(value / width), math.log(value * width), math.exp
+    unit = {
+        'frequency': math.pi / max(scene.highest - scene.lowest, 1e-12),
+        'position': constants.get('width', 1.0),
+        'lag': scene.sample_time,
+    }[name]
+    return value - width * unit, value + width * unit, float
+
+
+def first_fit(data, rows, offset=None, most_rows=8000):
+    """Return the fit of the sigmoid alone, its steepness searched on a grid."""
+    speed = data.scene.speed
+    every = max(1, int(rows.sum()) // most_rows)
+    thin = np.zeros_like(rows)
+    thin[np.nonzero(rows)[0][::every]] = True
+    best = None
+    for steepness in np.geomspace(4.0 / speed, 1200.0 / speed, 12):
+        fit = Fit(data, thin, float(steepness), offset=offset)
+        size = float(np.sum(np.abs(fit.residual[fit.index])))
+        if best is None or size < best[0]:
+            best = (size, fit.steepness)
+    return Fit(data, rows, best[1], offset=offset)

@@ -1,0 +1,174 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""From a fit to a model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement.fit import gauss_newton as optimizer
+from friction_comp.refinement.fit.effect_sum import huber_loss, Term
+from friction_comp.refinement.prepare.fit_data import FitData
+
+# More samples than this gain nothing, and would cost memory.
+_MOST_SAMPLES = 200_000
+# Losses in motion that differ by less are as good as each other.
+_AS_GOOD = 1.01
+_NEARLY_AS_GOOD = 1.05
+# The longest lag tried, s.
+_LONGEST_LAG = 0.15
+
+
+def final_fit(data, fits):
+    """Return the fit on all usable rows, started from the constants of either fold."""
+    best = None
+    for start in fits:
+        fit = optimizer.gauss_newton(moved(start, data, data.usable))
+        size = float(np.mean(np.abs(fit.residual[data.usable])))
+        if best is None or size < best[0]:
+            best = (size, fit)
+    return tune_transition(optimizer.center_sigmoid(best[1]))
+
+
+class _Judge:
+    """Errors of fits in motion and everywhere, compared with those of a first one.
+
+    Samples beside standstill do not decide which effects there are, since a joint that sticks
+    tells nothing of friction. Without them, though, how fast friction changes its sign is a guess,
+    an effect may differ from the sigmoid in it for no reason, and one form of a lag is as good as
+    another. Of all ways that explain the motion as well, the one is taken that fits best where the
+    joint starts, stops and turns round.
+    """
+
+    def __init__(self, fit, slack):
+        self._scale, self._rows = fit.scale, fit.data.usable
+        self._limit = float(np.quantile(np.abs(fit.residual), 0.999))
+        in_motion, self._least = self.errors(fit)
+        self._allowed = slack * in_motion
+        self.best = fit
+
+    def errors(self, fit):
+        """Return the loss in motion and the bounded mean square everywhere, A²."""
+        size = np.minimum(np.abs(fit.residual), self._limit)
+        return (float(np.mean(huber_loss(fit.residual[self._rows], self._scale))),
+                float(np.mean(size ** 2)))
+
+    def hear(self, fit):
+        """Keep a fit if it is the best so far; return what to make small."""
+        in_motion, everywhere = self.errors(fit)
+        if in_motion > self._allowed:
+            return everywhere + 1e3 * (in_motion - self._allowed)
+        if everywhere < self._least:
+            self.best, self._least = fit, everywhere
+        return everywhere
+
+
+def with_steepness(fit, steepness):
+    """Return the fit with friction of all terms changing sign as steeply as that, solved."""
+    twin = fit.copy()
+    twin.steepness, twin.transition = float(steepness), 2.0 / float(steepness)
+    twin.shift = fit.shift * fit.steepness / twin.steepness
+    twin.fill()
+    twin.solve(3)
+    return twin
+
+
+def tune_transition(fit):
+    """Return the fit with the change of sign around standstill as all samples show it."""
+    fit = tune_lag(fit)
+    judge, speed = _Judge(fit, _AS_GOOD), fit.data.scene.speed
+
+    def tried(logarithm):
+        return judge.hear(with_steepness(fit, np.exp(logarithm)))
+    grid = np.log(np.geomspace(8.0 / speed, 2000.0 / speed, 14))
+    place = grid[int(np.argmin([tried(value) for value in grid]))]
+    step = grid[1] - grid[0]
+    minimize_scalar(tried, bounds=(place - step, place + step), method='bounded',
+                    options={'maxiter': 8})
+    if judge.best is fit:
+        return fit
+    judge.best.solve()
+    return judge.best
+
+
+def tune_lag(fit):
+    """Return the fit with the form and size of its lag, if it has one, as all samples show it."""
+    place = next((k for k, term in enumerate(fit.terms) if 'lag' in term.constants), None)
+    if place is None:
+        return fit
+    judge, kind = _Judge(fit, _NEARLY_AS_GOOD), fit.terms[place].kind
+    shortest, longest = fit.data.scene.sample_time, _LONGEST_LAG
+    sizes = np.geomspace(shortest, max(longest, 2.0 * shortest), 14)
+    forms = [(0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+    for steepness in (fit.steepness, 300.0 / fit.data.scene.speed):
+        for form, sign in forms:
+            for size in sizes:
+                twin = fit.copy()
+                twin.terms[place] = Term(kind, {'lag': float(sign * size), 'first_order': form})
+                judge.hear(with_steepness(twin, steepness))
+    if judge.best is fit:
+        return fit
+    near, term = judge.best, judge.best.terms[place]
+
+    def tried(ratio):
+        twin = near.copy()
+        twin.terms[place] = Term(kind, {
+            **term.constants, 'lag': float(term.constants['lag'] * np.exp(ratio))})
+        return judge.hear(with_steepness(twin, near.steepness))
+    minimize_scalar(tried, bounds=(-0.4, 0.4), method='bounded', options={'maxiter': 10})
+    judge.best.solve()
+    return judge.best
+
+
+def moved(fit, data, rows):
+    """Return a fit with the same terms and constants on other rows, solved."""
+    twin = fit.copy()
+    twin.data, twin.rows, twin.index = data, rows, np.nonzero(rows)[0]
+    twin.forget()
+    twin.refresh()
+    return twin
+
+
+def to_model(fit, samples, usable, drive, settings):
+    """Return the `FrictionModel` of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+    samples, usable : Samples and ndarray of bool, or None
+        Full set of samples to fit the coefficients to once more, the constants kept.
+    drive : Drive
+    settings : dict
+        How velocity was had of position.
+    """
+    if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
+        whole = FitData(samples, usable, None, None, None, 0.0, fit.data.scene, '',
+                     load_coefficient=fit.data.load_coefficient)
+        fit = moved(fit, whole, usable)
+    offset, coulomb, viscous = (float(value) for value in fit.coefficients[:3])
+    sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb,
+                      steepness=fit.steepness, shift=fit.shift, viscous=viscous)
+    effects, place = [], 3
+    for term, part in zip(fit.terms, fit.parts[1:]):
+        number = part.shape[1]
+        effects.append(term.kind({
+            **term.constants,
+            'coefficients': [float(value) for value in fit.coefficients[place:place + number]]}))
+        place += number
+    return with_load(FrictionModel(
+        drive=drive, sigmoid=sigmoid, effects=effects, joint=fit.data.samples.joint,
+        differentiation=dict(settings)), fit.data.load_coefficient)
+
+
+def with_load(model, coefficient):
+    """Return the model with the load torque that mechanics asks for, if any, as last effect."""
+    if not coefficient:
+        return model
+    return replace(model, effects=[
+        *model.effects, EFFECTS['load_torque']({'coefficients': [coefficient]})])

@@ -1,0 +1,130 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How sure it is that one model predicts better than another on stretches not fitted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import stats
+
+from friction_comp.refinement.fit.effect_sum import huber_loss, robust_scale
+from friction_comp.refinement.prepare.fit_data import correlation_samples
+
+_MOST_STRETCHES = 400
+
+
+def held_out_residual(data, fits):
+    """Return the residual of every sample by the model that was not fitted on it, shape (N,)."""
+    residual = np.empty(len(data.fold))
+    for fold, fit in enumerate(fits):
+        rows = data.fold == fold
+        residual[rows] = fit.residual[rows]
+    return residual
+
+
+def rms(values):
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def advantage(data, old, new):
+    """Compare two held-out residuals.
+
+    The losses' difference is summed over stretches several times as long as the better model's
+    residual stays correlated. Were the new effect a fancy, the differences would be as often
+    negative as positive: Student's t over stretches, and their signs flipped at random.
+
+    Returns
+    -------
+    total : float
+        Mean over usable samples of old loss minus new loss, A².
+    error : float
+        Its standard error.
+    p_value : float
+        One-sided chance of such an advantage without an effect.
+    """
+    usable = data.usable
+    scale = robust_scale(old[usable])
+    difference = (huber_loss(old, scale) - huber_loss(new, scale))[usable]
+    sums, count = stretch_sums(data, difference, new)
+    size = len(difference)
+    number = len(sums)
+    spread = float(np.std(sums - sums.sum() * count / size, ddof=1)) * math.sqrt(number)
+    total = float(sums.sum())
+    if spread <= 0:
+        return total / size, 0.0, 1.0
+    p_value = float(stats.t.sf(total / spread, number - 1))
+    # An effect that shows in few stretches only (a bump, a start from rest) has a spread made by
+    # itself: of the square roots of the sums it stands out, and so it does among the stretches in
+    # which it predicts something. Three tests, so three times the chance.
+    roots = np.sign(sums) * np.sqrt(np.abs(sums))
+    energy, _ = stretch_sums(data, (old - new)[usable] ** 2, new)
+    if total > 0:
+        acting = where_it_acts(energy, count, robust_scale(new[usable]))
+        p_value = min(1.0, 3.0 * min(p_value, upper_tail(roots), ranks_tail(sums[acting])))
+    # Few flips cannot show a very small chance; there Student's t has to do.
+    if 1e-3 < p_value < 0.2:
+        p_value = max(p_value, flipped_signs(sums))
+    return total / size, spread / size, p_value
+
+
+def upper_tail(values):
+    """Return the chance by Student's t of a mean as high as that of the values, were it zero."""
+    if len(values) < 6:
+        return 1.0
+    deviation = float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    return float(stats.t.sf(float(np.mean(values)) / deviation, len(values) - 1)) if (
+        deviation > 0) else 1.0
+
+
+def ranks_tail(values):
+    """Return the chance by Wilcoxon's signed ranks of values as high, were their median zero.
+
+    A few stretches may hold most of an effect (the hardest accelerations): their size says little,
+    that nearly all have the same sign says much.
+    """
+    if len(values) < 6 or not np.any(values):
+        return 1.0
+    return float(stats.wilcoxon(values, alternative='greater', method='approx').pvalue)
+
+
+def where_it_acts(energy, count, scale):
+    """Return the stretches in which an effect is larger than half the noise, at least six.
+
+    Parameters
+    ----------
+    energy : ndarray, shape (M,)
+        Of the effect in each stretch, A².
+    count : ndarray of int, shape (M,)
+        Samples in each.
+    scale : float
+        Standard deviation of the noise, A.
+    """
+    order = np.argsort(energy / np.maximum(count, 1))[::-1]
+    number = int(np.sum(energy > (0.5 * scale) ** 2 * count))
+    return order[:max(6, number)]
+
+
+def stretch_sums(data, values, residual):
+    """Sum values of usable samples over stretches longer than the residual's memory."""
+    usable = data.usable
+    size = int(usable.sum())
+    length = 2 * correlation_samples(residual, usable)
+    length = int(max(length, size / _MOST_STRETCHES))
+    length = max(2, min(length, size // 20))
+    number = np.arange(size) // length
+    return np.bincount(number, values), np.bincount(number)
+
+
+def flipped_signs(sums, draws=4000, seed=0):
+    """Return the chance that randomly signed sums exceed the real one."""
+    rng = np.random.default_rng(seed)
+    total, above, left = sums.sum(), 0, draws
+    while left:
+        number = min(left, 500)
+        signs = rng.integers(0, 2, size=(number, len(sums))) * 2 - 1
+        above += int(np.sum(signs @ sums >= total))
+        left -= number
+    return (above + 1) / (draws + 1)

@@ -1,0 +1,135 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What stays without a name: left-over dependence, clipping, and names that are only stand-ins."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.refinement.fit.effect_sum import robust_scale
+from friction_comp.refinement.judge.residual_dependence import (
+    fallback,
+    lag1_autocorrelation,
+    LEAST_STRENGTH,
+    ResidualDependence,
+    unexplained,
+)
+
+# Residuals this many times the noise from sample to sample hold something that is no noise.
+CLEARLY_ABOVE_NOISE = 1.5
+# Beyond so many standard deviations an error counts as if it were of that size.
+_FAR = 15.0
+# What stays below this share of that noise is not worth a word.
+LEAST_LOUD = 0.15
+# ResidualDependence this strong may bend what else is fitted.
+LARGE = 0.2
+# While something large has no name, an effect that lowers the loss by less is likely a stand-in.
+STAND_IN = 0.25
+
+
+def left_over(data, residual, slowest, floor):
+    """Return what the residual still depends on.
+
+    Parameters
+    ----------
+    data : FitData
+    residual : ndarray, shape (N,)
+        Held-out residual of the samples of `data`.
+    slowest : float
+        Speed of standstill, rad/s.
+    floor : float
+        Noise from sample to sample of the recordings, A.
+
+    Returns
+    -------
+    list of ResidualDependence
+    """
+    found = unexplained(data.samples, data.usable, residual, slowest, LEAST_LOUD * floor)
+    values = residual[data.usable]
+    # Rare but large errors next to each other are no outliers of a sensor: they hold something.
+    rare = clipped_rms(values, _FAR)
+    lasting = rare > CLEARLY_ABOVE_NOISE * floor and lag1_autocorrelation(
+        np.clip(values, -_FAR * floor, _FAR * floor)) > 0.3
+    if not found and (lasting or clipped_rms(values) > CLEARLY_ABOVE_NOISE * floor):
+        entry = fallback(residual, data.samples, data.usable, slowest)
+        if entry.strength > LEAST_STRENGTH:
+            found = [entry]
+    return found
+
+
+def with_products(left, products):
+    """Return what is left with the variables of products put first.
+
+    Parameters
+    ----------
+    left : list of ResidualDependence
+    products : list of type
+        See `nameless`.
+
+    Returns
+    -------
+    list of ResidualDependence
+    """
+    by_name = {item.variable: item for item in left}
+    strongest = max((item.strength for item in left), default=LEAST_STRENGTH)
+    first = []
+    for product in products:
+        for name in product.variables:
+            if all(item.variable != name for item in first):
+                strength = by_name[name].strength if name in by_name else strongest
+                first.append(ResidualDependence(
+                    name, strength, f'{product.name} explains more of the remaining error than '
+                    'any effect known to the package'))
+    taken = {item.variable for item in first}
+    return first + [item for item in left if item.variable not in taken]
+
+
+def clipped_rms(values, deviations=4.0):
+    """Return the RMS of values, those beyond so many standard deviations taken as of that size."""
+    limit = deviations * robust_scale(values)
+    return float(np.sqrt(np.mean(np.clip(values, -limit, limit) ** 2)))
+
+
+def clipping(samples, clipped):
+    """Return the entry for a current signal that ends before the current does; None if it does not.
+
+    The variable named is the one on which it depends most whether a sample is clipped.
+    """
+    if not clipped.any():
+        return None
+    share = float(clipped.mean())
+    signals = {'velocity': samples.velocity, 'acceleration': samples.acceleration,
+               'position': samples.position, 'load': samples.load,
+               'temperature': samples.temperature}
+    best = ('velocity', 0.0)
+    for name, values in signals.items():
+        if values is None:
+            continue
+        edges = np.unique(np.quantile(values, np.linspace(0, 1, 16)[1:-1]))
+        cell = np.searchsorted(edges, values)
+        count = np.maximum(np.bincount(cell), 1)
+        rate = np.bincount(cell, clipped.astype(float)) / count
+        spread = float(count @ (rate - share) ** 2) / (len(cell) * share * (1.0 - share))
+        # Velocity is what friction follows: another has to be clearly better to be named.
+        if spread > (1.5 * best[1] if best[0] == 'velocity' else best[1]):
+            best = (name, spread)
+    low, high = samples.current[clipped].min(), samples.current[clipped].max()
+    ends = f'{high:.4g} A' if low == high else f'{low:.4g} and {high:.4g} A'
+    return ResidualDependence(
+        best[0], best[1], f'the current signal ends at {ends} in {100 * share:.2g} % of the '
+        f'samples, mostly by {best[0]}: the sensor saturates, and these samples are not fitted')
+
+
+def without_stand_ins(steps, keep=1):
+    """Return the steps without small effects at the end.
+
+    Parameters
+    ----------
+    steps : list of Step
+    keep : int
+        The first steps are kept in any case.
+    """
+    steps = list(steps)
+    while len(steps) > keep and steps[-1].evidence.get('loss_reduction', 1.0) < STAND_IN:
+        steps.pop()
+    return steps

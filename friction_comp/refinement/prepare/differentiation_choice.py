@@ -1,0 +1,184 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How velocity and acceleration are best had of a recording: which signal, which bandwidth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.model.differentiation import differentiate, earlier
+from friction_comp.refinement.fit.effect_sum import huber_weights, robust_scale, solve
+from friction_comp.refinement.judge.evidence import rms
+from friction_comp.refinement.prepare import fit_data as recordings
+
+_MOST_SAMPLES = 150_000
+_PIECES = 15
+# Position and velocity are compared over windows of so many seconds, and agree within this share.
+_WINDOW, _AGREES, _FEWEST_WINDOWS = 0.25, 0.05, 8
+
+
+def excerpt(samples, *masks):
+    """Return stretches from all over the samples, not too many, and the same of masks."""
+    size = len(samples)
+    if size <= _MOST_SAMPLES:
+        return (samples, *masks)
+    length = _MOST_SAMPLES // _PIECES
+    starts = np.linspace(0, size - length, _PIECES).astype(int)
+    keep = np.concatenate([np.arange(start, start + length) for start in starts])
+    return (samples.take(keep), *(mask[keep] for mask in masks))
+
+
+def choose_differentiation(samples, clipped):
+    """Return the settings whose motion explains the current best, by a plain model."""
+    samples, clipped = excerpt(samples, clipped)
+    best = None
+    thin = max(1, len(samples) // 20000)
+    usable = None
+    for settings in reversed(recordings.bandwidths(samples)):
+        moving = differentiate(samples, settings)
+        if usable is None:
+            speed = np.abs(moving.velocity)
+            usable = (speed > 0.05 * np.percentile(speed, 95)) & ~clipped
+        rows = np.nonzero(usable)[0][::thin]
+        if len(rows) < 50:
+            raise InputError('the joint hardly moves in the recordings: '
+                             f'{len(rows)} samples of motion are too few')
+        part = moving.take(rows)
+        top = float(np.percentile(np.abs(part.velocity), 95))
+        error = min(_motion_error(part, top / share) for share in (3.0, 10.0, 30.0, 100.0, 300.0))
+        # Narrower than needed blunts reversals, so that a wider one wins when as good.
+        if best is None or error < 0.995 * best[0]:
+            best = (error, settings)
+    return best[1]
+
+
+def sharpest(model, samples, rows, settings, keep=None):
+    """Return the settings by which a finished model predicts some samples best.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    samples : Samples
+        As recorded.
+    rows : ndarray of bool, shape (N,)
+        The samples that count.
+    settings : dict
+        The present settings, which are kept unless others are clearly better.
+    keep : ndarray of bool, shape (N,), optional
+        Samples on which others must not be worse.
+    """
+    samples, rows, keep = excerpt(samples, rows, rows if keep is None else keep)
+    errors = []
+    for choice in [settings, *recordings.bandwidths(samples)]:
+        moving = differentiate(samples, choice)
+        error = np.abs(samples.current - model.predict(moving))
+        limit = np.quantile(error[rows], 0.999)
+        kept = rms(np.minimum(error[keep], limit))
+        errors.append((rms(np.minimum(error[rows], limit)), kept, choice))
+    present = errors[0]
+    allowed = [entry for entry in errors if entry[1] <= 1.005 * present[1]]
+    best = min(allowed, key=lambda entry: entry[0])
+    return best[2] if best[0] < 0.97 * present[0] else settings
+
+
+def smoothest(model, samples, rows, settings):
+    """Return the settings of lower bandwidth by which a model predicts best, the present if none.
+
+    Parameters
+    ----------
+    model, samples, rows, settings
+        As for `sharpest`.
+    """
+    samples, rows = excerpt(samples, rows)
+    present = settings.get('bandwidth') or np.inf
+    best, least = settings, np.inf
+    for choice in recordings.bandwidths(samples):
+        if (choice['bandwidth'] or np.inf) >= present or choice['source'] != settings['source']:
+            continue
+        moving = differentiate(samples, choice)
+        error = rms((samples.current - model.predict(moving))[rows])
+        if error < least:
+            best, least = choice, error
+    return best
+
+
+def velocity_against_position(samples):
+    """Return a sentence where recorded velocity is not the slope of position, else None.
+
+    Parameters
+    ----------
+    samples : Samples
+        As recorded.
+    """
+    if samples.velocity is None:
+        return None
+    ways, integrals = [], []
+    for part in samples.segments():
+        length = max(2, round(_WINDOW / max(samples.sample_time, 1e-9)))
+        edges = np.arange(part.start, part.stop, length)
+        if len(edges) < 2:
+            continue
+        step = np.diff(samples.time[part], prepend=samples.time[part.start])
+        travelled = np.concatenate(([0.0], np.cumsum(samples.velocity[part] * step)))[1:]
+        ways.append(np.diff(samples.position[edges]))
+        integrals.append(np.diff(travelled[edges - part.start]))
+    if not ways:
+        return None
+    way, integral = np.concatenate(ways), np.concatenate(integrals)
+    moving = np.abs(integral) > 0.1 * np.max(np.abs(integral), initial=0.0)
+    if moving.sum() < _FEWEST_WINDOWS:
+        return None
+    ratio = float(np.median(way[moving] / integral[moving]))
+    if abs(ratio - 1.0) < _AGREES:
+        return None
+    return (f'Position changes by {ratio:.3g} times what the recorded velocity says: scaling or '
+            'clock of one of them is wrong. Acceleration, spatial frequencies and viscous friction '
+            'are as uncertain.')
+
+
+def lagging(samples, moving):
+    """Tell whether current and motion are apart in time by more than two samples.
+
+    A lag shows at reversals, next to standstill: where there is one, they must not be left out.
+
+    Parameters
+    ----------
+    samples : Samples
+        With velocity and acceleration.
+    moving : ndarray of bool, shape (N,)
+        Every sample that does not stand still.
+    """
+    samples, moving = excerpt(samples, moving)
+    step = samples.sample_time
+    longest = min(0.06, 0.02 * float(np.ptp(samples.time)))
+    shifts = [0.0] + [side * value for value in np.geomspace(2.0 * step, longest, 8)
+                      for side in (1.0, -1.0)] if longest > 2.0 * step else [0.0]
+    rows = np.nonzero(moving)[0][::max(1, int(moving.sum()) // 15000)]
+    top = float(np.percentile(np.abs(samples.velocity[moving]), 95))
+    v = samples.velocity
+    matrix = np.column_stack((np.ones_like(v), np.tanh(v / (0.01 * top)),
+                              np.tanh(v / (0.05 * top)), v, samples.acceleration))
+    errors = []
+    for shift in shifts:
+        part = earlier(matrix, samples, shift)[rows]
+        current = samples.current[rows]
+        residual = np.abs(current - part @ solve(part, current, np.ones(len(rows))))
+        errors.append(rms(np.minimum(residual, np.quantile(residual, 0.999))))
+    return min(errors) < 0.97 * errors[0]
+
+
+def _motion_error(part, transition):
+    v = part.velocity
+    side = np.tanh(v / transition)
+    columns = [np.ones_like(v), side, v, part.acceleration, np.cos(part.position),
+               np.sin(part.position)]
+    if part.load is not None:
+        # A load that is not in the model would drown what the bandwidth changes.
+        columns += [part.load, np.abs(part.load) * side]
+    matrix = np.column_stack(columns)
+    weights = np.ones(len(v))
+    for _ in range(3):
+        residual = part.current - matrix @ solve(matrix, part.current, weights)
+        weights = huber_weights(residual, 2.0 * robust_scale(residual))
+    return rms(residual)

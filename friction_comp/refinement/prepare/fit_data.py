@@ -1,0 +1,302 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings made ready for fitting: motion, what is usable, and what is held out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.model.differentiation import differentiate, METHOD
+from friction_comp.model.effects import Scene
+from friction_comp.samples import Samples
+
+FEWEST = 200
+_MOST_ROWS = 24000
+_SLOWEST_RATE = 100.0
+_SIGNALS = ('time', 'position', 'velocity', 'acceleration', 'current', 'load', 'temperature')
+
+
+@dataclass
+class FitData:
+    """Samples to choose effects on, and the folds they fall into.
+
+    Parameters
+    ----------
+    samples : Samples
+        Averaged over `window` original samples each, with velocity and acceleration.
+    usable : ndarray of bool, shape (N,)
+        Where the joint moves and the current is neither clipped nor missing.
+    block : ndarray of int, shape (N,)
+        Number of the stretch each sample belongs to; stretches are what is held out.
+    fold : ndarray of int, shape (N,)
+        0 or 1: each half is predicted by the model fitted on the other half.
+    guard : ndarray of bool, shape (N,)
+        Samples beside the edge of a stretch, which are not fitted.
+    window : float
+        Time in s over which samples were averaged; 0 where they were not.
+    scene : Scene
+    held_out : str
+        How the samples were split, in words.
+    origin : ndarray of int, shape (N,)
+        Which of the original samples each one begins at.
+    load_coefficient : float
+        A per N·m of load by which the motor is spared, where mechanics is relied on for it: see
+        `load.carried_by_a_person`.
+    """
+
+    samples: Samples
+    usable: np.ndarray
+    block: np.ndarray
+    fold: np.ndarray
+    guard: np.ndarray
+    window: float
+    scene: Scene
+    held_out: str
+    origin: np.ndarray | None = None
+    load_coefficient: float = 0.0
+
+    @property
+    def target(self):
+        """Current in A that the motion has to explain: without the share of the load, (N,)."""
+        if not self.load_coefficient:
+            return self.samples.current
+        return self.samples.current - self.load_coefficient * self.samples.load
+
+    def fit_rows(self, fold):
+        """Return which samples the model that predicts a fold is fitted on; all for None."""
+        if fold is None:
+            return self.usable
+        return self.usable & (self.fold != fold) & ~self.guard
+
+
+def join(recordings):
+    """Return recordings as one `Samples`, non-finite samples dropped.
+
+    Raises
+    ------
+    InputError
+        If there is too little to fit anything on.
+    """
+    recordings = [part for part in recordings if len(part)]
+    if not recordings:
+        raise InputError('the recordings hold no samples')
+    samples = Samples.concatenate(recordings) if len(recordings) > 1 else recordings[0]
+    fine = np.isfinite(samples.time) & np.isfinite(samples.position)
+    fine &= np.isfinite(samples.current)
+    for name in ('velocity', 'load', 'temperature'):
+        values = getattr(samples, name)
+        if values is None:
+            continue
+        share = np.mean(np.isfinite(values))
+        if share < 0.5:
+            samples = samples.with_(**{name: None})
+        else:
+            fine &= np.isfinite(values)
+    samples = samples if fine.all() else samples.take(fine)
+    if len(samples) < FEWEST:
+        raise InputError(f'{len(samples)} usable samples are too few: at least {FEWEST} are needed')
+    if np.ptp(samples.position) == 0:
+        raise InputError('the joint never moves in the recordings: there is no friction to fit')
+    return samples
+
+
+def sticking_speed(samples):
+    """Return the speed in rad/s below which the joint counts as standing still.
+
+    Where the joint sticks, current is whatever it happens to be and tells nothing of friction.
+    The threshold is a hundredth of the usual top speed, or more where the resolution of position
+    does not let slower motion be told from rest.
+    """
+    speed = np.abs(samples.velocity)
+    top = float(np.percentile(speed, 95))
+    quiet = speed[speed < 0.02 * top]
+    noise = 3.0 * float(np.sqrt(np.mean(quiet ** 2))) if quiet.size > 50 else 0.0
+    return float(min(max(0.01 * top, noise), 0.05 * top))
+
+
+def in_motion(samples, slowest, settings):
+    """Return which samples tell of friction: the joint moves, and has moved for a moment.
+
+    Beside standstill, the smoothing of the positions blends rest and motion over about the
+    inverse of its bandwidth. Those samples are left out as well, unless so much of the recording
+    is near a reversal that little else would remain.
+    """
+    moving = np.abs(samples.velocity) > slowest
+    bandwidth = settings.get('bandwidth')
+    if not bandwidth:
+        return moving
+    width = round(0.5 / (bandwidth * samples.sample_time))
+    sums = np.concatenate(([0], np.cumsum(~moving)))
+    place = np.arange(len(moving))
+    near = sums[np.minimum(place + width + 1, len(moving))] - sums[np.maximum(place - width, 0)]
+    inner = moving & (near == 0)
+    return inner if inner.sum() > 0.8 * moving.sum() else moving
+
+
+def clipped(current):
+    """Return which samples sit at the very limits of the current signal, shape (N,).
+
+    A limit counts as one where its exact value (to a millionth of the range) is met in a run of
+    samples, which a signal with noise does not do unless it is cut off.
+    """
+    mark = np.zeros(len(current), dtype=bool)
+    span = float(np.ptp(current))
+    if span == 0:
+        return mark
+    for extreme in (current.max(), current.min()):
+        at = np.abs(current - extreme) <= 1e-6 * span
+        runs = at[1:] & at[:-1]
+        if at.sum() >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * at.sum():
+            mark |= at
+    return mark
+
+
+def bandwidths(samples):
+    """Return the differentiation settings worth comparing."""
+    rate = 1.0 / max(samples.sample_time, 1e-9)
+    choices = [value for value in (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
+               if value <= 0.3 * rate]
+    sources = ['position']
+    if samples.velocity is not None and np.any(samples.velocity):
+        sources.append('velocity')
+    return [{'method': METHOD, 'source': source, 'bandwidth': value}
+            for source in sources for value in [*choices, None]]
+
+
+def thinned(samples, usable):
+    """Return samples averaged, and if need be sampled in stretches, to a manageable number.
+
+    Returns
+    -------
+    Samples, ndarray of bool, float, ndarray of int
+        What is left, which of it is usable, the averaging time in s, and where in the original
+        each sample begins.
+    """
+    factor = math.ceil(len(samples) / _MOST_ROWS)
+    rate = 1.0 / max(samples.sample_time, 1e-9)
+    factor = max(1, min(factor, int(rate / _SLOWEST_RATE)))
+    origin = np.arange(len(samples))
+    if factor > 1:
+        samples, usable, origin = _averaged(samples, usable, factor)
+    if len(samples) > 2 * _MOST_ROWS:
+        chunk = 400
+        every = math.ceil(len(samples) / (2 * _MOST_ROWS))
+        keep = (np.arange(len(samples)) // chunk) % every == 0
+        samples, usable, origin = samples.take(keep), usable[keep], origin[keep]
+    return samples, usable, factor / rate if factor > 1 else 0.0, origin
+
+
+def _averaged(samples, usable, factor):
+    pieces = {name: [] for name in _SIGNALS if getattr(samples, name) is not None}
+    kept, numbers, origin = [], [], []
+    for part in samples.segments():
+        rows = (part.stop - part.start) // factor
+        if rows == 0:
+            continue
+        cut = slice(part.start, part.start + rows * factor)
+        for name, values in pieces.items():
+            values.append(getattr(samples, name)[cut].reshape(rows, factor).mean(axis=1))
+        kept.append(usable[cut].reshape(rows, factor).all(axis=1))
+        numbers.append(samples.recording[cut][::factor])
+        origin.append(np.arange(cut.start, cut.stop, factor))
+    joined = {name: np.concatenate(values) for name, values in pieces.items()}
+    result = Samples(recording=np.concatenate(numbers), joint=samples.joint, **joined)
+    return result, np.concatenate(kept), np.concatenate(origin)
+
+
+def split(samples, usable, residual):
+    """Cut samples into stretches and deal the stretches to two folds.
+
+    Whole recordings are held out where several are given, else stretches several times as long
+    as the residual stays correlated, in turn. The stretches on which evidence is counted are
+    short ones in either case.
+
+    Returns
+    -------
+    block, fold : ndarray of int, shape (N,)
+    guard : ndarray of bool, shape (N,)
+    held_out : str
+    """
+    step = max(samples.sample_time, 1e-9)
+    total = int(usable.sum())
+    length = correlation_samples(residual, usable)
+    rows = int(np.clip(10 * length, total / 120, total / 24))
+    rows = max(rows, 4)
+    # Counted in usable samples, so that rests do not make empty stretches.
+    count = np.cumsum(usable)
+    number = np.minimum((count - 1).clip(0) // rows, max(total // rows - 1, 0))
+    change = np.diff(samples.recording, prepend=samples.recording[:1]) != 0
+    block = _renumber(number + np.cumsum(change) * (int(number[-1]) + 2))
+    recordings = np.unique(samples.recording)
+    edge = np.diff(block, prepend=block[:1]) != 0
+    if len(recordings) > 1:
+        size = {r: int((usable & (samples.recording == r)).sum()) for r in recordings}
+        sums, where = [0, 0], {}
+        for r in sorted(recordings, key=lambda r: -size[r]):
+            side = int(sums[1] < sums[0])
+            where[r] = side
+            sums[side] += size[r]
+        fold = np.array([where[r] for r in samples.recording])
+        guard = np.zeros(len(samples), dtype=bool)
+        words = (f'{len(recordings)} recordings in two halves of whole recordings, each half '
+                 'predicted by the model fitted on the other')
+    else:
+        fold = block % 2
+        guard = np.zeros(len(samples), dtype=bool)
+        width = min(int(length), rows // 8)
+        for place in np.nonzero(edge)[0]:
+            guard[max(0, place - width):place + width] = True
+        words = (f'{block.max() + 1} stretches of about {rows * step:.2g} s in turn, each half '
+                 'predicted by the model fitted on the other half, '
+                 f'with {2 * width * step:.2g} s beside every edge not fitted')
+    return block, fold, guard, words + '; standstill and clipped samples are left out'
+
+
+def correlation_samples(residual, usable):
+    """Return after how many samples the residual's autocorrelation has fallen below 0.2."""
+    values = residual[usable]
+    values = values - np.median(values)
+    # A few large errors at reversals would else stand for all the rest.
+    limit = 3.0 * 1.4826 * float(np.median(np.abs(values)))
+    values = np.clip(values, -limit, limit)
+    values = values - values.mean()
+    size = len(values)
+    padded = 1 << (2 * size - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(values, padded)) ** 2
+    correlation = np.fft.irfft(spectrum)[:max(2, size // 10)]
+    if correlation[0] <= 0:
+        return 1
+    below = np.nonzero(correlation < 0.2 * correlation[0])[0]
+    return int(below[0]) if below.size else size // 10
+
+
+def scene_of(samples, usable, drive, transition, slowest):
+    """Return the `Scene` of samples."""
+    moving = samples.take(usable)
+    # The longest recording alone tells how far time constants can be seen.
+    duration = max(float(np.ptp(samples.time[samples.recording == r]))
+                   for r in np.unique(samples.recording))
+    steps = np.abs(np.diff(samples.position[:20000]))
+    steps = steps[steps > 1e-12]
+    lowest, highest = np.percentile(moving.position, (1, 99))
+    return Scene(
+        transition=transition, speed=float(np.percentile(np.abs(moving.velocity), 95)),
+        slowest=slowest, lowest=float(lowest), highest=float(highest), duration=duration,
+        sample_time=samples.sample_time,
+        temperature=(25.0 if samples.temperature is None
+                     else float(np.median(samples.temperature))),
+        gear_ratio=drive.gear_ratio,
+        resolution=float(steps.min()) if steps.size else 0.0,
+        both_directions=0.02 < float(np.mean(moving.velocity > 0)) < 0.98)
+
+
+def _renumber(values):
+    return np.unique(values, return_inverse=True)[1].reshape(-1)
+
+
+__all__ = ['FitData', 'bandwidths', 'clipped', 'differentiate', 'join', 'scene_of', 'split',
+           'sticking_speed', 'thinned']

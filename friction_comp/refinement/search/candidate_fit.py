@@ -1,0 +1,155 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""One more effect on trial: fitted in both folds, and how sure it is that it helps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from friction_comp.refinement.fit import gauss_newton as optimizer
+from friction_comp.refinement.fit.effect_sum import huber_loss, robust_scale, Term
+from friction_comp.refinement.judge.evidence import advantage, held_out_residual
+from friction_comp.refinement.search.candidates import best_term, lags, plausible
+
+# Chance of any wrong effect in a step, over all candidates together.
+ALPHA = 0.01
+# An effect has to lower the held-out loss by this share (the error by half of it), or it is not
+# worth its place: less may be a base that is not quite of the right shape.
+LEAST_SHARE = 0.04
+# The same for a lag of a sample or two, which may be how the signals were sampled.
+_SHARE_OF_SHORT_LAG = 0.16
+# Nor one whose current is a smaller share of the signal than this: no drive is known as well.
+LEAST_SIZE = 0.003
+# Every drive has inertia, so that half of the chance is kept for it and the others share the rest.
+_EXPECTED = 'inertia'
+
+
+@dataclass
+class CandidateFit:
+    """A candidate effect, fitted in both folds."""
+
+    kind: type
+    fits: list
+    residual: np.ndarray
+    advantage: float = 0.0
+    error: float = 0.0
+    p_value: float = 1.0
+
+    @property
+    def complexity(self):
+        """Number of coefficients and searched constants."""
+        term = self.fits[0].terms[-1]
+        searched = sum(how is not None for how in term.kind.constants.values())
+        free = term.kind.columns(self.fits[0].samples.take(slice(0, 3)), **term.constants).shape[1]
+        return searched + free
+
+    def evidence(self, loss, candidates):
+        """Return the entry `evidence` of the report.
+
+        Parameters
+        ----------
+        loss : float
+            Mean loss in A² without the effect.
+        candidates : int
+            How many effects were tried.
+        """
+        return {'loss_reduction': self.advantage / loss,
+                'standard_errors': self.advantage / max(self.error, 1e-300),
+                'p_value': self.p_value, 'candidates': candidates}
+
+
+@dataclass
+class Step:
+    """An effect that was added: how, and what else would have done nearly as well."""
+
+    kind: type
+    fits: list
+    held_out_rmse: float
+    evidence: dict
+    rivals: list = field(default_factory=list)
+
+
+def try_kind(data, fits, residual, kind):
+    """Fit one more effect in both folds; None where it makes no sense.
+
+    A fold may hold too little of the effect to tell its variant (a bump crossed in one direction
+    only). Where the folds disagree, either's variant is tried in both.
+    """
+    if kind.name == 'actuation_lag':
+        return _lag(data, fits, residual, kind)
+    terms = [best_term(fit, kind) for fit in fits]
+    if any(term is None for term in terms):
+        return None
+    choices = [terms]
+    fixed = [name for name, how in kind.constants.items() if how is None and name != 'transition']
+    if any(terms[0].constants[name] != terms[1].constants[name] for name in fixed):
+        for term in terms:
+            variant = {name: term.constants[name] for name in fixed}
+            choices.append([
+                fit.search(Term(kind, {**own.constants, **variant}))[0]
+                for fit, own in zip(fits, terms)])
+    best = None
+    for choice in choices:
+        grown = [fit.with_term(term) for fit, term in zip(fits, choice)]
+        if not all(plausible(fit) for fit in grown):
+            continue
+        trial = CandidateFit(kind, grown, held_out_residual(data, grown))
+        trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+        if best is None or trial.advantage > best.advantage:
+            best = trial
+    return best
+
+
+def _lag(data, fits, residual, kind):
+    """Return the trial of the form of lag that helps most, its lag adjusted with all else."""
+    best = None
+    for choice in zip(*(lags(fit, kind) for fit in fits)):
+        if any(term is None for term in choice):
+            continue
+        trial = CandidateFit(
+            kind, [fit.with_term(term) for fit, term in zip(fits, choice)], residual)
+        adjust_constants(data, residual, trial)
+        if all(plausible(fit) for fit in trial.fits) and (
+                best is None or trial.advantage > best.advantage):
+            best = trial
+    return best
+
+
+def least_share(trial, data):
+    """Return the share of the loss that an effect has to take away to be worth its place.
+
+    A lag of a sample or two may be how the signals were sampled, and asks for more.
+    """
+    if trial.kind.name != 'actuation_lag':
+        return LEAST_SHARE
+    lag = min(abs(fit.terms[-1].constants['lag']) for fit in trial.fits)
+    return LEAST_SHARE if lag > 2.0 * data.scene.sample_time else _SHARE_OF_SHORT_LAG
+
+
+def chance_of(kind, number):
+    """Return the p-value an effect must stay below as one of a number tried (Bonferroni)."""
+    return 0.5 * ALPHA if kind.name == _EXPECTED else 0.5 * ALPHA / max(number - 1, 1)
+
+
+def adjust_constants(data, residual, trial, thorough=False):
+    """Adjust all constants of a trial together and count its advantage anew."""
+    adjust = optimizer.gauss_newton_restarted if thorough else optimizer.gauss_newton
+    trial.fits = [adjust(fit) for fit in trial.fits]
+    trial.residual = held_out_residual(data, trial.fits)
+    trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+
+
+def mean_loss(data, residual, scale=None):
+    """Return the mean Huber loss of the usable samples, A².
+
+    Parameters
+    ----------
+    data : FitData
+    residual : ndarray, shape (N,)
+    scale : float, optional
+        Standard deviation in A beyond which it is linear; that of the residual when omitted.
+    """
+    values = residual[data.usable]
+    return float(np.mean(huber_loss(values, scale or robust_scale(values))))

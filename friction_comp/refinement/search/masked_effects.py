@@ -1,0 +1,168 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the search for one effect at a time passes over: hidden inertia, and pairs of effects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.fit.effect_sum import robust_scale, Term
+from friction_comp.refinement.judge.evidence import held_out_residual, rms
+from friction_comp.refinement.judge.residual_verdict import CLEARLY_ABOVE_NOISE
+from friction_comp.refinement.judge.scores import noise_floor
+from friction_comp.refinement.search.candidate_fit import (
+    adjust_constants,
+    ALPHA,
+    chance_of,
+    LEAST_SHARE,
+    mean_loss,
+    Step,
+    try_kind,
+)
+from friction_comp.refinement.search.candidates import plausible
+
+INERTIA = EFFECTS['inertia']
+_POSITIONS, _TIMES = 16, 12
+# Effects that a second one is tried beside.
+_FIRSTS = 3
+
+
+def nuisance_of(samples):
+    """Return a stand-in for an effect: any step function of position and of time.
+
+    Each has its own level in either direction, so that it takes up what no effect known to the
+    package describes, however coarsely. It is never part of a model.
+
+    Parameters
+    ----------
+    samples : Samples
+
+    Returns
+    -------
+    type
+        With the class method `columns` of an effect.
+    """
+    def edges(values, number):
+        return np.unique(np.quantile(values, np.linspace(0, 1, number + 1)[1:-1]))
+    cuts = (edges(samples.position, _POSITIONS), edges(samples.time, _TIMES))
+
+    class Nuisance:
+        """Levels of cells of position and of time, in either direction."""
+
+        name, variable, constants = 'nuisance', 'nuisance', {}
+
+        @classmethod
+        def columns(cls, samples):
+            """Return one column of zeros and ones for each cell."""
+            side = (samples.velocity > 0).astype(int)
+            parts = []
+            for cut, values in zip(cuts, (samples.position, samples.time)):
+                cell = 2 * np.searchsorted(cut, values, side='right') + side
+                parts.append(np.eye(2 * len(cut) + 2)[cell])
+            return np.hstack(parts)
+    return Nuisance
+
+
+def exceeds_noise(data, residual):
+    """Tell whether a residual is much larger than what changes from sample to sample.
+
+    Parameters
+    ----------
+    data : FitData
+    residual : ndarray, shape (N,)
+    """
+    floor = noise_floor(data.samples, data.usable, residual)
+    return robust_scale(residual[data.usable]) > CLEARLY_ABOVE_NOISE * floor
+
+
+def beside_nuisance(data, fits):
+    """Return fits that have the freedom of `nuisance_of` as well."""
+    term = Term(nuisance_of(data.samples.take(data.usable)), {})
+    return [fit.with_term(term) for fit in fits]
+
+
+def with_inertia(fits):
+    """Return fits with inertia, None where its sign would be wrong."""
+    grown = [fit.with_term(Term(INERTIA, {})) for fit in fits]
+    return grown if all(plausible(fit) for fit in grown) else None
+
+
+def hidden_inertia(data, fits, residual, kinds):
+    """Return a step for inertia that a larger effect without a name hides, None if there is none.
+
+    Parameters
+    ----------
+    data : FitData
+    fits : list of Fit
+    residual : ndarray, shape (N,)
+    kinds : list of type
+        What may be tried still.
+    """
+    if INERTIA not in kinds or not exceeds_noise(data, residual):
+        return None
+    free = beside_nuisance(data, fits)
+    without = held_out_residual(data, free)
+    trial = try_kind(data, free, without, INERTIA)
+    if trial is None or trial.p_value > chance_of(INERTIA, len(kinds)):
+        return None
+    loss = mean_loss(data, without)
+    grown = with_inertia(fits)
+    if grown is None or trial.advantage < LEAST_SHARE * loss:
+        return None
+    return Step(INERTIA, grown, rms(held_out_residual(data, grown)[data.usable]), {
+        **trial.evidence(loss, len(kinds)),
+        'beside': 'free levels over position and time, since something larger has no name'})
+
+
+def together(data, fits, residual, trials, kinds, least):
+    """Return two steps for effects that help only together, none if there are no such.
+
+    Load torque that is not in the model hides friction that grows with the load, and the other way
+    round: neither lowers the held-out error alone. A second effect is tried beside each of those
+    that fit best where they were fitted.
+
+    Parameters
+    ----------
+    data : FitData
+    fits : list of Fit
+    residual : ndarray, shape (N,)
+    trials : list of CandidateFit
+        Of one effect each.
+    kinds : list of type
+        What may be tried.
+    least : float
+        Advantage in A² that is worth a name.
+
+    Returns
+    -------
+    list of Step
+    """
+    if not exceeds_noise(data, residual):
+        return []
+
+    def fitted(trial):
+        return sum(float(np.mean(np.abs(fit.residual[fit.index]))) for fit in trial.fits)
+    firsts = sorted(trials, key=fitted)[:_FIRSTS]
+    best, first = None, None
+    for trial in firsts:
+        for kind in kinds:
+            if kind is trial.kind and not kind.repeatable:
+                continue
+            pair = try_kind(data, trial.fits, residual, kind)
+            if pair is not None and (best is None or pair.advantage > best.advantage):
+                best, first = pair, trial
+    loss = mean_loss(data, residual)
+    if best is None:
+        return []
+    adjust_constants(data, residual, best)
+    number = _FIRSTS * len(kinds)
+    if best.p_value > ALPHA / number or best.advantage < max(2.0 * LEAST_SHARE * loss, least):
+        return []
+    evidence = best.evidence(loss, number)
+    steps = []
+    for trial, other in ((first, best), (best, first)):
+        steps.append(Step(
+            trial.kind, trial.fits, rms(held_out_residual(data, trial.fits)[data.usable]),
+            {**evidence, 'together_with': other.kind.name}))
+    return steps
