@@ -1,0 +1,130 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""From what happened to what a driver would have recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from second_world.drive import DT
+from second_world.package import Samples
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """How a drive is recorded: times in s, rad, A."""
+
+    step: float = 0.002
+    jitter: float = 0.0  # share of a step by which samples come early or late
+    stamps_jitter: bool = False  # the stamps say so wrongly; samples are taken in time
+    quantum: float = 1e-5
+    noise: float = 0.01
+    noise_memory: float = 0.0  # s, time constant of coloured noise
+    current_quantum: float = 0.0
+    current_ceiling: float = np.inf  # of the current sensor only
+    velocity: str = 'none'  # none, exact, filtered
+    gaps: int = 0
+    pieces: int = 1  # runs with pauses between, each a recording of its own
+    load: bool = False
+    heat: bool = False
+    reference: bool = False
+    load_noise: float = 0.01
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A recording and what lies behind each of its samples."""
+
+    recordings: list
+    index: list  # per recording, indices into the trace
+    others: list  # per recording, Samples of the other joints
+
+
+def _noise(rng, sensors, times):
+    white = rng.normal(size=len(times)) * sensors.noise
+    if sensors.noise_memory <= 0 or len(times) < 2:
+        return white
+    keep = np.exp(-np.median(np.diff(times)) / sensors.noise_memory)
+    coloured = np.empty_like(white)
+    coloured[0] = white[0]
+    for i in range(1, len(white)):
+        coloured[i] = keep * coloured[i - 1] + np.sqrt(1 - keep ** 2) * white[i]
+    return coloured
+
+
+def quantised(values, quantum):
+    """Return values rounded to multiples of `quantum`; 0 leaves them as they are."""
+    return np.round(values / quantum) * quantum if quantum > 0 else values
+
+
+def _velocity(rng, sensors, trace):
+    """Return the driver's velocity along the whole trace, or None."""
+    if sensors.velocity == 'none':
+        return None
+    if sensors.velocity == 'exact':
+        return trace.v + rng.normal(size=len(trace.v)) * 0.002 * np.std(trace.v)
+    # A driver differences its own encoder each ms and smooths with a first-order low pass.
+    own = quantised(trace.q[::4], min(sensors.quantum, 2e-4))
+    raw = np.diff(own, prepend=own[0]) / (4 * DT)
+    out, weight = np.empty_like(raw), 4 * DT / (0.006 + 4 * DT)
+    level = 0.0
+    for i, value in enumerate(raw):
+        level += (value - level) * weight
+        out[i] = level
+    return np.repeat(out, 4)[:len(trace.q)]
+
+
+def _instants(rng, sensors, size):
+    """Return indices into the trace and the stamps that are written for them."""
+    nominal = np.arange(int((size - 2) * DT / sensors.step)) * sensors.step
+    late = rng.uniform(-0.5, 0.5, len(nominal)) * sensors.jitter * sensors.step
+    taken = nominal if sensors.stamps_jitter else nominal + late
+    index = np.clip(np.round(taken / DT).astype(int), 0, size - 1)
+    stamps = nominal + late - min(late.min(initial=0.0), 0.0) if sensors.stamps_jitter else (
+        index * DT)
+    keep = np.ones(len(index), dtype=bool)
+    for _ in range(sensors.gaps):
+        length = int(rng.uniform(0.01, 0.04) * len(index))
+        start = rng.integers(0, max(len(index) - length, 1))
+        keep[start:start + length] = False
+    return index[keep], stamps[keep]
+
+
+def record(rng, sensors, trace, joint_name='joint', number=0, temperature=22.0):
+    """Return what is recorded of a trace, as `Seen`.
+
+    Several joints come as one `Samples` for each of the others, on the same time base.
+    """
+    index, stamps = _instants(rng, sensors, len(trace.time))
+    velocity = _velocity(rng, sensors, trace)
+    cuts = np.array_split(np.arange(len(index)), sensors.pieces)
+    recordings, indices, others = [], [], []
+    for cut in cuts:
+        # Between short runs the joint goes on unrecorded for a while.
+        cut = cut[:max(int(0.9 * len(cut)), 20)] if sensors.pieces > 1 else cut
+        i, t = index[cut], stamps[cut]
+        current = np.clip(trace.current[i], -sensors.current_ceiling, sensors.current_ceiling)
+        signals = {}
+        if velocity is not None:
+            signals['velocity'] = velocity[i]
+        if sensors.load:
+            signals['load'] = trace.load[i] + rng.normal(size=len(i)) * sensors.load_noise
+        if sensors.heat:
+            signals['temperature'] = quantised(temperature + trace.heat[i], 0.1)
+        if sensors.reference:
+            signals['reference_position'] = trace.reference[i]
+            signals['reference_velocity'] = trace.reference_speed[i]
+        current = quantised(current + _noise(rng, sensors, t), sensors.current_quantum)
+        recordings.append(Samples(
+            time=t.astype(float), position=quantised(trace.q[i], sensors.quantum),
+            current=current, joint=joint_name, **signals))
+        indices.append(i)
+        others.append([
+            Samples(time=t.astype(float), position=quantised(trace.others_q[i, k], 1e-4),
+                    current=np.zeros(len(i)) + rng.normal(size=len(i)) * sensors.noise,
+                    velocity=trace.others_v[i, k] if velocity is not None else None,
+                    joint=f'other_{k + 1}')
+            for k in range(trace.others_q.shape[1]) if k != number])
+    return Seen(recordings, indices, others)

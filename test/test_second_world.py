@@ -1,0 +1,182 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The second world of test recordings: its physics, and that its floors are what they say."""
+
+from dataclasses import replace
+from pathlib import Path
+import sys
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'bench'))
+
+from second_world import arm, motion, oracle
+from second_world.cases import generator, make
+from second_world.drive import Controller, DT, energy_balance, simulate
+from second_world.families import draw, FAMILIES
+from second_world.joint import Joint, new_state, resistance
+from second_world.judging import said_right
+
+
+def reference(kind, seconds=4.0):
+    return motion.KINDS[kind](np.random.default_rng(3), seconds, 0.8, 1.5)
+
+
+FOLLOWS = Controller(proportional=40.0, derivative=2.0, integral=20.0)
+
+
+def test_motor_work_is_stored_or_lost():
+    joint = Joint(inertia=0.05, coulomb=0.4, viscous=0.2, gravity=1.3, gravity_phase=0.4,
+                  spring=0.5, stribeck=0.6)
+    trace = simulate(joint, FOLLOWS, arm.Chain(), 0, reference('joystick'))
+    work, stored, lost = energy_balance(joint, trace)
+    assert lost > 0.3
+    assert work == pytest.approx(stored + lost, abs=0.01 * lost)
+
+
+def test_frictionless_pendulum_let_go_keeps_its_energy():
+    joint = Joint(inertia=0.1, coulomb=0.0, viscous=0.0, gravity=2.0)
+    start = np.full(int(3 / DT), 1.0)
+    trace = simulate(joint, Controller(), arm.Chain(), 0, start)
+    energy = 0.5 * joint.inertia * trace.v ** 2 - joint.gravity * np.cos(trace.q)
+    assert np.ptp(trace.q) > 1.9
+    assert np.ptp(energy) < 0.01 * joint.gravity
+
+
+def test_pushed_less_than_breakaway_the_joint_creeps_by_presliding_alone():
+    joint = Joint(coulomb=0.5, viscous=0.05, slip=0.01)
+    push = np.full(int(1 / DT), 0.4)
+    trace = simulate(joint, Controller(), arm.Chain(), 0, np.zeros(len(push)), open_loop=push)
+    assert 0 < np.max(trace.q) < 3 * joint.slip
+    more = simulate(joint, Controller(), arm.Chain(), 0, np.zeros(len(push)),
+                    open_loop=1.5 * push)
+    assert np.max(more.q) > 50 * joint.slip
+
+
+def test_presliding_goes_round_a_loop_and_takes_energy():
+    joint = Joint(coulomb=1.0, viscous=0.0, slip=0.05)
+    q = 0.04 * np.sin(np.linspace(0, 6 * np.pi, 3000))
+    state = new_state(q[0])
+    force = np.array([resistance(joint, state, 0.0, x, 0.0, 0.0, 0.0, DT) for x in q])
+    loop = slice(1000, 3000)
+    assert np.trapezoid(force[loop], q[loop]) > 0.01
+
+
+@pytest.mark.parametrize('number', [0, 1])
+def test_chain_agrees_with_the_two_link_arm_of_textbooks(number):
+    m1, m2, l1, r1, r2, i1, i2 = 2.0, 1.5, 0.4, 0.15, 0.2, 0.02, 0.03
+    chain = arm.Chain(np.array([m1, m2]), np.array([l1, 0.3]), np.array([r1, r2]),
+                      np.array([i1, i2]))
+    q, v, a = np.array([0.4, -0.9]), np.array([1.2, -0.7]), np.array([2.0, 3.0])
+    c2, h = np.cos(q[1]), m2 * l1 * r2 * np.sin(q[1])
+    m22 = i2 + m2 * r2 ** 2
+    m12 = m22 + m2 * l1 * r2 * c2
+    m11 = i1 + m1 * r1 ** 2 + i2 + m2 * (l1 ** 2 + r2 ** 2 + 2 * l1 * r2 * c2)
+    g2 = m2 * arm.G * r2 * np.cos(q[0] + q[1])
+    g1 = (m1 * r1 + m2 * l1) * arm.G * np.cos(q[0]) + g2
+    expected = (m11 * a[0] + m12 * a[1] - h * (2 * v[0] * v[1] + v[1] ** 2) + g1,
+                m12 * a[0] + m22 * a[1] + h * v[0] ** 2 + g2)
+    assert arm.torque(chain, number, q, v, a, arm.G) == pytest.approx(expected[number])
+
+
+@pytest.mark.parametrize('kind', sorted(motion.KINDS))
+def test_motion_begins_at_rest_and_keeps_to_range_and_speed(kind):
+    path = reference(kind, 12.0)
+    speed = np.gradient(path, DT)
+    assert abs(speed[0]) < 0.02
+    assert np.max(abs(speed)) < 1.3 * 1.5
+    assert kind == 'one_way' or np.max(abs(path)) < 1.05 * 0.8
+    assert np.ptp(path) > 0.2
+    assert kind != 'one_way' or np.min(speed) > -1e-9
+
+
+@pytest.mark.parametrize('family', ['none', 'gravity', 'load', 'temperature', 'ripple', 'rest',
+                                    'presliding', 'lag', 'other_joints', 'product'])
+def test_the_true_law_leaves_the_noise_of_current_and_no_more(family):
+    case = draw(family, 0)
+    case = replace(case, fit_sensors=replace(
+        case.fit_sensors, noise_memory=0.0, current_quantum=0.0, jitter=0.0))
+    trace, seen = make(case, 'fit')
+    assert oracle.noise_floor(case, trace, seen) == pytest.approx(case.fit_sensors.noise, rel=0.2)
+
+
+def test_differentiating_a_good_recording_reaches_nearly_the_noise():
+    case = draw('none', 0)
+    case = replace(case, joint=case.joint._replace(inertia=0.2 * case.joint.inertia),
+                   motions=('multi_sine', 'multi_sine'), seconds=(10.0, 5.0),
+                   fit_sensors=replace(case.fit_sensors, step=0.001, quantum=1e-6, jitter=0.0,
+                                       noise=0.05 * case.joint.coulomb, gaps=0, pieces=1))
+    trace, seen = make(case, 'fit')
+    noise = oracle.noise_floor(case, trace, seen)
+    assert noise <= 1.01 * oracle.reachable_floor(case, trace, seen) < 1.6 * noise
+
+
+def test_an_effect_that_is_not_there_does_not_show_and_one_that_is_does():
+    case = draw('gravity', 0)
+    trace, seen = make(case, 'fit')
+    assert oracle.shown(case, trace, seen, {'gravity': 0.0}) > 0.02 * case.joint.gravity
+    assert oracle.shown(case, trace, seen, {'bump': 0.0}) < 1e-9
+
+
+def test_same_seed_same_recording_and_another_seed_another():
+    for family in ('ripple', 'other_joints'):
+        first, again, other = (make(draw(family, s), 'fit')[1].recordings[0] for s in (2, 2, 4))
+        np.testing.assert_array_equal(first.current, again.current)
+        assert len(first) != len(other) or np.any(first.current != other.current)
+
+
+def test_fit_and_score_are_of_one_drive_in_other_motion():
+    case = draw('cogging', 0)
+    assert case.motions[0] != case.motions[1]
+    fit, score = (make(case, part)[1].recordings[0] for part in ('fit', 'score'))
+    assert len(fit) != len(score) or np.any(fit.position != score.position)
+
+
+@pytest.mark.parametrize('family', sorted(FAMILIES))
+def test_every_family_gives_finite_recordings(family):
+    case = draw(family, 4)
+    case = replace(case, seconds=(6.0, 5.0))
+    _, seen = make(case, 'fit')
+    for one in seen.recordings:
+        assert len(one) >= 20
+        assert np.all(np.isfinite(one.current))
+        assert np.all(np.isfinite(one.position))
+        assert np.all(np.diff(one.time) >= 0)
+
+
+def test_coarse_encoders_have_tens_of_positions():
+    _, seen = make(draw('coarse_encoder', 0), 'fit')
+    positions = np.concatenate([s.position for s in seen.recordings])
+    assert 10 < len(np.unique(positions)) < 100
+
+
+def test_generators_of_other_words_differ():
+    assert generator('a', 1).random() != generator('b', 1).random()
+
+
+def report(effects=(), unexplained=(), warnings=()):
+    return {'effects': [{'name': n, 'variable': v, 'parameters': {}} for n, v in effects],
+            'unexplained': [{'variable': v} for v in unexplained], 'warnings': list(warnings)}
+
+
+def test_judgement_of_names():
+    case = draw('gravity', 0)
+    right = said_right(case, case.hidden, report([('gravity', 'position')]))
+    assert right['first']
+    assert right['false'] == right['missed'] == []
+    wrong = said_right(case, case.hidden, report([('hysteresis', 'history')]))
+    assert not wrong['first']
+    assert wrong['missed'] == ['gravity']
+    assert wrong['false'] == ['hysteresis (history)']
+    assert said_right(case, case.hidden, report([('bump', 'position')]))['false']
+    assert not said_right(case, case.hidden, report())['first']
+
+
+def test_judgement_of_what_no_library_knows_and_of_warnings():
+    case = draw('product', 0)
+    assert said_right(case, (), report(unexplained=['position']))['unexplained_right']
+    assert said_right(case, (), report(unexplained=['time']))['unexplained_right'] is False
+    held = draw('controller_as_friction', 0)
+    assert said_right(held, (), report(warnings=['The controller shows']))['warned']
+    assert not said_right(held, (), report())['warned']
