@@ -4,6 +4,7 @@
 
     python bench/second_table.py [--half tuning|kept|both] [--draws 2] [--families ripple ...]
                                  [--jobs 2] [--output results.json]
+    python bench/second_table.py --show results.json
 
 Even seeds are the tuning half, odd ones the kept half: change nothing by what the kept half says.
 """
@@ -11,6 +12,7 @@ Even seeds are the tuning half, odd ones the kept half: change nothing by what t
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from concurrent.futures import as_completed, ProcessPoolExecutor
 import json
 import multiprocessing
@@ -91,6 +93,24 @@ def print_table(results, title):
         print('| ' + ' | '.join([family or 'total', cases, *row.values()]) + ' |')
 
 
+def print_false_names(results):
+    """Print what was named wrongly how often, so that the commonest error is seen."""
+    counts = Counter(text for r in results for text in (*r.get('false', ()), *(
+        'far too large a prediction' if claim.startswith('predicts') else claim
+        for claim in r.get('claims', ()))))
+    print('named wrongly: ' + (', '.join(f'{n} x {text}' for text, n in counts.most_common())
+                               or 'nothing'))
+
+
+def print_halves(results):
+    """Print the table of each half that there are results of."""
+    for half, odd in (('tuning', 0), ('kept', 1)):
+        chosen = [r for r in results if r['seed'] % 2 == odd]
+        if chosen:
+            print_table(chosen, f'{half} half')
+            print_false_names(chosen)
+
+
 def main():
     """Judge cases side by side and print the table of each half."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -101,7 +121,11 @@ def main():
     parser.add_argument('--jobs', type=int, default=1)
     parser.add_argument('--limit', type=float, default=240.0, help='seconds for one case')
     parser.add_argument('--output', type=Path, help='JSON file for the single results')
+    parser.add_argument('--show', type=Path, help='print the tables of saved results and end')
     arguments = parser.parse_args()
+    if arguments.show:
+        print_halves(json.loads(arguments.show.read_text()))
+        return
     from second_world.families import FAMILIES
     unknown = set(arguments.families or ()) - set(FAMILIES)
     if unknown:
@@ -118,10 +142,7 @@ def main():
                   + line(results[-1]), flush=True)
             if arguments.output:
                 arguments.output.write_text(json.dumps(results, indent=1))
-    for half, odd in (('tuning', 0), ('kept', 1)):
-        chosen = [r for r in results if r['seed'] % 2 == odd]
-        if chosen:
-            print_table(chosen, f'{half} half')
+    print_halves(results)
 
 
 if __name__ == '__main__':

@@ -4,7 +4,7 @@
 
 Two floors: `noise_floor` is the error of the true model that knows the true motion, that is the
 noise of current alone; `reachable_floor` that of the true model with true constants which has to
-differentiate the recorded position itself, with the best of several bandwidths.
+differentiate what was recorded itself, with the best of several bandwidths.
 """
 
 from __future__ import annotations
@@ -95,23 +95,25 @@ def _expected(case, trace, torque):
 
 
 def reachable_floor(case, trace, seen, mask=None):
-    """Return the error in A of the true law that differentiates the recorded position.
+    """Return the error in A of the true law that differentiates the recording.
 
-    It is taken over `mask`, shape (N,) of bool, or else over all samples in motion.
+    Velocity comes from the position or, where the driver recorded one, from that. The error is
+    taken over `mask`, shape (N,) of bool, or else over all samples in motion.
     """
     mask = moving(case, trace, seen) if mask is None else mask
-    return min(rms(np.concatenate(_reached(case, trace, seen, bandwidth))[mask])
-               for bandwidth in BANDWIDTHS)
+    sources = ('position', 'velocity')[:2 if case.fit_sensors.velocity != 'none' else 1]
+    return min(rms(np.concatenate(_reached(case, trace, seen, bandwidth, source))[mask])
+               for bandwidth in BANDWIDTHS for source in sources)
 
 
-def _reached(case, trace, seen, bandwidth):
+def _reached(case, trace, seen, bandwidth, source):
     errors = []
     for samples, index, others in zip(seen.recordings, seen.index, seen.others):
         error = np.full(len(index), np.nan)  # pieces too short to differentiate stay out
         for piece in _pieces(samples):
             i, t = index[piece], samples.time[piece]
             q, v, a = smoothed(t, samples.position[piece], bandwidth)
-            if samples.velocity is not None and case.fit_sensors.velocity == 'exact':
+            if source == 'velocity':
                 v, a, _ = smoothed(t, samples.velocity[piece], bandwidth)
             begins = np.zeros(len(t), dtype=bool)
             begins[0] = True
