@@ -1,0 +1,107 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Gears with their true models, and the joints of an experiment made of them."""
+
+from dataclasses import dataclass
+import itertools
+
+import numpy as np
+
+from independent_gear.gears import draw_gears, KINDS
+from independent_gear.refined import draw_refined, REFINED
+from independent_gear.truth import scaled, true_models
+
+
+@dataclass
+class Bank:
+    """Gears, shape (G,), their kinds' names and the documents of their true models."""
+
+    kinds: list
+    gears: np.ndarray
+    documents: list
+    seed: int
+
+    def among(self, kind):
+        """Return the indices of the gears of a kind."""
+        return [g for g, name in enumerate(self.kinds) if name == kind]
+
+
+def make_bank(kinds, draws, seed, repetitions=24):
+    """Draw gears of several kinds and find their true models.
+
+    Parameters
+    ----------
+    kinds : sequence of str
+        Of `gears.KINDS` or `refined.REFINED`.
+    draws : int
+        Gears of each kind.
+    seed : int
+        Even: for tuning; odd: kept for judging.
+    repetitions : int
+        Slow ramps a gear.
+    """
+    names, gears, documents = [], [], []
+    for kind in kinds:
+        if kind in KINDS:
+            drawn = draw_gears(kind, draws, seed)
+            found = true_models(drawn, seed, repetitions)
+        elif kind in REFINED:
+            drawn, found = draw_refined(kind, draws, seed, repetitions)
+        else:
+            raise ValueError(f'unknown kind {kind!r}: one of {", ".join([*KINDS, *REFINED])}')
+        names += [kind] * draws
+        gears.append(drawn)
+        documents += found
+    return Bank(names, np.concatenate(gears), documents, seed)
+
+
+class Joints:
+    """Every gear of a bank under every combination of conditions.
+
+    Parameters
+    ----------
+    bank : Bank
+    conditions : dict of str to sequence
+        ``factor`` scales the model's friction, ``breakaway_factor`` its breakaway current where
+        that is another; what else there is belongs to the experiment.
+
+    Attributes
+    ----------
+    gear : ndarray of int, shape (J,)
+        Index into the bank.
+    gears, models : as in the bank, one a joint
+    """
+
+    def __init__(self, bank, **conditions):
+        self.bank = bank
+        combinations = list(itertools.product(*conditions.values()))
+        self.gear = np.repeat(np.arange(len(bank.gears)), len(combinations))
+        self.conditions = {
+            name: np.array([c[k] for c in combinations] * len(bank.gears))
+            for k, name in enumerate(conditions)}
+        self.gears = bank.gears[self.gear]
+        self.kinds = np.array(bank.kinds)[self.gear]
+
+    def __len__(self):
+        return len(self.gear)
+
+    def __getitem__(self, name):
+        return self.conditions[name]
+
+    @property
+    def models(self):
+        """FrictionModel of every joint."""
+        factor = self.conditions.get('factor', np.ones(len(self)))
+        breakaway = self.conditions.get('breakaway_factor', factor)
+        made, models = {}, []
+        for key in zip(self.gear.tolist(), factor.tolist(), breakaway.tolist()):
+            if key not in made:
+                made[key] = scaled(self.bank.documents[key[0]], key[1], key[2])
+            models.append(made[key])
+        return models
+
+    @property
+    def breakaway(self):
+        """True mean breakaway current of every joint, A."""
+        return np.array([
+            self.bank.documents[g]['breakaway']['positive']['mean'] for g in self.gear])

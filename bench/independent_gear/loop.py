@@ -1,0 +1,89 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The closed loop: measure, ask the law, apply; and what is watched."""
+
+import numpy as np
+
+from independent_gear.refined import REFERENCE_TEMPERATURE
+from independent_gear.subject import CompensationLaw
+
+NONE = 'none'
+
+
+class Bare:
+    """No compensation of friction; what carries the limb against gravity stays."""
+
+    def __init__(self, gears):
+        self._size = gears['gravity'] / gears['torque_per_current']
+        self._phase = gears['gravity_phase']
+
+    def update(self, time, position, velocity, direction, temperature=None, load=None):
+        """Return the currents, A, shape (J,)."""
+        return self._size * np.cos(position - self._phase)
+
+
+def make_law(name, joints):
+    """Return the law under test for the joints of an experiment, or none."""
+    if name == NONE:
+        return Bare(joints.gears)
+    return CompensationLaw(joints.models, law=name)
+
+
+def run(plant, law, seconds, direction, watch, every=1, corrupt=None):
+    """Run the closed loop and return what was watched.
+
+    Parameters
+    ----------
+    plant : Plant
+    law : object with ``update``
+    seconds : float
+    direction : callable
+        ``direction(time)`` gives what the planner announces, shape (J,).
+    watch : dict of str to str
+        Name in the result and field of the plant's state, or 'command'.
+    every : int
+        Samples from one record to the next.
+    corrupt : callable, optional
+        ``corrupt(k, time, position, velocity)`` gives what the law gets to see of sample k, or
+        None where it sees nothing.
+
+    Returns
+    -------
+    dict of str to ndarray, shape (N, J)
+        And ``raised``: how often the law raised an exception; zero current then.
+    """
+    samples = round(seconds / plant.sample_time)
+    joints = len(plant.gears)
+    records = {name: np.empty((samples // every, joints), dtype=np.float32 if every == 1 else float)
+               for name in watch}
+    warm = bool(np.any(plant.gears['heating'] != 0.0))
+    command, raised = np.zeros(joints), 0
+    for k in range(samples):
+        position, velocity = plant.sample()
+        seen = plant.time, position, velocity
+        if corrupt is not None:
+            seen = corrupt(k, *seen)
+        if seen is not None:
+            extra = {'load': plant.states['person'].copy()}
+            if warm:
+                extra['temperature'] = REFERENCE_TEMPERATURE + plant.states['temperature']
+            try:
+                command = np.array(law.update(*seen, direction(plant.time), **extra), dtype=float)
+            except Exception:
+                if corrupt is None:
+                    raise
+                raised += 1
+                command = np.zeros(joints)
+        plant.advance(command)
+        if (k + 1) % every == 0:
+            for name, field in watch.items():
+                row = command if field == 'command' else plant.states[field]
+                records[name][k // every] = row
+    return {**records, 'raised': raised}
+
+
+def announced(values, at=0.0):
+    """Return a direction of joints that is 0 until a time."""
+    values = np.asarray(values, dtype=np.int64)
+    nothing = np.zeros_like(values)
+    return lambda time: values if time >= at else nothing

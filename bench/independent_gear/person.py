@@ -1,0 +1,71 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A person's arm on the link: mechanical impedance, a slow voluntary share, tremor, and a wish.
+
+The arm follows a reference as a spring and damper without delay (muscle and reflex stiffness:
+Dolan, Friedman and Nagurka 1993, Perreault, Kirsch and Crago 2002), and corrects by will what it
+saw a reaction time ago. Or it pushes with a torque that grows, as on a joystick.
+"""
+
+import math
+
+from numba import njit
+
+from independent_gear.state import LONGEST_DELAY
+
+
+@njit(cache=True)
+def arm_inertia(who):
+    """Return what the arm adds to the link's inertia, kg·m²."""
+    return who.arm
+
+
+@njit(cache=True)
+def reference(who, time):
+    """Return position and velocity of the movement shown to the person, rad from the origin."""
+    t = time - who.start
+    if t <= 0.0:
+        return 0.0, 0.0
+    if who.sway != 0.0:
+        phase = 2.0 * math.pi * who.sway_frequency * t
+        return (who.sway * (1.0 - math.cos(phase)),
+                who.sway * 2.0 * math.pi * who.sway_frequency * math.sin(phase))
+    ramp, cruise, speed = who.acceleration_time, who.cruise_time, who.speed
+    if t < ramp:
+        return 0.5 * speed * t * t / ramp, speed * t / ramp
+    if t < ramp + cruise:
+        return speed * (t - 0.5 * ramp), speed
+    left = 2.0 * ramp + cruise - t
+    if left > 0.0:
+        return speed * (ramp + cruise) - 0.5 * speed * left * left / ramp, speed * left / ramp
+    return speed * (ramp + cruise), 0.0
+
+
+@njit(cache=True)
+def remember(who, s, time):
+    """Note the error that the person sees now, once a sample."""
+    if time < who.touch:
+        s.origin = s.link
+        return
+    wanted, _ = reference(who, time)
+    s.errors[s.count % LONGEST_DELAY] = s.origin + wanted - s.link
+
+
+@njit(cache=True)
+def person_torque(who, s, time, position, velocity):
+    """Return the back-driving torque on the link, N·m."""
+    torque = 0.0
+    if who.tremor != 0.0:
+        torque = who.tremor * math.sin(
+            2.0 * math.pi * who.tremor_frequency * time + who.tremor_phase)
+    if who.push != 0.0:
+        t = time - who.start
+        if 0.0 < t < who.push_time:
+            torque += math.copysign(min(abs(who.push), who.push_rate * t), who.push)
+        return torque - who.damping * velocity
+    wanted, speed = reference(who, time)
+    torque += (who.stiffness * (s.origin + wanted - position)
+               + who.damping * (speed - velocity))
+    if who.voluntary != 0.0:
+        torque += who.voluntary * s.errors[(s.count - who.delay) % LONGEST_DELAY]
+    return torque

@@ -1,0 +1,61 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Random draws of persons.
+
+Arm inertia about the joint 0.03 to 0.3 kg·m² (forearm to whole arm; Winter 2009). Stiffness of a
+relaxed arm 2 to 12 N·m/rad and of a tense one 30 to 200 (elbow and shoulder: Bennett, Hollerbach,
+Xu and Hunter 1992; Perreault, Kirsch and Crago 2002), damping ratio 0.2 to 0.7, reaction after
+80 to 200 ms. Where a task needs it, stiffness is chosen so that the person can move the joint.
+"""
+
+import math
+
+import numpy as np
+
+from independent_gear.gears import log_uniform
+from independent_gear.state import PERSON
+
+SOFT, FIRM, ABLE = range(3)
+
+
+def draw_persons(grips, breakaway_torque, seed):
+    """Return random persons who touch from the beginning and have no wish yet.
+
+    Parameters
+    ----------
+    grips : sequence of int
+        SOFT, FIRM or ABLE: firm enough to set the bare joint going with a lag of 0.1 to 0.5 rad.
+    breakaway_torque : ndarray, shape (J,)
+        N·m.
+    seed : int
+
+    Returns
+    -------
+    ndarray of PERSON, shape (J,)
+    """
+    random = np.random.default_rng([seed, 555])
+    persons = np.zeros(len(grips), dtype=PERSON)
+    for who, grip, torque in zip(persons, grips, breakaway_torque):
+        who['arm'] = log_uniform(random, 0.03, 0.3)
+        between = {SOFT: (2.0, 12.0), FIRM: (30.0, 200.0), ABLE: (torque / 0.5, torque / 0.1)}[grip]
+        who['stiffness'] = log_uniform(random, *between)
+        who['damping'] = 2.0 * random.uniform(0.2, 0.7) * math.sqrt(who['stiffness'] * who['arm'])
+        who['voluntary'] = random.uniform(0.0, 0.4) * who['stiffness']
+        who['delay'] = random.integers(80, 201)
+        who['tremor_frequency'] = random.uniform(7.0, 11.0)
+        who['tremor_phase'] = random.uniform(-math.pi, math.pi)
+        who['release'] = who['start'] = np.inf
+        who['acceleration_time'] = 1.0
+    return persons
+
+
+def drivers(gears, speed, start, release):
+    """Return persons who bring each joint to a speed and let go: no arm stays on the joint."""
+    persons = np.zeros(len(gears), dtype=PERSON)
+    inertia = gears['motor_inertia'] + gears['link_inertia']
+    persons['stiffness'] = inertia * 25.0**2
+    persons['damping'] = 2.0 * 0.9 * inertia * 25.0
+    persons['start'], persons['release'] = start, release
+    persons['speed'], persons['acceleration_time'] = speed, 0.4
+    persons['cruise_time'] = 100.0
+    return persons

@@ -1,0 +1,76 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A joint let go: does it gain speed, come to rest, or run beyond the identified speeds?"""
+
+import numpy as np
+
+from independent_gear.bank import Joints
+from independent_gear.loop import announced, make_law, run
+from independent_gear.persons import drivers
+from independent_gear.plant import Plant
+from independent_gear.rows import DEGREE, share_row
+from independent_gear.truth import SPEEDS
+
+START, RELEASE, AFTER = 0.2, 1.3, 8.0
+EVERY = 10
+# Gaining speed: over 50 ms, by more than what the flex of gear and presliding can give back.
+GAIN, GAIN_SPEED = 1.03, 0.3 * DEGREE
+REST_WITHIN, REST_SPEED = 6.0, 0.2 * DEGREE
+LIMIT = 1.25 * SPEEDS[-1]
+
+
+def release(bank, law, quick=False, speeds=None, factors=None):
+    """Bring each joint to a speed, let go, and return rows for each kind.
+
+    Parameters
+    ----------
+    bank : Bank
+    law : str
+    quick : bool
+    speeds, factors : sequence of float, optional
+        deg/s; model over truth.
+    """
+    speeds = speeds or ([5, 40, 80] if quick else [5, 10, 20, 40, 80])
+    factors = factors or ([1.0, 1.05, 1.1, 1.5] if quick
+                          else [1.0, 1.01, 1.05, 1.1, 1.2, 1.3, 1.5])
+    joints = Joints(bank, speed=speeds, direction=[0, 1] if quick else [-1, 0, 1], factor=factors)
+    found = watch_release(joints, law)
+    return [row for kind in dict.fromkeys(bank.kinds) for row in _rows(joints, found, kind, law)]
+
+
+def watch_release(joints, law):
+    """Return what became of every joint: arrays of shape (J,)."""
+    # half of the joints go the other way
+    side = np.where(np.arange(len(joints)) % 2 == 0, 1.0, -1.0)
+    persons = drivers(joints.gears, side * joints['speed'] * DEGREE, START, RELEASE)
+    plant = Plant(joints.gears, persons, joints.bank.seed)
+    record = run(plant, make_law(law, joints), RELEASE + AFTER,
+                 announced(side * joints['direction']), {'x': 'link', 'i': 'command'}, EVERY)
+    step = EVERY * plant.sample_time
+    span = 5
+    speed = np.abs(record['x'][span:] - record['x'][:-span]) / (span * step)
+    time = (np.arange(len(speed)) + span + 1) * step
+    at_release = speed[np.searchsorted(time, RELEASE - 0.01)]
+    after = speed[time > RELEASE]
+    late = speed[time > RELEASE + REST_WITHIN]
+    return {'fastest': after.max(axis=0), 'at_release': at_release,
+            'gained': after.max(axis=0) > GAIN * at_release + GAIN_SPEED,
+            'moving': late.max(axis=0) > REST_SPEED,
+            'beyond': after.max(axis=0) > np.maximum(LIMIT, GAIN * at_release)}
+
+
+def _rows(joints, found, kind, law):
+    here = joints.kinds == kind
+    few = here & (joints['factor'] <= 1.05)
+    more = here & (joints['factor'] <= 1.10)
+    by_factor = {f'{f:g}': [int(found[what][here & (joints['factor'] == f)].sum())
+                            for what in ('gained', 'moving', 'beyond')]
+                 for f in dict.fromkeys(joints['factor'].tolist())}
+    return [
+        share_row('let go, model ≤ 1.05: gains speed', kind, law, found['gained'][few],
+                  gained_moving_beyond_by_factor=by_factor),
+        share_row('let go, model ≤ 1.05: not at rest in 6 s', kind, law, found['moving'][few]),
+        share_row('let go, model ≤ 1.10: gains speed', kind, law, found['gained'][more]),
+        share_row('let go, model ≤ 1.5: beyond 125 deg/s', kind, law, found['beyond'][here],
+                  fastest=np.max(found['fastest'][here]) / DEGREE),
+    ]

@@ -1,0 +1,151 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The model of a gear that a perfect identification would write, from the plant itself.
+
+Eq. 6 is fitted to the plant's own steady friction; breakaway is what its own slow ramps find.
+"""
+
+import math
+
+import numpy as np
+from scipy.optimize import minimize
+
+from independent_gear.plant import Plant
+from independent_gear.state import nobody
+from independent_gear.subject import FrictionModel
+
+DEGREE = math.pi / 180.0
+SPEEDS = np.array([1, 2, 3, 5, 7.5, 10, 15, 20, 30, 40, 50, 60, 70, 80, 90, 100]) * DEGREE
+# A model's transition cannot be sharper than the slowest speed of identification shows.
+STEEPEST = 4.0 / SPEEDS[0]
+
+
+def steady_friction(gear, speeds):
+    """Return the current that keeps a joint at constant speeds, A, shape of `speeds` (positive)."""
+    g = gear
+    x = np.asarray(speeds) / g['stribeck_velocity']
+    outer = g['link_coulomb'] + g['link_viscous'] * speeds
+    torque = (g['coulomb'] + (g['static'] - g['coulomb']) * np.exp(-x ** g['stribeck_exponent'])
+              + g['viscous'] * speeds + g['load_friction'] * outer + outer)
+    return torque / g['torque_per_current']
+
+
+def fit_sigmoid(speeds, currents):
+    """Return level, steepness and viscous slope of Eq. 6 by Eq. 7, the same both ways."""
+    def error(x):
+        level, steepness, viscous = np.exp(x)
+        steepness = min(steepness, STEEPEST)
+        return np.sum(np.abs(level * np.tanh(0.5 * steepness * speeds) + viscous * speeds
+                             - currents))
+    slope, level = np.polyfit(speeds[3:], currents[3:], 1)
+    start = np.log([max(level, 1e-6), 0.8 * STEEPEST, max(slope, 1e-4 * level)])
+    found = minimize(error, start, method='Nelder-Mead',
+                     options={'xatol': 1e-5, 'fatol': 1e-9, 'maxiter': 2000}).x
+    level, steepness, viscous = np.exp(found)
+    return level, min(steepness, STEEPEST), viscous
+
+
+def breakaway_currents(gears, seed, repetitions=24):
+    """Return the currents at which slow ramps set each joint going.
+
+    Parameters
+    ----------
+    gears : ndarray of GEAR, shape (J,)
+    seed, repetitions : int
+
+    Returns
+    -------
+    ndarray, shape (J, repetitions)
+        A; the even ones in positive direction, the odd ones in negative (as magnitudes).
+    """
+    bank = np.repeat(gears, repetitions)
+    bank['gravity'] = bank['current_noise'] = 0.0
+    side = np.where(np.arange(len(bank)) % 2 == 0, 1.0, -1.0)
+    plant = Plant(bank, nobody(len(bank)), seed)
+    level = (bank['static'] + bank['link_coulomb']) / bank['torque_per_current']
+    # Gone is who has left presliding behind: LuGre and Dahl give way a little all the time. What
+    # held the joint is the most that friction took until then: by the time it is gone the ramp is
+    # higher, for a rotor takes time to get going.
+    far = 6.0 * np.maximum(bank['presliding'], bank['link_bristle']) + 2.0 * bank['resolution']
+    most, gone = np.zeros(len(bank)), np.zeros(len(bank), dtype=bool)
+    # settle at a fraction of the level, then 0.4 of it a second; the note had 0.4 to 0.5
+    started, settle, rise = 0.4, 0.3, 2.5
+    while not gone.all() and plant.time < 8.0:
+        share = started * min(1.0, plant.time / settle) + max(0.0, plant.time - settle) / rise
+        plant.advance(np.where(gone, 0.0, side * share * level))
+        gone |= side * plant.states['motor'] > far
+        most = np.where(gone, most, np.maximum(most, side * plant.states['friction']))
+    found = np.where(gone, most, np.nan) / bank['torque_per_current']
+    return found.reshape(len(gears), repetitions)
+
+
+def true_models(gears, seed, repetitions=24):
+    """Return the documents of the model files of gears, shape (J,), as `scaled` takes them."""
+    currents = breakaway_currents(gears, seed, repetitions)
+    documents = []
+    for gear, measured in zip(gears, currents):
+        table = steady_friction(gear, SPEEDS)
+        level, steepness, viscous = fit_sigmoid(SPEEDS, table)
+        mean, std = float(np.mean(measured)), float(np.std(measured, ddof=1))
+        documents.append(document(gear, level, steepness, viscous, mean, std, table))
+    return documents
+
+
+def document(gear, level, steepness, viscous, mean, std, table):
+    """Return a model file's plain values."""
+    ratio = 100.0  # only products with the ratio matter to a law
+    return {
+        'format': 'friction_comp_model', 'version': 1, 'joint': 'judged',
+        'drive': {'torque_constant': float(gear['torque_per_current'] / ratio),
+                  'gear_ratio': ratio,
+                  'encoder_counts': round(2.0 * math.pi / gear['resolution'] / ratio),
+                  'current_limit': float(gear['current_limit'])},
+        'sigmoid': {'coefficients': [level, steepness, level, 1.0, 1.0, viscous],
+                    'velocity_unit': 'rad/s'},
+        'breakaway': {'positive': {'mean': mean, 'std': std},
+                      'negative': {'mean': -mean, 'std': std}},
+        'effects': [],
+        'lookup_table': {
+            'speeds': [*(-SPEEDS[::-1]).tolist(), *SPEEDS.tolist()],
+            'currents': [*(-table[::-1]).tolist(), *table.tolist()],
+            'standard_deviations': [0.01 * mean] * (2 * len(SPEEDS))},
+    }
+
+
+def scaled(document, kinetic=1.0, breakaway=None):
+    """Return the model with its friction times a factor, as an error of identification.
+
+    Parameters
+    ----------
+    document : dict
+    kinetic : float
+    breakaway : float, optional
+        `kinetic` when omitted.
+
+    Returns
+    -------
+    FrictionModel
+    """
+    if breakaway is None:
+        breakaway = kinetic
+    new = dict(document)
+    c = list(document['sigmoid']['coefficients'])
+    for k in (0, 2, 5):
+        c[k] *= kinetic
+    new['sigmoid'] = {**document['sigmoid'], 'coefficients': c}
+    new['breakaway'] = {
+        side: {'mean': entry['mean'] * breakaway, 'std': entry['std']}
+        for side, entry in document['breakaway'].items()}
+    table = document['lookup_table']
+    new['lookup_table'] = {**table, 'currents': [kinetic * i for i in table['currents']]}
+    new['effects'] = [scaled_effect(effect, kinetic) for effect in document['effects']]
+    return FrictionModel.from_dict(new)
+
+
+def scaled_effect(effect, factor):
+    """Return an effect's entry with its friction times a factor; what carries a load stays."""
+    if effect['name'] in ('gravity', 'cogging'):
+        return effect
+    parameters = dict(effect['parameters'])
+    parameters['coefficients'] = [factor * c for c in parameters['coefficients']]
+    return {**effect, 'parameters': parameters}
