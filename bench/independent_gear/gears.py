@@ -213,7 +213,7 @@ def _electronics(gear, random):
     g['command_delay'] = random.integers(0, 3)
     g['current_time'] = 1.0 / (2.0 * math.pi * log_uniform(random, 100.0, 1000.0))
     breakaway = (g['static'] + g['link_coulomb']) / g['torque_per_current']
-    g['current_noise'] = random.uniform(0.002, 0.01) * breakaway
+    g['current_noise'] = random.uniform(0.001, 0.005) * breakaway
     g['velocity_kind'] = random.choice(3)
     g['velocity_time'] = 1.0 / (2.0 * math.pi * log_uniform(random, 20.0, 150.0))
     g['velocity_noise'] = g['resolution'] / random.uniform(0.005, 0.05)

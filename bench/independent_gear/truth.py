@@ -74,7 +74,8 @@ def breakaway_currents(gears, seed, repetitions=24):
         share = started * min(1.0, plant.time / settle) + max(0.0, plant.time - settle) / rise
         plant.advance(np.where(gone, 0.0, side * share * level))
         gone |= side * plant.states['motor'] > far
-        most = np.where(gone, most, np.maximum(most, side * plant.states['friction']))
+        dry = plant.states['friction'] - bank['viscous'] * plant.states['motor_velocity']
+        most = np.where(gone, most, np.maximum(most, side * dry))
     found = np.where(gone, most, np.nan) / bank['torque_per_current']
     return found.reshape(len(gears), repetitions)
 

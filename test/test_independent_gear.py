@@ -1,0 +1,171 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The gears of bench/independent_gear obey the physics they claim, so their verdicts count."""
+
+from pathlib import Path
+import sys
+
+import numpy as np
+import pytest
+
+BENCH = Path(__file__).resolve().parents[1] / 'bench'
+if not BENCH.is_dir():
+    pytest.skip('the benchmarks are not installed', allow_module_level=True)
+sys.path.insert(0, str(BENCH))
+
+from independent_gear.bank import make_bank  # noqa: E402
+from independent_gear.gears import draw_gears, KINDS  # noqa: E402
+from independent_gear.peak import frictionless  # noqa: E402
+from independent_gear.persons import draw_persons, drivers, FIRM  # noqa: E402
+from independent_gear.plant import Plant  # noqa: E402
+from independent_gear.state import CLAMP, FRICTIONS, nobody  # noqa: E402
+from independent_gear.truth import breakaway_currents, steady_friction  # noqa: E402
+
+EVEN, ODD = 0, 1
+
+
+def plain_gears(seed=EVEN, draws=5):
+    """Return gears without scatter, noise and what depends on place."""
+    gears = np.concatenate([draw_gears(kind, draws, seed) for kind in KINDS])
+    for name in ('scatter', 'cogging', 'ripple', 'current_noise', 'current_ripple',
+                 'load_friction'):
+        gears[name] = 0.0
+    return gears
+
+
+def push(plant, current, seconds, watch=('motor',)):
+    """Apply ``current(time)`` and return what was watched, each of shape (N, J)."""
+    rows = {name: [] for name in watch}
+    for _ in range(round(seconds / plant.sample_time)):
+        plant.advance(current(plant.time))
+        for name in watch:
+            rows[name].append(plant.states[name].copy())
+    return {name: np.array(values) for name, values in rows.items()}
+
+
+def level(gears):
+    return (gears['static'] + gears['link_coulomb']) / gears['torque_per_current']
+
+
+def test_breakaway_is_what_was_set():
+    gears = plain_gears()
+    found = breakaway_currents(gears, EVEN, repetitions=2)
+    ratio = found / level(gears)[:, None]
+    # creep at the ramp's rate, where friction falls with speed, takes some of it
+    assert np.all(ratio > 0.93)
+    assert np.all(ratio < 1.03)
+    assert abs(np.median(ratio) - 1.0) < 0.02
+
+
+def test_breakaway_scatters_from_start_to_start_as_set():
+    gears = plain_gears(draws=1)
+    gears['scatter'], gears['renewal'] = 0.04, 0.02
+    found = breakaway_currents(gears, EVEN, repetitions=50) / level(gears)[:, None]
+    assert np.std(found, axis=1) == pytest.approx(0.04, rel=0.5)
+
+
+def test_sliding_takes_the_steady_friction():
+    gears = plain_gears(draws=2)
+    speed = 0.3
+    plant = Plant(gears, drivers(gears, speed, 0.1, np.inf), EVEN)
+    rows = push(plant, lambda time: np.zeros(len(gears)), 1.5, ('person', 'motor_velocity'))
+    assert rows['motor_velocity'][-200:].mean(axis=0) == pytest.approx(speed, rel=0.01)
+    torque = rows['person'][-200:].mean(axis=0)
+    expected = [steady_friction(gear, speed) * gear['torque_per_current'] for gear in gears]
+    assert torque == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize('kind', FRICTIONS)
+def test_friction_takes_energy_whatever_happens(kind):
+    # free of motor and person, what the joint had is what friction and dampers took
+    gears = plain_gears()
+    gears = gears[gears['friction'] == FRICTIONS[kind]]
+    random = np.random.default_rng(EVEN)
+    plant = Plant(gears, nobody(len(gears)), EVEN)
+    start = level(gears)
+    phase, rate = random.uniform(0, 6, len(gears)), random.uniform(1, 40, len(gears))
+    rows = push(plant, lambda t: start * np.sin(rate * t + phase) * (1.2 + np.sin(3.0 * t)), 3.0,
+                ('friction_work',))
+    work = rows['friction_work']
+    # at any moment friction can give back what its springs hold, and no more
+    stored = gears['static'] * np.maximum(gears['presliding'], 1e-6)
+    given_back = np.maximum.accumulate(work, axis=0) - work
+    assert np.all(given_back.max(axis=0) < stored)
+    assert np.all(work[-1] > 0.0)
+
+
+def test_energy_of_a_frictionless_joint_goes_nowhere():
+    gears = frictionless(plain_gears())
+    gears['damping'] = 0.0
+    plant = Plant(gears, nobody(len(gears)), EVEN)
+    plant.states['link_velocity'] = 0.5
+    g = plant.gears
+
+    def energy():
+        s = plant.states
+        return 0.5 * (g['motor_inertia'] * s['motor_velocity']**2
+                      + g['link_inertia'] * s['link_velocity']**2
+                      + g['stiffness'] * (s['motor'] - s['link'])**2)
+    before = energy()
+    push(plant, lambda time: np.zeros(len(g)), 1.0)
+    assert energy() == pytest.approx(before, rel=0.05)
+
+
+def test_presliding_loops_close_and_hold_the_joint():
+    gears = plain_gears()
+    gears = gears[gears['friction'] != CLAMP]
+    plant = Plant(gears, nobody(len(gears)), EVEN)
+    size, period = 0.6 * level(gears), 2.0
+    rows = push(plant, lambda t: size * np.sin(2.0 * np.pi * t / period), 3.0 * period)
+    x = rows['motor']
+    end = [x[round(k * period / plant.sample_time) - 1] for k in (2, 3)]
+    swing = np.ptp(x[-round(period / plant.sample_time):], axis=0)
+    assert np.all(swing > 0.01 * gears['presliding'])
+    # Maxwell-slip loops close exactly after one turn; smooth kinds all but close
+    assert np.all(np.abs(end[1] - end[0]) < 0.05 * swing)
+    # and none has slid
+    assert np.all(np.abs(x[-1]) < gears['presliding'] + gears['link_bristle'])
+
+
+def test_halving_the_step_changes_little():
+    gears = plain_gears()
+    size = level(gears)
+    travel = []
+    for steps in (20, 40):
+        plant = Plant(gears, nobody(len(gears)), EVEN, steps=steps)
+        x = push(plant, lambda t: size * min(1.3, 3.0 * t), 1.0)['motor']
+        travel.append(x)
+    scale = np.abs(travel[1]).max(axis=0)
+    assert np.all(scale > 0.05)
+    assert np.all(np.abs(travel[0] - travel[1]).max(axis=0) < 0.03 * scale)
+
+
+def test_the_encoder_is_a_count_off_at_most_and_delays_are_samples():
+    gears = plain_gears(draws=2)
+    gears['command_delay'] = np.arange(len(gears)) % 3
+    gears['current_time'] = 1e-6
+    plant = Plant(gears, nobody(len(gears)), EVEN)
+    for k in range(5):
+        plant.advance(np.full(len(gears), 0.01))
+        assert np.array_equal(plant.states['current'] > 0.0, gears['command_delay'] <= k)
+    position, _ = plant.sample()
+    error = position - plant.states['motor'] - plant.states['offset']
+    assert np.all(np.abs(error) <= gears['resolution'])
+
+
+def test_a_joint_left_alone_stays_and_a_firm_person_is_stable():
+    gears = plain_gears(draws=1)
+    persons = draw_persons([FIRM] * len(gears), gears['static'], EVEN)
+    for who in (nobody(len(gears)), persons):
+        plant = Plant(gears, who, EVEN)
+        plant.states['link_velocity'] = 0.01 if who is persons else 0.0
+        push(plant, lambda time: np.zeros(len(gears)), 2.0)
+        assert np.all(np.abs(plant.states['link_velocity']) < 1e-3)
+        assert np.all(np.abs(plant.states['link']) < 2e-3)
+
+
+def test_draws_are_the_same_again_and_halves_differ():
+    first, again, other = (make_bank(['lugre'], 3, seed, 2) for seed in (EVEN, EVEN, ODD))
+    assert np.array_equal(first.gears, again.gears)
+    assert first.documents == again.documents
+    assert not np.any(first.gears['stiffness'] == other.gears['stiffness'])
