@@ -2,31 +2,66 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identifies, explains and compensates the friction of geared robot drives.
 
-A drive's current is a sum of effects, and the same sum predicts, explains and compensates. The
-rooms from the ground up: :mod:`friction_comp.drive` and :mod:`friction_comp.samples`;
+A drive's current is a sum of effects, and the same sum predicts, explains and compensates. What
+programs need stands here by name and is imported when it is first used, so that ``import
+friction_comp`` costs nothing::
+
+    from friction_comp import FrictionModel, read_recording, refine
+
+The rooms from the ground up: :mod:`friction_comp.drive` and :mod:`friction_comp.samples`;
 :mod:`friction_comp.model`; :mod:`friction_comp.identification`, :mod:`friction_comp.compensation`,
 :mod:`friction_comp.refinement` and :mod:`friction_comp.recordings`, none of which knows another;
 :mod:`friction_comp.simulation`; :mod:`friction_comp.evaluation`, :mod:`friction_comp.reports` and
 :mod:`friction_comp.note`; at the edges :mod:`friction_comp.nodes` and :mod:`friction_comp.tools`.
 """
 
-import os
-import sys
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from friction_comp.compensation.law import CompensationLaw
+    from friction_comp.drive import Drive
+    from friction_comp.errors import InputError
+    from friction_comp.evaluation.conditions import evaluate
+    from friction_comp.identification.goal import IdentificationGoal
+    from friction_comp.identification.run import IdentificationRun
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import read_recording
+    from friction_comp.refinement import refine
+    from friction_comp.samples import Samples
 
 __version__ = '0.1.0'
 
+__all__ = [
+    'CompensationLaw', 'Drive', 'FrictionModel', 'IdentificationGoal', 'IdentificationRun',
+    'InputError', 'Samples', 'evaluate', 'read_recording', 'refine',
+]
 
-def _name_this_environment():
-    """Let ROS 2 find what is installed in this Python environment.
+_HOMES = {
+    'CompensationLaw': 'friction_comp.compensation.law',
+    'Drive': 'friction_comp.drive',
+    'FrictionModel': 'friction_comp.model.friction_model',
+    'IdentificationGoal': 'friction_comp.identification.goal',
+    'IdentificationRun': 'friction_comp.identification.run',
+    'InputError': 'friction_comp.errors',
+    'Samples': 'friction_comp.samples',
+    'evaluate': 'friction_comp.evaluation.conditions',
+    'read_recording': 'friction_comp.recordings',
+    'refine': 'friction_comp.refinement',
+}
 
-    A sourced workspace names itself in AMENT_PREFIX_PATH; a virtual environment that holds ROS 2
-    wheels does not. It comes last, so that sourced workspaces keep their precedence.
-    """
-    if not os.path.isdir(os.path.join(sys.prefix, 'share', 'ament_index')):
-        return
-    prefixes = [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
-    if sys.prefix not in prefixes:
-        os.environ['AMENT_PREFIX_PATH'] = os.pathsep.join([*prefixes, sys.prefix])
+
+def __getattr__(name: str) -> object:
+    """Import a public name when it is first asked for (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
 
 
-_name_this_environment()
+def __dir__() -> list[str]:
+    """List the public names beside what is there already."""
+    return sorted({*globals(), *__all__})

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from functools import partial
 import importlib
-import os
 import sys
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
+from friction_comp.package_files import name_this_environment
 
 NODES = {
     'plant': 'simulates geared joints and the person who moves them',
@@ -35,9 +35,15 @@ USAGE = '\n'.join([
     'tools (each tells its arguments with --help):',
     *(f'  {name:<15} {text}' for name, text in TOOLS.items()),
 ])
+NODE_USAGE = """usage: python3 -m friction_comp {name} [--help] [--ros-args ...]
+
+{text}
+
+Parameters, remappings and names are given after --ros-args, for instance
+--ros-args -p NAME:=VALUE -r FROM:=TO."""
 
 
-def run(name, argv=None):
+def run(name: str, argv: list[str] | None = None) -> int:
     """Run a node or tool and turn the ways in which it may end into an exit code.
 
     Parameters
@@ -54,10 +60,13 @@ def run(name, argv=None):
         on standard error says why), 130 when it was interrupted from the keyboard.
     """
     argv = sys.argv[1:] if argv is None else argv
-    if name in TOOLS:
-        # Tools write figures to files, also where there is no display.
-        os.environ.setdefault('MPLBACKEND', 'Agg')
     room = 'nodes' if name in NODES else 'tools'
+    if name in NODES and {'-h', '--help'} & set(argv[:_first_ros_argument(argv)]):
+        # Answered here, since ROS 2 alone takes a second to import.
+        print(NODE_USAGE.format(name=name, text=NODES[name]))
+        return 0
+    if name in NODES or name == 'demo':
+        name_this_environment()
     try:
         # Only now, so that a tool that needs no ROS 2 runs without it.
         module = importlib.import_module(f'friction_comp.{room}.{name}')
@@ -75,7 +84,11 @@ def run(name, argv=None):
         return 130
 
 
-def main(argv=None):
+def _first_ros_argument(argv: list[str]) -> int:
+    return argv.index('--ros-args') if '--ros-args' in argv else len(argv)
+
+
+def main(argv: list[str] | None = None) -> int:
     """Read the name and hand its arguments on.
 
     Parameters

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 import tempfile
@@ -57,6 +58,31 @@ def write_atomically(path, content):
             raise
     except OSError as error:
         raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
+
+
+def plain(value, not_finite=math.nan):
+    """Turn numpy values, tuples and paths into what YAML and JSON can write.
+
+    Parameters
+    ----------
+    value : object
+        Mappings, sequences, arrays and scalars, nested as they may be.
+    not_finite : float or None
+        What NaN and infinity become. NaN leaves them as they are; JSON has no word for them and
+        takes None.
+    """
+    if isinstance(value, dict):
+        return {str(key): plain(item, not_finite) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item, not_finite) for item in value]
+    if hasattr(value, 'tolist'):
+        # An array or scalar of numpy, which need not be imported for that.
+        return plain(value.tolist(), not_finite)
+    if isinstance(value, os.PathLike):
+        return str(value)
+    if isinstance(value, float) and not_finite is None and not math.isfinite(value):
+        return None
+    return value
 
 
 def _umask():

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the files that come with the package: configurations, launch files, message pages."""
+"""Finds what comes with the package, and lets ROS 2 find what came with the environment."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import sys
 from friction_comp.errors import InputError
 
 
-def package_file(*parts):
+def package_file(*parts: str) -> Path:
     """Return the path of a file or folder that comes with the package.
 
     Looks into the source tree when the package runs from one, then into every sourced workspace,
@@ -41,3 +41,17 @@ def package_file(*parts):
         if path.exists():
             return path
     raise InputError(f'friction_comp comes with no file {"/".join(parts)}')
+
+
+def name_this_environment() -> None:
+    """Let ROS 2 find what is installed in this Python environment.
+
+    A sourced workspace names itself in AMENT_PREFIX_PATH; a virtual environment that holds ROS 2
+    wheels does not. It comes last, so that sourced workspaces keep their precedence. Whoever
+    starts a node calls this before ROS 2 is imported.
+    """
+    if not Path(sys.prefix, 'share', 'ament_index').is_dir():
+        return
+    prefixes = [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
+    if sys.prefix not in prefixes:
+        os.environ['AMENT_PREFIX_PATH'] = os.pathsep.join([*prefixes, sys.prefix])

@@ -4,8 +4,14 @@
 
 import pytest
 
+from friction_comp.package_files import name_this_environment
+
 # Tests with nodes follow one another: each drives several processes as it is.
 NODES = ('test_demo', 'test_node_', 'test_packaging')
+
+
+# As `python3 -m friction_comp` does for nodes: some tests import ROS 2 by themselves.
+name_this_environment()
 
 
 def pytest_collection_modifyitems(items):

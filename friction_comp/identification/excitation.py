@@ -79,20 +79,17 @@ def at_travel(time, distance, duration):
     return position, velocity
 
 
-_SIGNATURE = ['float64(float64, float64, float64)']
-
-
-@vectorize(_SIGNATURE, cache=True)
+@vectorize(cache=True)
 def _velocities(time, speed, cycle_time):
     return at_velocity(time, speed, cycle_time)
 
 
-@vectorize(_SIGNATURE, cache=True)
+@vectorize(cache=True)
 def _positions(time, speed, cycle_time):
     return at_position(time, speed, cycle_time)
 
 
-@vectorize(_SIGNATURE, cache=True)
+@vectorize(cache=True)
 def _ramps(time, slope, period):
     return at_ramp(time, slope, period)
 

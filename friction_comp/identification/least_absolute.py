@@ -14,7 +14,7 @@ from numba import njit
 import numpy as np
 
 
-@njit('boolean(float64[:, ::1], float64[:, ::1])', cache=True)
+@njit(cache=True)
 def _invert(matrix, inverse):
     """Gauss-Jordan with partial pivoting; false where the matrix is singular."""
     size = matrix.shape[0]
@@ -48,7 +48,7 @@ def _invert(matrix, inverse):
     return True
 
 
-@njit('int64(float64[:, ::1], int64[::1])', cache=True)
+@njit(cache=True)
 def independent_rows(design, basis):
     """Fill `basis` with rows that span the columns, spread by pivoting; return how many exist."""
     count, size = design.shape
@@ -83,7 +83,7 @@ def independent_rows(design, basis):
     return size
 
 
-@njit('float64(float64[:, ::1], float64[::1], int64[::1], float64[::1])', cache=True)
+@njit(cache=True)
 def least_absolute(design, target, basis, coefficients):
     """Minimise ``Σ |target - design @ coefficients|``.
 

@@ -32,7 +32,7 @@ _CLOSE = (-8.0, -5.5, -3.5, -1.8, -0.6, 0.6, 1.8, 3.5, 5.5, 8.0)
 _FAR = (-1.5, 1.5)
 
 
-@njit('void(float64[::1], float64, float64, float64[:, ::1])', cache=True)
+@njit(cache=True)
 def _fill(speeds, steepness, shift, design):
     """Fill the columns 1, share, speed; the share is scaled about its own middle."""
     for i in range(speeds.size):
@@ -42,8 +42,7 @@ def _fill(speeds, steepness, shift, design):
         design[i, 2] = speeds[i]
 
 
-@njit('float64(float64[::1], float64[::1], float64, float64, int64[::1], float64[::1])',
-      cache=True)
+@njit(cache=True)
 def _error(speeds, currents, steepness, shift, basis, coefficients):
     """E of Eq. 7 at a given transition, the linear coefficients being the best ones."""
     design = np.empty((speeds.size, 3))
@@ -51,7 +50,7 @@ def _error(speeds, currents, steepness, shift, basis, coefficients):
     return least_absolute(design, currents, basis, coefficients)
 
 
-@njit('float64(float64[::1], float64[::1], float64[::1], float64, float64, int64)', cache=True)
+@njit(cache=True)
 def _descend(speeds, currents, transition, steepest, gentlest, rounds):
     """Improve (steepness, shift) in place: linearised L1 steps, then a shrinking search."""
     count = speeds.size
@@ -127,8 +126,7 @@ def _descend(speeds, currents, transition, steepest, gentlest, rounds):
     return error
 
 
-@njit('void(float64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1])',
-      cache=True)
+@njit(cache=True)
 def _scan(speeds, currents, steepnesses, shifts, errors):
     basis = np.arange(3)
     coefficients = np.empty(3)
@@ -141,8 +139,7 @@ def _scan(speeds, currents, steepnesses, shifts, errors):
             errors[i, j] = least_absolute(design, currents, basis, coefficients)
 
 
-@njit('float64(float64[::1], float64[::1], float64, float64[::1], float64, float64)',
-      cache=True)
+@njit(cache=True)
 def _gentlest_within(speeds, currents, shift, steepnesses, bound, least_viscous):
     """The smallest of ascending steepnesses whose error is within the bound; NaN if none is.
 

@@ -4,13 +4,16 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 import math
+import multiprocessing
 
 import numpy as np
 
 from friction_comp.note.condition_runs import CONDITIONS, run_trial
-from friction_comp.note.identify import identified_model, identify_breakaway
+from friction_comp.note.identify import identified_model, identify_breakaway, identify_table
+from friction_comp.note.published import EXPERIMENTS
 from friction_comp.note.standstill import stand_still
 
 LAWS = ('paper', 'continuous')
@@ -121,3 +124,40 @@ def run_experiment(experiment, table, cycles, seed, report):
     report(1.0, 'done')
     return Outcome(experiment, result, ramps, model, trials, standstills, sweep, dead,
                    table_time + ramps.duration)
+
+
+def run_experiments(cycles, seed, report, experiments=EXPERIMENTS):
+    """Run the experiments of every configuration.
+
+    The look-up tables are measured by the identification procedure as it drives a real joint,
+    sample by sample, in a process of their own; everything else runs compiled and in parallel.
+
+    Parameters
+    ----------
+    cycles : int
+        Ramps per direction.
+    seed : int
+    report : callable
+        ``report(share, description)``.
+    experiments : sequence of Experiment
+
+    Returns
+    -------
+    list of Outcome
+    """
+    outcomes = []
+    # A fresh interpreter: a fork of one that has run compiled threads may hang.
+    context = multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
+        tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
+        try:
+            for k, experiment in enumerate(experiments):
+                def tell(share, what, k=k, number=experiment.number):
+                    report((k + share) / len(experiments), f'configuration {number}: {what}')
+
+                outcomes.append(run_experiment(
+                    experiment, tables[k].result, cycles, seed, tell))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return outcomes

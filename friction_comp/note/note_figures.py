@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_comp.reports.figures import band, COLOURS, new_figure, thin
+from friction_comp.reports.figures import band, COLOURS, new_figure, styled, thin
 
 _TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', 'd = ±1, printed law'),
            ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'inertia alone'))
 _LAWS = (('paper', 'orange', 'printed law'), ('continuous', 'blue', 'continuous law'))
 
 
+@styled
 def ramp_figure(outcome):
     """Fig. 2: current ramp, velocity, and the instants at which the joint brakes free."""
     ramps = outcome.ramps
@@ -38,6 +39,7 @@ def ramp_figure(outcome):
     return figure
 
 
+@styled
 def friction_figure(outcomes):
     """Fig. 4: look-up table, fit and breakaway of every configuration."""
     figure, axes = new_figure(1, 1, height=4.2)
@@ -61,6 +63,7 @@ def friction_figure(outcomes):
     return figure
 
 
+@styled
 def trial_figure(outcomes):
     """Fig. 5: trajectories and back-driving torques, mean and standard deviation."""
     figure, rows = new_figure(len(outcomes) + 1, 2, height=2.3, sharex='col')
@@ -89,6 +92,7 @@ def trial_figure(outcomes):
     return figure
 
 
+@styled
 def gain_figure(outcomes):
     """Peak torque and false starts against the breakaway gain, safe region marked."""
     figure, rows = new_figure(2, len(outcomes), height=2.4, sharex=True, squeeze=False)
@@ -118,6 +122,7 @@ def gain_figure(outcomes):
     return figure
 
 
+@styled
 def mechanism_figure(outcomes):
     """Peak with d = 0 when slow motion gets no kinetic compensation."""
     figure, columns = new_figure(1, len(outcomes), height=2.6, squeeze=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from friction_comp.evaluation.conditions import evaluate
-from friction_comp.reports.figures import band, COLOURS, new_figure
+from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.refinement_report import (
     formula,
@@ -68,6 +68,7 @@ def table_rows(trials, refined):
              shown.get(trial.name, '')] for trial in trials]
 
 
+@styled
 def torque_figure(trials):
     """Draw the back-driving torque of all trials, one movement beside the other."""
     movements = ('positive', 'negative')
@@ -86,6 +87,7 @@ def torque_figure(trials):
     return figure
 
 
+@styled
 def identification_figure(model):
     """Draw look-up table, fitted curve and breakaway currents."""
     figure, axes = new_figure(height=3.2)

@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_comp.reports.figures import band, new_figure
+from friction_comp.reports.figures import band, new_figure, styled
 from friction_comp.reports.html import number, Report
 
 
+@styled
 def evaluation_figure(evaluation):
     """Draw trajectories above, torques below; the positive movement left, the negative right.
 

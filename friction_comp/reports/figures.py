@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from functools import wraps
 import io
 import re
 
@@ -40,11 +41,20 @@ _STYLE = {
 }
 
 
-# Set once for the whole process: legends, titles and labels take their look from here whenever they
-# are made, and only the tools that draw import this module.
-mpl.rcParams.update(_STYLE)
+def styled(draw):
+    """Decorate a function that draws: all that it makes gets the look of this module.
+
+    Legends, titles and labels take their look from matplotlib's settings at the moment in which
+    they are made; outside of the function those settings stay what they were.
+    """
+    @wraps(draw)
+    def within(*args, **kwargs):
+        with mpl.rc_context(_STYLE):
+            return draw(*args, **kwargs)
+    return within
 
 
+@styled
 def new_figure(rows=1, columns=1, width=8.0, height=3.0, **options):
     """Make a figure with a grid of axes.
 
@@ -85,7 +95,7 @@ def band(axes, x, mean, spread, colour, label):
 
 
 def thin(x, *curves, points=1500):
-    """Return every so manyth point of curves that hold more points than a page can show."""
+    """Return curves thinned out evenly where they hold more points than a page can show."""
     step = max(len(x) // points, 1)
     return tuple(np.asarray(values)[::step] for values in (x, *curves))
 
@@ -103,7 +113,7 @@ def scatter(axes, x, y, colour, label=None, points=6000, size=3.0, seed=0):
 def to_svg(figure):
     """Return a figure as SVG that takes the page's text colour; no file, no network, no script."""
     stream = io.StringIO()
-    with mpl.rc_context({'svg.hashsalt': 'friction_comp'}):
+    with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
         figure.savefig(stream, format='svg', dpi=160, metadata={'Date': None, 'Creator': None})
     text = stream.getvalue()
     text = text[text.index('<svg'):]
@@ -114,7 +124,8 @@ def to_svg(figure):
 def to_png(figure, resolution=160):
     """Return a figure as PNG on white."""
     stream = io.BytesIO()
-    figure.savefig(stream, format='png', dpi=resolution, facecolor='white')
+    with mpl.rc_context(_STYLE):
+        figure.savefig(stream, format='png', dpi=resolution, facecolor='white')
     return stream.getvalue()
 
 

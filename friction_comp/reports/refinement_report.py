@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from friction_comp.refinement.search.spectrum import highest_frequency, position_spectrum
-from friction_comp.reports.figures import COLOURS, new_figure, scatter
+from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
 from friction_comp.reports.html import number, Report
 
 
@@ -94,6 +94,7 @@ def summary(report):
     return '\n\n'.join(lines)
 
 
+@styled
 def steps_figure(result):
     """Return the error over the steps of the choice."""
     figure, axes = new_figure(height=2.6)
@@ -107,6 +108,7 @@ def steps_figure(result):
     return figure
 
 
+@styled
 def residual_figure(result, name, label):
     """Return the residual over a signal, before beside after."""
     figure, both = new_figure(columns=2, height=2.8, sharey=True)
@@ -139,6 +141,7 @@ def averages(x, y, number=40):
             np.array([y[piece].mean() for piece in pieces]))
 
 
+@styled
 def spectrum_figure(result):
     """Return the spectrum over position; None where the position hardly varied."""
     scene = result.scene

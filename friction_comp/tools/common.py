@@ -1,6 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the command-line tools share: arguments, progress, and output that is whole or absent."""
+"""What the command-line tools share: arguments, progress, and output that is whole or absent.
+
+A tool imports what it computes with only after it has read its arguments, so that ``--help`` and
+a mistake in an argument are answered at once.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +18,8 @@ import shutil
 import sys
 import tempfile
 
-import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
 from friction_comp.errors import InputError
+from friction_comp.files import plain
 
 
 class Arguments(argparse.ArgumentParser):
@@ -163,6 +164,9 @@ def progress(description):
     callable
         ``report(share, description=None)`` with the share 0..1 that is done.
     """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     console = Console(stderr=True)
     columns = (TextColumn('{task.description}'), BarColumn(), TextColumn(
         '{task.percentage:>3.0f} %'), TimeElapsedColumn())
@@ -179,22 +183,5 @@ def progress(description):
 
 def to_json(content):
     """Return content as JSON text; numpy values become plain ones, NaN and infinity null."""
-    return json.dumps(_plain(content), indent=2, ensure_ascii=False, allow_nan=False) + '\n'
-
-
-def _plain(value):
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, Path):
-        return str(value)
-    return value
+    values = plain(content, not_finite=None)
+    return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + '\n'

@@ -4,10 +4,6 @@
 
 from __future__ import annotations
 
-from friction_comp.evaluation.conditions import evaluate
-from friction_comp.recordings import read_recording_with_info
-from friction_comp.reports.evaluation_report import evaluation_report, summary
-from friction_comp.reports.html import number
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
 
 _SIGNALS = ('direction', 'reference', 'interaction_wrench')
@@ -32,6 +28,11 @@ def main(argv=None):
         If a recording cannot be used.
     """
     arguments = Arguments('evaluate', __doc__).add_recordings().add_output().parse(argv)
+    from friction_comp.evaluation.conditions import evaluate
+    from friction_comp.recordings import read_recording_with_info
+    from friction_comp.reports.evaluation_report import evaluation_report, summary
+    from friction_comp.reports.html import number
+
     with progress('reading') as report:
         found = read_recording_with_info(
             arguments.recordings, arguments.joint, signals=_SIGNALS, progress=report)

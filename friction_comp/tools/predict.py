@@ -7,13 +7,8 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-import numpy as np
-
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.recordings import read_recording_with_info
-from friction_comp.refinement import predict
 from friction_comp.tools.common import Arguments, progress
 
 
@@ -41,6 +36,12 @@ def main(argv=None):
     parser.add_argument('--output', metavar='FILE', type=Path, required=True,
                         help='CSV file with the columns time, measured, predicted')
     arguments = parser.parse(argv)
+    import numpy as np
+
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import read_recording_with_info
+    from friction_comp.refinement import predict
+
     model = FrictionModel.load(arguments.model)
     if arguments.output.is_dir():
         raise InputError(f'{arguments.output}: is a folder, a file is wanted')
@@ -69,6 +70,8 @@ def table(samples, info, predicted):
     Joint states that were left out of the samples (not finite, or a stamp seen before) get the
     values of the sample before them, so that rows and joint states stay side by side.
     """
+    import numpy as np
+
     last = np.full(len(info.stamps), -1)
     last[info.rows] = np.arange(len(info.rows))
     last = np.maximum(np.maximum.accumulate(last), 0)

@@ -9,11 +9,6 @@ from pathlib import Path
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.recordings import read_recording
-from friction_comp.refinement import refine
-from friction_comp.reports.html import number
-from friction_comp.reports.refinement_report import refinement_report
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
 
 
@@ -39,6 +34,11 @@ def main(argv=None):
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help="model to start from; without it the note's sigmoid is fitted first")
     arguments = parser.parse(argv)
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import read_recording
+    from friction_comp.refinement import refine
+    from friction_comp.reports.refinement_report import refinement_report
+
     model = FrictionModel.load(arguments.model) if arguments.model else None
     drive = drive_of(arguments, model)
     with progress('reading') as report:
@@ -74,6 +74,8 @@ def drive_of(arguments, model):
 
 def print_summary(report):
     """Print what was found, in a few lines."""
+    from friction_comp.reports.html import number
+
     before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
     print(f"before: {number(before)} A RMS on data not fitted ({report['before']['model']})")
     for effect in report['effects']:

@@ -4,16 +4,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
-import multiprocessing
-
-from rich.console import Console
-from rich.table import Table
-
-from friction_comp.note.experiment_set import run_experiment
-from friction_comp.note.identify import identify_table
-from friction_comp.note.note_report import reproduction_report
-from friction_comp.note.published import EXPERIMENTS
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json, whole_number
 
 DESCRIPTION = """Repeat all of the technical note's experiments on simulated joints, and print its
@@ -44,8 +34,11 @@ def main(argv=None):
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=2,
                         help='of noise, scatter and the persons (2)')
     arguments = parser.parse(argv)
+    from friction_comp.note.experiment_set import run_experiments
+    from friction_comp.note.note_report import reproduction_report
+
     with output_folder(arguments.output) as folder, progress('starting') as report:
-        outcomes = run_all(arguments.cycles, arguments.seed, report)
+        outcomes = run_experiments(arguments.cycles, arguments.seed, report)
         results = {'configurations': {
             str(outcome.experiment.number): outcome.as_dict() for outcome in outcomes}}
         (folder / 'results.json').write_text(to_json(results), encoding='utf-8')
@@ -55,44 +48,10 @@ def main(argv=None):
     return 0
 
 
-def run_all(cycles, seed, report, experiments=EXPERIMENTS):
-    """Run the experiments of every configuration.
-
-    The look-up tables are measured by the identification procedure as it drives a real joint,
-    sample by sample, in a process of their own; everything else runs compiled and in parallel.
-
-    Parameters
-    ----------
-    cycles : int
-        Ramps per direction.
-    seed : int
-    report : callable
-        ``report(share, description)``.
-    experiments : sequence of Experiment
-
-    Returns
-    -------
-    list of Outcome
-    """
-    outcomes = []
-    # A fresh interpreter: a fork of one that has run compiled threads may hang.
-    context = multiprocessing.get_context('spawn')
-    with ProcessPoolExecutor(max_workers=1, mp_context=context) as pool:
-        tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
-        try:
-            for k, experiment in enumerate(experiments):
-                def tell(share, what, k=k, number=experiment.number):
-                    report((k + share) / len(experiments), f'configuration {number}: {what}')
-
-                outcomes.append(run_experiment(
-                    experiment, tables[k].result, cycles, seed, tell))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return outcomes
-
-
 def _print(outcomes):
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table(title='The note and its repetition (the note in brackets)')
     for heading in ('', *(f'configuration {o.experiment.number}' for o in outcomes)):
         table.add_column(heading, justify='left' if not heading else 'right')

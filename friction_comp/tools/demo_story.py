@@ -1,0 +1,215 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The steps of the tool ``demo`` in their order, each in processes of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+import os
+from pathlib import Path
+import shutil
+import time
+
+from rich.console import Console
+from rich.table import Table
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
+from friction_comp.recordings import read_recording
+from friction_comp.refinement import refine
+from friction_comp.reports.demo_report import demo_report, EvaluatedTrial, residuals, table_rows
+from friction_comp.tools.common import progress, to_json
+from friction_comp.tools.processes import Nodes
+
+JOINT = 'armin_1'
+SAMPLE_TIME = 1e-3
+GOAL = {
+    'joint': JOINT, 'speeds': [math.radians(v) for v in (5.0, 15.0, 30.0, 60.0)],
+    'motion_range': 2.0, 'ramp_slope': 0.1, 'ramp_period': 5.0, 'breakaway_cycles': 3}
+MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
+            'acceleration_time': 0.5, 'standstill': 1.5, 'announcement': 1.0}
+# Folder, name in the table, the compensator's law, and whether the direction is announced.
+TRIALS = (
+    ('none', 'no compensation', 'none', False),
+    ('kinetic', 'kinetic friction only, d = 0', 'kinetic', False),
+    ('compensated', 'identified model, d = ±1', 'continuous', True),
+    ('refined', 'refined model, d = ±1', 'continuous', True))
+
+
+class Demo:
+    """The story that the demo tells, step by step.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+    """
+
+    def __init__(self, arguments):
+        self._arguments = arguments
+        self._output = arguments.output.absolute()
+        self._console = Console(highlight=False)
+        self._true_model = package_file('config', 'armin_configuration_1.yaml')
+        self._undeclared = (arguments.undeclared
+                            or package_file('config', 'undeclared_example.yaml')).absolute()
+        self._began = time.monotonic()
+        self._speeds = []
+
+    def run(self, client):
+        """Run everything and return the exit code."""
+        self._make_room()
+        logs = self._output / 'logs'
+        os.environ['ROS_LOG_DIR'] = str(logs / 'ros')
+        with Nodes(logs) as nodes, client(nodes.check) as ros:
+            self._nodes, self._ros = nodes, ros
+            model_file = self._identify()
+            self._start_compensator(model_file)
+            trials = [self._try(*trial) for trial in TRIALS[:3]]
+            refined, refined_file = self._refine(model_file)
+            self._say(f'loads {self._name(refined_file)} into the running compensator')
+            ros.set_parameter('compensator', 'model_files', [str(refined_file)])
+            trials.append(self._try(*TRIALS[3]))
+        self._conclude(trials, refined, model_file)
+        return 0
+
+    def _make_room(self):
+        """Remove an earlier demo's results; what else is in the folder stays."""
+        for name in ('recordings', 'models', 'logs'):
+            shutil.rmtree(self._output / name, ignore_errors=True)
+        for name in ('report.html', 'report.json'):
+            (self._output / name).unlink(missing_ok=True)
+        for name in ('recordings', 'models'):
+            (self._output / name).mkdir(parents=True)
+
+    def _say(self, text):
+        minutes, seconds = divmod(round(time.monotonic() - self._began), 60)
+        self._console.print(f'[dim]{minutes}:{seconds:02d}[/dim]  {text}')
+
+    def _name(self, path):
+        return os.path.relpath(path, self._output.parent)
+
+    def _common(self, *model_files):
+        return {'joints': [JOINT], 'model_files': [str(path) for path in model_files],
+                'use_sim_time': True, 'input_reliability': 'reliable'}
+
+    # Steps.
+
+    def _identify(self):
+        self._say('starts a simulated joint that hides an effect, and identification')
+        plant = self._common(self._true_model)
+        del plant['use_sim_time'], plant['input_reliability']
+        self._nodes.start('plant', {
+            **plant, 'clock': 'lockstep', 'seed': self._arguments.seed,
+            'sample_time': SAMPLE_TIME, 'wrench_period': 4 * SAMPLE_TIME,
+            'undeclared_effect_files': [str(self._undeclared)]})
+        self._nodes.start('identification', {
+            **self._common(self._true_model), 'output_folder': str(self._output / 'models')})
+        self._record('identification')
+        began = [None, 0.0]
+
+        with progress('identifies') as show:
+            def report(feedback):
+                began[0] = began[0] or time.monotonic()
+                began[1] = feedback.time
+                show(feedback.progress, f'identifies: {feedback.phase}, '
+                     f"{feedback.remaining_seconds:.0f} s left of the joint's time")
+            result = self._ros.identify(GOAL, report)
+        self._speeds.append((began[1], time.monotonic() - began[0]))
+        self._nodes.stop('recorder')
+        self._say(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
+                  f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
+                  f'{len(result.speeds)} points of the friction curve')
+        return Path(result.model_file)
+
+    def _start_compensator(self, model_file):
+        # From now on the joint's time rests wherever no exercise is shown.
+        self._ros.set_parameter('plant', 'wait_for_reference', True)
+        self._nodes.start('compensator', {**self._common(model_file), 'law': 'none'})
+
+    def _record(self, name):
+        self._nodes.start('recorder', {
+            'output': str(self._output / 'recordings' / name), 'use_sim_time': True,
+            'input_reliability': 'reliable'})
+        # Subscriptions to the command: the plant's and the recorder's.
+        self._ros.until_connected('current_command', 1, 2)
+        self._ros.until_connected('interaction_wrench', 1, 1)
+
+    def _try(self, name, title, law, announced):
+        self._ros.set_parameter('compensator', 'law', law)
+        self._nodes.start('exercise', {
+            'joints': [JOINT], 'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
+            'input_reliability': 'reliable', 'announce_direction': announced,
+            # The compensator and the recorder.
+            'wait_for_listeners': 2, 'repetitions': self._arguments.repetitions, **MOVEMENT})
+        self._record(name)
+        began = None
+        with progress(f'trial: {title}') as show:
+            while not self._nodes.ended('exercise'):
+                self._ros.wait(0.1)
+                at = self._ros.value('exercise', 'time [s]')
+                if at is not None:
+                    began = began or (float(at), time.monotonic())
+                    last = (float(at), time.monotonic())
+                    show(last[0] / float(self._ros.value('exercise', 'duration [s]')))
+        if began and last[0] > began[0]:
+            self._speeds.append((last[0] - began[0], last[1] - began[1]))
+        self._ros.forget('exercise')
+        self._nodes.stop('recorder')
+        trial = EvaluatedTrial(name, title, read_recording(
+            self._output / 'recordings' / name, JOINT, *self._drive())[0])
+        self._say(f'trial with {title}: peak {trial.peak_torque:.2f} N·m, '
+                  f'RMS {trial.rms_torque:.2f} N·m')
+        return trial
+
+    def _drive(self):
+        drive = FrictionModel.load(self._true_model).drive
+        return drive.torque_constant, drive.gear_ratio
+
+    def _refine(self, model_file):
+        """Find what the identified model lacks; return the result and the new model's file."""
+        folder = self._output / 'recordings'
+        model = FrictionModel.load(model_file)
+        with progress('reads the recording') as show:
+            # There the joint moves by itself, at many speeds: all current is friction's.
+            recordings = read_recording(folder / 'identification', JOINT, *self._drive())
+            result = refine(recordings, model, model.drive, progress=lambda share, what: show(
+                share, f'looks for what the model lacks: {what}'))
+        path = self._output / 'models' / f'{JOINT}_refined.yaml'
+        replace(result.model, joint=JOINT).save(path)
+        found = ', '.join(f"{effect['name']} ({effect['variable']})"
+                          for effect in result.report['effects']) or 'nothing'
+        before, after = residuals(result)
+        self._say(f'found: {found}; residual {1e3 * before:.1f} → {1e3 * after:.1f} mA')
+        return result, path
+
+    def _conclude(self, trials, refined, model_file):
+        rows = table_rows(trials, refined)
+        before, after = residuals(refined)
+        effects = refined.report['effects']
+        report = demo_report(trials, refined, FrictionModel.load(model_file), self._undeclared)
+        report.save(self._output / 'report.html')
+        simulated = sum(pair[0] for pair in self._speeds)
+        real = sum(pair[1] for pair in self._speeds)
+        content = {
+            'trials': [{'name': trial.name, 'peak_torque': trial.peak_torque,
+                        'rms_torque': trial.rms_torque, 'evaluation': trial.evaluation.as_dict()}
+                       for trial in trials],
+            'residual': {'before': before, 'after': after, 'unit': 'A',
+                         'noise_floor': refined.report['noise_floor']},
+            'effects': effects, 'lockstep_samples_per_second': simulated / SAMPLE_TIME / real,
+            'seconds': time.monotonic() - self._began}
+        (self._output / 'report.json').write_text(to_json(content), encoding='utf-8')
+        table = Table(title='What it takes to move the joint')
+        for number, name in enumerate(('', 'peak [N·m]', 'RMS [N·m]', 'residual [mA]')):
+            table.add_column(name, justify='right' if number else 'left')
+        for row in rows:
+            table.add_row(*row)
+        self._console.print(table)
+        for effect in effects:
+            self._console.print(f"effect found: {effect['name']} ({effect['variable']})  "
+                                f"{effect.get('in_words', '')}")
+        self._console.print(
+            f"lockstep: {simulated:.0f} s of the joint's time in {real:.0f} s "
+            f'({simulated / SAMPLE_TIME / real:.0f} samples a second); '
+            f'whole demo: {content["seconds"]:.0f} s')
+        self._console.print(f'report: {self._output / "report.html"}', soft_wrap=True)

@@ -1,0 +1,95 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What ``import friction_comp`` offers, and that neither it nor ``--help`` costs time."""
+
+import ast
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+import friction_comp
+from friction_comp.__main__ import NODES, TOOLS
+
+ROOT = Path(__file__).resolve().parent.parent
+SLOW = ('numba', 'scipy', 'matplotlib', 'rosbags', 'rclpy', 'rich')
+
+
+def run(code, **environment):
+    done = subprocess.run(
+        [sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True, check=False,
+        env={**os.environ, **environment})
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_public_name_is_what_it_says():
+    for name in friction_comp.__all__:
+        assert getattr(friction_comp, name).__name__ == name
+        assert name in dir(friction_comp)
+    with pytest.raises(AttributeError, match='nonsense'):
+        _ = friction_comp.nonsense
+    with pytest.raises(ImportError):
+        exec('from friction_comp import nonsense')
+
+
+def test_type_checkers_see_the_same_names_from_the_same_places():
+    tree = ast.parse(Path(friction_comp.__file__).read_text(encoding='utf-8'))
+    seen = {alias.name: node.module for node in ast.walk(tree)
+            if isinstance(node, ast.ImportFrom) and (node.module or '').startswith('friction_comp')
+            for alias in node.names}
+    assert seen == friction_comp._HOMES
+    assert sorted(seen) == sorted(friction_comp.__all__)
+
+
+def test_import_of_the_package_loads_nothing_slow():
+    loaded = run('import sys, friction_comp; print(*sys.modules)').split()
+    assert not {'numpy', *SLOW} & set(loaded)
+
+
+def test_help_and_mistakes_are_answered_before_anything_slow_is_loaded():
+    code = f"""
+import contextlib, io, sys
+from friction_comp.__main__ import main
+for name in {[*NODES, *TOOLS]}:
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown), contextlib.suppress(SystemExit):
+        main([name, '--help'])
+    assert shown.getvalue().startswith('usage: python3 -m friction_comp ' + name), name
+for name in {[*TOOLS]}:
+    with contextlib.redirect_stderr(shown), contextlib.suppress(SystemExit):
+        main([name, '--no-such-argument'])
+print(*sys.modules)
+"""
+    assert not set(SLOW) & set(run(code).split())
+
+
+def test_nothing_is_compiled_by_an_import(tmp_path):
+    rooms = [path for path in (ROOT / 'friction_comp').rglob('*.py')
+             if path.stem != '__main__' and 'nodes' not in path.parts]
+    names = ['.'.join(path.relative_to(ROOT).with_suffix('').parts).removesuffix('.__init__')
+             for path in rooms]
+    code = f"""
+import importlib
+from numba.core import event
+with event.install_recorder('numba:compile') as recorder:
+    for name in {names}:
+        importlib.import_module(name)
+print(len(recorder.buffer))
+"""
+    assert run(code, NUMBA_CACHE_DIR=str(tmp_path)) == '0\n'
+
+
+def test_the_figures_look_is_not_forced_on_other_programs():
+    code = """
+import matplotlib as mpl
+before = dict(mpl.rcParams)
+from friction_comp.reports.figures import new_figure, to_svg
+figure, axes = new_figure()
+axes.plot([0.0, 1.0])
+to_svg(figure)
+assert dict(mpl.rcParams) == before
+"""
+    run(code)
