@@ -1,0 +1,151 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Every block of code in the documentation runs, or is read by what would run it."""
+
+from pathlib import Path
+import re
+import shlex
+
+import numpy as np
+import pytest
+import yaml
+
+from friction_comp.__main__ import main, NODES, TOOLS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.recordings import write_samples
+from friction_comp.samples import Samples
+from friction_comp.tools.common import Arguments
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [path for path in (
+    ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md')),
+    *sorted((ROOT / 'msg_docs').glob('*.md'))) if path.exists()]
+# Tools that are run as the page has them; the others take minutes, and their arguments are read.
+RUN = ('evaluate', 'refine', 'predict')
+
+
+def blocks(language):
+    """Give the blocks of a language with page and line; indented ones belong to lists."""
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding='utf-8')
+        for match in re.finditer(r'^( *)```(\w*)\n(.*?)^\1```', text, re.DOTALL | re.MULTILINE):
+            if match[2] == language:
+                lines = [line[len(match[1]):] for line in match[3].splitlines()]
+                number = text[:match.start()].count('\n') + 1
+                found.append(pytest.param('\n'.join(lines), id=f'{page.name}:{number}'))
+    return found
+
+
+COMMANDS = [
+    pytest.param(line.strip(), id=f'{block.id} {line.split("#")[0].strip()[:60]}')
+    for block in blocks('sh')
+    for line in block.values[0].replace('\\\n', ' ').splitlines() if line.split('#')[0].strip()]
+
+
+def trial(name, direction):
+    """Simulate movements to and fro at several speeds, with the current of configuration 2."""
+    model = FrictionModel.load(ROOT / 'config' / 'armin_configuration_2.yaml')
+    step, velocity = 4e-3, []
+    for speed in (0.3, 0.6, 0.2, 0.9, 0.45, 0.75):
+        for sign in (1.0, -1.0):
+            ramp = np.arange(0.0, 1.0, step / 0.3)
+            velocity += [np.zeros(250), sign * speed * np.concatenate(
+                [ramp, np.ones(round(0.8 / speed / step)), ramp[::-1]])]
+    velocity = np.concatenate([*velocity, np.zeros(250)])
+    random = np.random.default_rng(len(name))
+    position = np.cumsum(velocity) * step
+    write_samples(name, Samples(
+        time=np.arange(len(velocity)) * step, position=position, velocity=velocity,
+        current=model.sigmoid(velocity) + 0.003 * random.standard_normal(len(velocity)),
+        load=np.sign(velocity) * (0.5 - 0.3 * direction),
+        direction=direction * np.sign(velocity), reference_position=position,
+        reference_velocity=velocity, joint='elbow'),
+        model.drive.torque_constant, model.drive.gear_ratio)
+    return model
+
+
+@pytest.fixture(scope='module')
+def workplace(tmp_path_factory):
+    """A folder that holds what the README's commands ask for, in the order in which it does."""
+    folder = tmp_path_factory.mktemp('workplace')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        trial('trial_without', 0)
+        trial('another_trial', 1)
+        model = trial('trial_with', 1)
+        for path in ('models/elbow.yaml', 'refined/model.yaml'):
+            model.save(path)
+        yield folder
+
+
+def test_every_block_says_what_it_is_and_is_tried():
+    languages = {match for page in PAGES for match in re.findall(
+        r'^ *```(\w*)\n.*?^ *```', page.read_text(encoding='utf-8'), re.DOTALL | re.MULTILINE)}
+    assert languages <= {'sh', 'python', 'yaml'}
+
+
+def check_other(words):
+    """Commands that are not this package's own: what they name of it is there."""
+    if words[0] == 'make':
+        targets = re.findall(r'^(\w+):', (ROOT / 'Makefile').read_text(), re.MULTILINE)
+        assert set(words[1:]) <= set(targets)
+    elif words[0] == 'python3':
+        script = (ROOT / words[1]).read_text(encoding='utf-8')
+        for option in (word for word in words if word.startswith('--')):
+            assert f"'{option}'" in script
+    elif words[:2] == ['ros2', 'action']:
+        action = (ROOT / 'friction_comp_interfaces' / 'action' / 'IdentifyFriction.action')
+        goal = action.read_text(encoding='utf-8').partition('---')[0]
+        fields = re.findall(r'^\S+ (\w+)$', goal, re.MULTILINE)
+        assert set(yaml.safe_load(words[-1])) <= set(fields)
+    elif words[:3] == ['ros2', 'param', 'set']:
+        assert words[3].strip('/') in NODES
+        assert yaml.safe_load(words[5])
+    else:
+        assert words[0] in ('ros2', 'git', 'pip', 'pre-commit', '.', 'export', 'cd'), words
+
+
+def check_node(arguments):
+    assert arguments[0] == '--ros-args'
+    for flag, value in zip(arguments[1::2], arguments[2::2]):
+        left, right = value.split(':=')
+        assert left
+        assert flag == '-r' or (flag == '-p' and yaml.safe_load(right) is not None)
+
+
+@pytest.mark.parametrize('command', COMMANDS)
+def test_commands(command, workplace, monkeypatch):
+    words = shlex.split(command, comments=True)
+    if words[:3] not in (['python3', '-m', 'friction_comp'], ['ros2', 'run', 'friction_comp']):
+        check_other(words)
+        return
+    name, *arguments = words[3:]
+    if name in NODES:
+        check_node(arguments)
+        return
+    assert name in TOOLS
+    if name in RUN:
+        assert main([name, *arguments]) == 0
+        assert (workplace / arguments[arguments.index('--output') + 1]).exists()
+        return
+    parse = Arguments.parse
+
+    def parse_only(self, argv=None):
+        raise SystemExit(0 if parse(self, argv) else 1)
+    monkeypatch.setattr(Arguments, 'parse', parse_only)
+    with pytest.raises(SystemExit, match='0'):
+        main([name, *arguments])
+
+
+@pytest.mark.parametrize('text', blocks('yaml'))
+def test_yaml(text):
+    assert yaml.safe_load(text)
+
+
+@pytest.mark.parametrize('text', blocks('python'))
+def test_python(text, workplace):
+    names = {}
+    exec(compile(text, 'the documentation', 'exec'), names)
+    if 'residual' in names:
+        assert np.std(names['residual']) < 0.01
