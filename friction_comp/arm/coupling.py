@@ -1,0 +1,318 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What other joints ask of a joint's motor, where no URDF says how they are connected.
+
+A serial arm's torques are sums of harmonics of sums and differences of joint angles (its weight),
+of such harmonics times accelerations (its inertia), and of products of velocities. Which of them
+count is found in the recording: one group of terms at a time, as long as stretches that were not
+fitted bear it out. Such a sum holds for postures like the recorded ones; a URDF does better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from friction_comp.arm.robust import huber_weights, STRETCHES, stretches_of
+from friction_comp.errors import InputError
+
+KINDS = ('weight', 'inertia', 'velocities')
+_FOLDS = 3
+# A group has to lower the loss on stretches not fitted by this share, this many standard errors
+# clear of nothing: over a hundred groups are tried.
+LEAST_SHARE, LEAST_ERRORS = 0.04, 3.5
+_MOST_GROUPS = 12
+_MOST_ROWS = 12000
+# So many of the groups that fit best are compared on stretches not fitted.
+_SHORT_LIST = 6
+_RIDGE = 1e-6
+
+
+@dataclass(frozen=True)
+class Group:
+    """Terms that belong together.
+
+    Parameters
+    ----------
+    kind : {'weight', 'inertia', 'velocities'}
+        Cosine and sine of a sum of angles; an acceleration, alone or times these; the product of
+        two velocities.
+    angles : tuple of (str, int)
+        Joint and sign of each angle in the sum.
+    joints : tuple of str
+        Whose acceleration, or whose velocities.
+    """
+
+    kind: str
+    angles: tuple = ()
+    joints: tuple = ()
+
+    def columns(self, names, q, v, a):
+        """Return the terms.
+
+        Parameters
+        ----------
+        names : sequence of str, length J
+        q, v, a : ndarray, shape (N, J)
+
+        Returns
+        -------
+        ndarray, shape (N, 1) or (N, 2)
+        """
+        place = {name: k for k, name in enumerate(names)}
+        factor = np.ones(len(q))
+        if self.kind == 'inertia':
+            factor = a[:, place[self.joints[0]]]
+        elif self.kind == 'velocities':
+            factor = v[:, place[self.joints[0]]] * v[:, place[self.joints[1]]]
+        if not self.angles:
+            return factor[:, None]
+        total = sum(side * q[:, place[name]] for name, side in self.angles)
+        return factor[:, None] * np.column_stack((np.cos(total), np.sin(total)))
+
+    @property
+    def everyone(self):
+        """Names of all joints in it."""
+        return {name for name, _ in self.angles} | set(self.joints)
+
+    def describe(self):
+        """Return the group in words."""
+        total = ' '.join(('+' if side > 0 else '-') + name for name, side in self.angles)
+        total = total.removeprefix('+')
+        if self.kind == 'weight':
+            return f'weight over the angle {total}'
+        if self.kind == 'inertia':
+            return f'acceleration of {self.joints[0]}' + (f' over the angle {total}' * bool(total))
+        return f'velocities of {self.joints[0]} and {self.joints[1]}'
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint's current due to other joints, found without a URDF.
+
+    Parameters
+    ----------
+    groups : tuple of Group
+    coefficients : tuple of tuple of float
+        A per unit of each term.
+    """
+
+    groups: tuple
+    coefficients: tuple
+    errors: tuple = field(default=(), compare=False)
+
+    def current(self, names, q, v, a):
+        """Return the current in A, shape (N,), for the motion of all joints."""
+        lacking = {name for group in self.groups for name in group.everyone} - set(names)
+        if lacking:
+            raise InputError(f'the model needs joint {sorted(lacking)[0]!r}, which is not recorded')
+        total = np.zeros(len(q))
+        for group, coefficients in zip(self.groups, self.coefficients):
+            total += group.columns(names, q, v, a) @ np.asarray(coefficients)
+        return total
+
+    @property
+    def joints(self):
+        """Names of the joints that matter, in order of appearance."""
+        return list(dict.fromkeys(
+            name for group in self.groups for name in sorted(group.everyone)))
+
+    def to_dict(self):
+        """Return the coupling as the plain values of a model file."""
+        return {'groups': [
+            {'kind': group.kind, 'angles': [[name, side] for name, side in group.angles],
+             'joints': list(group.joints), 'coefficients': list(coefficients)}
+            for group, coefficients in zip(self.groups, self.coefficients)]}
+
+    @classmethod
+    def from_dict(cls, document):
+        """Make a coupling of the plain values of a model file.
+
+        Raises
+        ------
+        InputError
+            If something is missing or makes no sense.
+        """
+        groups, coefficients = [], []
+        try:
+            for entry in document['groups']:
+                group = Group(
+                    str(entry['kind']),
+                    tuple((str(name), int(side)) for name, side in entry['angles']),
+                    tuple(str(name) for name in entry['joints']))
+                numbers = tuple(float(value) for value in entry['coefficients'])
+                joints = {'weight': 0, 'inertia': 1, 'velocities': 2}.get(group.kind)
+                if joints != len(group.joints) or len(numbers) != (2 if group.angles else 1):
+                    raise InputError(f'coupling: a group of kind {group.kind!r} is not complete')
+                if not np.isfinite(numbers).all():
+                    raise InputError('coupling: coefficients must be finite')
+                groups.append(group)
+                coefficients.append(numbers)
+        except (KeyError, TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f'coupling: {error}') from None
+        return cls(tuple(groups), tuple(coefficients))
+
+
+def groups_for(names, own):
+    """Return the groups that other joints may add to the current of one.
+
+    Parameters
+    ----------
+    names : sequence of str
+        In the order of the recording, which mostly is that along the arm.
+    own : str
+        The joint; what depends on it alone is left to its own effects.
+
+    Returns
+    -------
+    list of Group
+    """
+    sums = [((name, 1),) for name in names if name != own]
+    sums += [((one, 1), (two, side)) for one, two in combinations(names, 2) for side in (1, -1)]
+    sums += [tuple((name, 1) for name in names[start:stop])
+             for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
+    groups = [Group('weight', angles) for angles in sums]
+    singles = [()] + [((name, 1),) for name in names]
+    groups += [Group('inertia', angles, (name,)) for name in names for angles in singles
+               if {name, *(one for one, _ in angles)} != {own}]
+    groups += [Group('velocities', (), (one, two))
+               for k, one in enumerate(names) for two in names[k:]
+               if {one, two} != {own}]
+    return groups
+
+
+def find_coupling(current, names, own, motion, recording, rows):
+    """Return what other joints add to a joint's current.
+
+    Parameters
+    ----------
+    current : ndarray, shape (N,)
+        A.
+    names : sequence of str, length J
+    own : str
+        The joint whose current it is.
+    motion : tuple of ndarray, each of shape (N, J)
+        Position, velocity and acceleration of all joints.
+    recording : ndarray of int, shape (N,)
+    rows : ndarray of bool, shape (N,)
+        Samples that count.
+
+    Returns
+    -------
+    Coupling or None
+        None where stretches not fitted show no need. `errors` holds their RMS error in A before
+        and after.
+    """
+    index = np.nonzero(rows)[0]
+    index = index[::max(1, len(index) // _MOST_ROWS)]
+    if len(index) < 20 * STRETCHES:
+        return None
+    q, v, a = (values[index] for values in motion)
+    search = _Search(current[index], names, own, (q, v, a), stretches_of(recording[index]))
+    chosen = search.run()
+    if not chosen:
+        return None
+    coefficients = search.coefficients(chosen)
+    return Coupling(tuple(search.groups[k] for k in chosen), coefficients,
+                    (search.error([]), search.error(chosen)))
+
+
+class _Search:
+    """Greedy choice of groups beside the joint's own friction, weight and inertia."""
+
+    def __init__(self, current, names, own, motion, stretch):
+        q, v, a = motion
+        k = list(names).index(own)
+        top = max(float(np.percentile(np.abs(v[:, k]), 95)), 1e-9)
+        base = np.column_stack((
+            np.ones(len(q)), np.tanh(v[:, k] / (0.03 * top)), v[:, k], a[:, k],
+            np.cos(q[:, k]), np.sin(q[:, k])))
+        self.groups = groups_for(names, own)
+        parts = [base] + [group.columns(names, q, v, a) for group in self.groups]
+        edges = np.cumsum([0] + [part.shape[1] for part in parts])
+        self._places = [np.arange(one, two) for one, two in zip(edges[:-1], edges[1:])]
+        matrix = np.hstack([*parts, current[:, None]])
+        self._norm = np.sqrt(np.mean(matrix ** 2, axis=0)) + 1e-300
+        self._matrix = matrix / self._norm
+        self._stretch = stretch
+        self._count = np.bincount(stretch).astype(float)
+        self._weigh(np.ones(len(q)))
+
+    def run(self):
+        """Return the numbers of the groups chosen, in their order."""
+        chosen = []
+        while len(chosen) < _MOST_GROUPS:
+            self._weigh(huber_weights(self._residual(chosen)))
+            before = self._losses(chosen)
+            gains = [(self._gain(chosen, k), k) for k in range(len(self.groups))
+                     if k not in chosen]
+            short = [k for gain, k in sorted(gains, reverse=True)[:_SHORT_LIST] if gain > 0.0]
+            trials = [(self._losses([*chosen, k]), k) for k in short]
+            if not trials:
+                break
+            after, best = min(trials, key=lambda trial: trial[0].sum())
+            # Ratios, since some stretches hold far more of a term than others.
+            lower = np.log((before + 1e-300) / (after + 1e-300))
+            error = np.std(lower, ddof=1) / np.sqrt(len(lower))
+            if (after.sum() > (1.0 - LEAST_SHARE) * before.sum()
+                    or lower.mean() < LEAST_ERRORS * error):
+                break
+            chosen.append(best)
+        return chosen
+
+    def coefficients(self, chosen):
+        """Return the coefficients of chosen groups in A per unit, a tuple for each."""
+        self._weigh(huber_weights(self._residual(chosen)))
+        columns, found = self._solved(chosen, np.arange(len(self._grams)))
+        values = dict(zip(columns, found * self._norm[-1] / self._norm[columns]))
+        return tuple(tuple(float(values[c]) for c in self._places[k + 1]) for k in chosen)
+
+    def error(self, chosen):
+        """Return the RMS error in A on stretches not fitted."""
+        self._weigh(np.ones(len(self._matrix)))
+        return float(np.sqrt(self._losses(chosen).sum() / self._count.sum()) * self._norm[-1])
+
+    def _weigh(self, weights):
+        self._grams = np.array([
+            (self._matrix[rows] * weights[rows, None]).T @ self._matrix[rows]
+            for rows in (self._stretch == number for number in range(len(self._count)))])
+
+    def _solved(self, chosen, stretches):
+        columns = np.concatenate([self._places[0], *(self._places[k + 1] for k in chosen)])
+        gram = self._grams[stretches].sum(axis=0)
+        inner = gram[np.ix_(columns, columns)]
+        inner = inner + _RIDGE * np.trace(inner) / len(inner) * np.eye(len(inner))
+        return columns, np.linalg.solve(inner, gram[columns, -1])
+
+    def _residual(self, chosen):
+        columns, found = self._solved(chosen, np.arange(len(self._grams)))
+        return self._matrix[:, -1] - self._matrix[:, columns] @ found
+
+    def _losses(self, chosen):
+        """Return the weighted sum of squares of every stretch by a fit on the others' folds."""
+        numbers = np.arange(len(self._grams))
+        losses = np.empty(len(numbers))
+        for fold in range(_FOLDS):
+            columns, found = self._solved(chosen, numbers[numbers % _FOLDS != fold])
+            mix = np.append(found, -1.0)
+            places = np.append(columns, self._matrix.shape[1] - 1)
+            for number in numbers[numbers % _FOLDS == fold]:
+                losses[number] = mix @ self._grams[number][np.ix_(places, places)] @ mix
+        return losses
+
+    def _gain(self, chosen, group):
+        """Return by how much a group lowers the weighted sum of squares of everything."""
+        gram = self._grams.sum(axis=0)
+        columns, found = self._solved(chosen, np.arange(len(self._grams)))
+        own = self._places[group + 1]
+        inner = gram[np.ix_(columns, columns)]
+        inner = inner + _RIDGE * np.trace(inner) / len(inner) * np.eye(len(inner))
+        cross = gram[np.ix_(columns, own)]
+        rest = gram[np.ix_(own, own)] - cross.T @ np.linalg.solve(inner, cross)
+        rest = rest + _RIDGE * np.trace(gram[np.ix_(own, own)]) / len(own) * np.eye(len(own))
+        slope = gram[own, -1] - cross.T @ found
+        return float(slope @ np.linalg.solve(rest, slope))

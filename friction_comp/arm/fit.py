@@ -1,0 +1,262 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""An arm's links fitted to recordings, beside friction and rotor inertia of every joint.
+
+The measured current of joint j is taken as ``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a``
+with the torque τ of the rigid bodies, linear in the links' parameters π (Atkeson, An and Hollerbach
+1986), and a current per torque k_j, since an arm's drive constants are seldom known. One π serves
+all joints: what a wrist shows of its own weight the shoulder has to carry as well. Parameters that
+the motion does not show stay at the URDF's figures, and every π is that of possible bodies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from friction_comp.arm.inertia import Bodies
+from friction_comp.arm.robust import huber_weights, stretches_of
+from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unknowns
+from friction_comp.arm.states import moving_states
+from friction_comp.arm.tree import Tree
+from friction_comp.errors import InputError
+
+FEWEST = 200
+# Strengths of the regularisation that are compared, and the one with which everything else is
+# chosen. One unit is one squared standard deviation of one sample.
+STRENGTHS = tuple(float(value) for value in np.geomspace(1.0, 1e6, 13))
+_FIRST_STRENGTH = 100.0
+# Held-out errors that differ by less are as good as each other; the URDF is believed then.
+_AS_GOOD = 0.01
+_FOLDS = 3
+# Friction of an arm's joint turns round within this share of its usual top speed.
+_TRANSITION, _STILL = 0.03, 0.01
+_MOST_ROWS = {'choice': 8000, 'final': 40000}
+_BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
+# Logarithms: torque constants and gears of an arm's joints differ by a factor; where they are
+# declared, only by what they are wrong.
+_UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 0.2
+
+
+@dataclass
+class ArmFit:
+    """An arm's rigid bodies as recordings show them.
+
+    Attributes
+    ----------
+    tree : Tree
+        With the fitted parameters.
+    start : Tree
+        With those of the URDF.
+    scales : ndarray, shape (J,)
+        Current per torque of each joint, A per N·m.
+    friction : ndarray, shape (J, 4)
+        Offset A, Coulomb A, viscous A·s/rad and rotor A·s²/rad, as far as the fit needs them.
+    differentiation : dict
+        How velocity and acceleration were had of the recording.
+    strength : float
+        Of the regularisation.
+    held_out, without : ndarray, shape (J,)
+        RMS error in A on stretches not fitted, and that of friction and rotor inertia alone.
+    identifiable : int
+        Number of combinations of the links' parameters that the motion shows.
+    """
+
+    tree: Tree
+    start: Tree
+    scales: np.ndarray
+    friction: np.ndarray
+    differentiation: dict
+    strength: float
+    held_out: np.ndarray
+    without: np.ndarray
+    identifiable: int
+
+
+@dataclass
+class _Problem:
+    """Rows of all joints with their columns."""
+
+    regressor: np.ndarray
+    friction: np.ndarray
+    current: np.ndarray
+    counts: np.ndarray
+    fold: np.ndarray
+    weights: np.ndarray
+
+    def matrices(self):
+        """Return the products of columns, summed over the samples of each fold."""
+        return np.array([normal_matrices(
+            self.regressor[rows], self.friction[rows], self.current[rows], self.weights[rows])
+            for rows in (self.fold == number for number in range(_FOLDS))])
+
+
+def fit_arm(chain, joints, declared=None, progress=None):
+    """Fit an arm to recordings.
+
+    Parameters
+    ----------
+    chain : Chain
+        Of the URDF.
+    joints : list of Samples, length J
+        As recorded, all on one time base, in the order of `chain.tree.joints`.
+    declared : ndarray, shape (J,), optional
+        Current per torque in A per N·m where torque constant and gear ratio are known.
+    progress : callable, optional
+        Called with a share of the work done.
+
+    Returns
+    -------
+    ArmFit
+
+    Raises
+    ------
+    InputError
+        If there is too little motion to fit anything.
+    """
+    report = progress or (lambda share: None)
+    if len(joints[0]) < FEWEST:
+        raise InputError(f'{len(joints[0])} samples are too few for an arm: at least {FEWEST} '
+                         'are needed')
+    bodies = Bodies(chain.tree.parameters)
+    choices = _settings(joints)
+    best = None
+    for number, settings in enumerate(choices):
+        problem = _problem(chain, joints, settings, _MOST_ROWS['choice'])
+        prior = _prior(problem, bodies, _FIRST_STRENGTH, declared)
+        x = _settle(problem, prior, _start(problem, prior))
+        errors = _held_out(problem, prior, x)
+        quality = float(np.mean(np.log(errors)))
+        if best is None or quality < best[0]:
+            best = (quality, settings, problem, prior, x)
+        report(0.6 * (number + 1) / len(choices))
+    _, settings, problem, prior, x = best
+    prior, errors = _choose_strength(problem, prior, x)
+    report(0.8)
+    still = replace(problem, regressor=np.zeros_like(problem.regressor))
+    without = _held_out(still, prior, x)
+    whole = _problem(chain, joints, settings, _MOST_ROWS['final'])
+    x = _settle(whole, prior, x, rounds=4)
+    report(1.0)
+    unknowns = Unknowns(len(joints))
+    return ArmFit(
+        replace(chain.tree, parameters=bodies.parameters(x[unknowns.links])[0]), chain.tree,
+        np.exp(x[unknowns.scales]),
+        np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
+        prior.strength, errors, without, identifiable(whole.regressor))
+
+
+def identifiable(regressor, least=1e-6):
+    """Return the number of base parameters: combinations that joint torques show.
+
+    Parameters
+    ----------
+    regressor : ndarray, shape (N, J, 10·J)
+    least : float
+        Share of the largest singular value that still counts; columns are normalised.
+    """
+    stacked = regressor.reshape(-1, regressor.shape[2])
+    norm = np.linalg.norm(stacked, axis=0)
+    seen = stacked[:, norm > 1e-9 * max(norm.max(), 1e-300)]
+    seen = seen / np.linalg.norm(seen, axis=0)
+    values = np.sqrt(np.maximum(np.linalg.eigvalsh(seen.T @ seen), 0.0))
+    return int(np.count_nonzero(values > least * values.max(initial=0.0)))
+
+
+def _settings(joints):
+    step = max(joints[0].sample_time, 1e-9)
+    narrow = [value for value in _BANDWIDTHS if value <= 0.3 / step]
+    sources = ['position']
+    if all(one.velocity is not None and np.any(one.velocity) for one in joints):
+        sources.append('velocity')
+    return [{'method': 'zero-phase Butterworth', 'source': source, 'bandwidth': value}
+            for source in sources for value in [*narrow, None]]
+
+
+def _problem(chain, joints, settings, most_rows):
+    q, v, a = moving_states(joints, settings)
+    every = max(1, len(q) // most_rows)
+    rows = slice(None, None, every)
+    q, v, a = q[rows], v[rows], a[rows]
+    current = np.column_stack([one.current[rows] for one in joints])
+    top = np.maximum(np.percentile(np.abs(v), 95, axis=0), 1e-9)
+    friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
+    moving = np.abs(v) > _STILL * top
+    # Stiction takes any value at rest; a joint that hardly ever moves has nothing else to show.
+    counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
+    return _Problem(
+        chain.regressor(q, v, a), friction, current, counts.astype(float),
+        stretches_of(joints[0].recording[rows]) % _FOLDS,
+        counts / np.maximum(np.var(current, axis=0), 1e-12))
+
+
+def _prior(problem, bodies, strength, declared):
+    if declared is not None:
+        return Prior(bodies, strength, np.log(declared), _DECLARED_WIDTH)
+    return Prior(bodies, strength, np.full(
+        problem.current.shape[1], np.log(_usual_scale(problem, bodies))), _UNKNOWN_WIDTH)
+
+
+def _usual_scale(problem, bodies):
+    """Return the current per torque, A per N·m, by which the URDF's figures fit the whole arm."""
+    scales, sizes = [], []
+    torque = problem.regressor @ bodies.known.ravel()
+    for joint in range(problem.current.shape[1]):
+        rows = problem.counts[:, joint] > 0
+        matrix = np.column_stack((torque[rows, joint], problem.friction[rows, joint]))
+        norm = np.linalg.norm(matrix, axis=0) + 1e-300
+        found = np.linalg.lstsq(matrix / norm, problem.current[rows, joint], rcond=1e-9)[0]
+        if found[0] > 0.0:
+            scales.append(np.log(found[0] / norm[0]))
+            sizes.append(abs(found[0]) / max(np.linalg.norm(problem.current[rows, joint]), 1e-300))
+    if not scales:
+        raise InputError('the currents go against what the URDF says of every joint: the signs of '
+                         'efforts or joints differ, or it is the URDF of another robot')
+    # Joints that carry much tell it best.
+    order = np.argsort(scales)
+    share = np.cumsum(np.array(sizes)[order]) / max(sum(sizes), 1e-300)
+    return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))
+
+
+def _start(problem, prior):
+    unknowns = Unknowns(problem.current.shape[1])
+    x = np.zeros(unknowns.size)
+    x[unknowns.scales] = prior.log_scale
+    return x
+
+
+def _settle(problem, prior, x, rounds=3):
+    """Return the unknowns by iteratively reweighted least squares; weights stay in the problem."""
+    for _ in range(rounds):
+        x = solve(problem.matrices().sum(axis=0), prior, x)
+        residual = problem.current - predict(x, prior.bodies, problem.regressor, problem.friction)
+        for joint in range(residual.shape[1]):
+            rows = problem.counts[:, joint] > 0
+            problem.weights[:, joint] = problem.counts[:, joint] * huber_weights(
+                residual[:, joint], rows)
+    return x
+
+
+def _held_out(problem, prior, x, matrices=None):
+    """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
+    matrices = problem.matrices() if matrices is None else matrices
+    residual = np.empty_like(problem.current)
+    for number in range(_FOLDS):
+        out = problem.fold == number
+        found = solve(matrices.sum(axis=0) - matrices[number], prior, x)
+        residual[out] = problem.current[out] - predict(
+            found, prior.bodies, problem.regressor[out], problem.friction[out])
+    sums = np.sum(problem.counts * residual ** 2, axis=0)
+    return np.sqrt(sums / np.maximum(problem.counts.sum(axis=0), 1.0)) + 1e-12
+
+
+def _choose_strength(problem, prior, x):
+    """Return the prior with the largest strength that predicts as well as the best."""
+    found, matrices = [], problem.matrices()
+    for strength in STRENGTHS:
+        trial = replace(prior, strength=strength)
+        errors = _held_out(problem, trial, x, matrices)
+        found.append((float(np.mean(np.log(errors))), trial, errors))
+    least = min(entry[0] for entry in found)
+    return [entry[1:] for entry in found if entry[0] <= least + _AS_GOOD][-1]

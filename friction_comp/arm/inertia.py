@@ -1,0 +1,124 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Inertial parameters of links, kept physically possible by the way they are written.
+
+The ten parameters of a link are, in this order, its mass m, its first moment m·c (three), and the
+entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz of its inertia about the origin of its joint's frame. They
+belong to a body of positive density exactly where the pseudo-inertia, the 4 by 4 matrix
+``[[Σ, m·c], [m·cᵀ, m]]`` with ``Σ = ½·tr(I)·1 - I``, is positive definite (Wensing, Kim and
+Slotine 2018, Eq. 17). Here it is written ``L·U·Uᵀ·Lᵀ`` with the Cholesky factor L of what is known
+beforehand and an upper triangular U with exponentials on its diagonal (Rucker and Wensing 2022):
+any ten numbers give a possible body, ten zeros the one known beforehand, and the length of the
+ten numbers is how far the two are apart, whatever the units and the frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+PARAMETERS = 10
+# Where a URDF gives a link no mass or no extent, as many do for frames, it is taken to have these:
+# kg and m.
+_LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3
+_UPPER = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
+
+
+def pseudo_inertia(parameters):
+    """Return the pseudo-inertia of a link.
+
+    Parameters
+    ----------
+    parameters : array_like, shape (10,)
+        kg, kg·m and kg·m².
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+    """
+    m, x, y, z, xx, xy, yy, xz, yz, zz = (float(value) for value in parameters)
+    half = 0.5 * (xx + yy + zz)
+    return np.array([[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y],
+                     [-xz, -yz, half - zz, z], [x, y, z, m]])
+
+
+def parameters_of(pseudo):
+    """Return the ten parameters of a pseudo-inertia; leading axes are kept."""
+    trace = pseudo[..., 0, 0] + pseudo[..., 1, 1] + pseudo[..., 2, 2]
+    return np.stack([
+        pseudo[..., 3, 3], pseudo[..., 0, 3], pseudo[..., 1, 3], pseudo[..., 2, 3],
+        trace - pseudo[..., 0, 0], -pseudo[..., 0, 1], trace - pseudo[..., 1, 1],
+        -pseudo[..., 0, 2], -pseudo[..., 1, 2], trace - pseudo[..., 2, 2]], axis=-1)
+
+
+def possible(parameters):
+    """Tell whether a body of positive density has these ten parameters."""
+    return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
+
+
+def nearest_possible(parameters):
+    """Return the ten parameters with mass and extent raised to where a body has them.
+
+    Parameters
+    ----------
+    parameters : array_like, shape (10,)
+
+    Returns
+    -------
+    ndarray, shape (10,)
+        The same numbers where they are possible with some room to spare.
+    """
+    pseudo = pseudo_inertia(parameters)
+    mass = max(pseudo[3, 3], _LEAST_MASS)
+    centre = pseudo[:3, 3] / mass
+    # About the centre of mass: what the link's extent is.
+    spread = pseudo[:3, :3] - mass * np.outer(centre, centre)
+    sizes, axes = np.linalg.eigh(spread)
+    largest = max(float(sizes[-1]), mass * _LEAST_RADIUS ** 2)
+    sizes = np.maximum(sizes, 1e-2 * largest)
+    result = np.empty((4, 4))
+    result[:3, :3] = (axes * sizes) @ axes.T + mass * np.outer(centre, centre)
+    result[:3, 3] = result[3, :3] = mass * centre
+    result[3, 3] = mass
+    return parameters_of(result)
+
+
+class Bodies:
+    """The links' parameters as functions of free numbers, ten a link.
+
+    Parameters
+    ----------
+    known : array_like, shape (L, 10)
+        What is known beforehand: the URDF's figures.
+    """
+
+    def __init__(self, known):
+        self.known = np.array([nearest_possible(row) for row in np.asarray(known, dtype=float)])
+        self._root = np.array([np.linalg.cholesky(pseudo_inertia(row)) for row in self.known])
+
+    def parameters(self, numbers):
+        """Return parameters and derivatives.
+
+        Parameters
+        ----------
+        numbers : ndarray, shape (10·L,)
+
+        Returns
+        -------
+        ndarray, shape (L, 10)
+            The links' parameters.
+        ndarray, shape (L, 10, 10)
+            Derivative of each link's parameters (second axis) by its own numbers (third axis).
+        """
+        own = np.reshape(numbers, (-1, PARAMETERS))
+        upper = np.zeros((len(own), 4, 4))
+        changes = np.zeros((len(own), PARAMETERS, 4, 4))
+        for k in range(4):
+            upper[:, k, k] = changes[:, k, k, k] = np.exp(np.clip(own[:, k], -30.0, 30.0))
+        for k, (row, column) in enumerate(_UPPER, start=4):
+            upper[:, row, column] = own[:, k]
+            changes[:, k, row, column] = 1.0
+        factor = self._root @ upper
+        back = factor.transpose(0, 2, 1)
+        half = self._root[:, None] @ changes @ back[:, None]
+        slopes = parameters_of(half + half.transpose(0, 1, 3, 2))
+        return parameters_of(factor @ back), slopes.transpose(0, 2, 1)

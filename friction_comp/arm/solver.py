@@ -1,0 +1,176 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Links, current per torque and friction of all joints by one regularised least squares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from friction_comp.arm.inertia import Bodies, PARAMETERS
+
+# Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration. All but the
+# constant must not be negative.
+FRICTION = 4
+# A step that gains less than this, in squared standard deviations of one sample, is the last.
+_STEPS, _CONVERGED = 60, 0.05
+_STIFFEST = 1e8
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known before the recording.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        The URDF's links.
+    strength : float
+        What it costs when a link differs from the URDF, in units of squared standard deviations of
+        one sample: see `Bodies` for the distance.
+    log_scale : ndarray, shape (J,)
+        Logarithm of each joint's current per torque, A per N·m.
+    log_width : float
+        Standard deviation of that.
+    """
+
+    bodies: Bodies
+    strength: float
+    log_scale: np.ndarray
+    log_width: float
+
+
+class Unknowns:
+    """One vector of all that is fitted: links, logarithms of current per torque, friction.
+
+    Parameters
+    ----------
+    joints : int
+    """
+
+    def __init__(self, joints):
+        self.joints = joints
+        self.links = slice(0, PARAMETERS * joints)
+        self.scales = slice(self.links.stop, self.links.stop + joints)
+        self.size = self.scales.stop + FRICTION * joints
+        self.lowest = np.full(self.size, -np.inf)
+        for joint in range(joints):
+            self.lowest[self.friction(joint)][1:] = 0.0
+
+    def friction(self, joint):
+        """Return where a joint's friction coefficients are."""
+        start = self.scales.stop + FRICTION * joint
+        return slice(start, start + FRICTION)
+
+
+def normal_matrices(regressor, friction, current, weights):
+    """Return each joint's matrix of products of columns.
+
+    Parameters
+    ----------
+    regressor : ndarray, shape (N, J, 10·J)
+    friction : ndarray, shape (N, J, 4)
+    current, weights : ndarray, shape (N, J)
+        A, and 1 over the variance in A².
+
+    Returns
+    -------
+    ndarray, shape (J, 10·J + 5, 10·J + 5)
+        Of the columns of the links, of friction, and the current; sums over samples.
+    """
+    size = regressor.shape[2] + FRICTION + 1
+    result = np.empty((current.shape[1], size, size))
+    for joint in range(current.shape[1]):
+        columns = np.hstack(
+            (regressor[:, joint], friction[:, joint], current[:, joint, None]))
+        result[joint] = (columns * weights[:, joint, None]).T @ columns
+    return result
+
+
+def solve(matrices, prior, start):
+    """Return the unknowns that fit best.
+
+    Levenberg's and Marquardt's method; coefficients that would be negative stay at zero.
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
+        See `normal_matrices`.
+    prior : Prior
+    start : ndarray, shape (U,)
+
+    Returns
+    -------
+    ndarray, shape (U,)
+    """
+    unknowns = Unknowns(len(matrices))
+    x = np.maximum(start, unknowns.lowest)
+    loss, slope, bend = _loss(matrices, prior, unknowns, x)
+    damping = 1e-3
+    for _ in range(_STEPS):
+        free = ~((x <= unknowns.lowest) & (slope > 0.0))
+        system = bend[np.ix_(free, free)].copy()
+        system[np.diag_indices_from(system)] *= 1.0 + damping
+        system[np.diag_indices_from(system)] += 1e-12 * np.trace(system) / len(system)
+        trial = x.copy()
+        trial[free] -= np.linalg.solve(system, slope[free])
+        trial = np.maximum(trial, unknowns.lowest)
+        after = _loss(matrices, prior, unknowns, trial)
+        if np.isfinite(after[0]) and after[0] < loss:
+            gain = loss - after[0]
+            x, (loss, slope, bend) = trial, after
+            damping = max(damping / 5.0, 1e-9)
+            if gain < _CONVERGED:
+                break
+        else:
+            damping *= 8.0
+            if damping > _STIFFEST:
+                break
+    return x
+
+
+def _loss(matrices, prior, unknowns, x):
+    """Return half the loss, its slope and the Gauss-Newton matrix."""
+    joints, links = unknowns.joints, unknowns.links
+    parameters, slopes = prior.bodies.parameters(x[links])
+    flat = parameters.ravel()
+    inner = np.zeros((flat.size, flat.size))
+    for k, own in enumerate(slopes):
+        place = slice(PARAMETERS * k, PARAMETERS * (k + 1))
+        inner[place, place] = own
+    bend = np.zeros((x.size, x.size))
+    slope = np.zeros(x.size)
+    away = (x[unknowns.scales] - prior.log_scale) / prior.log_width
+    loss = prior.strength * float(x[links] @ x[links]) + float(away @ away)
+    slope[links] = prior.strength * x[links]
+    slope[unknowns.scales] = away / prior.log_width
+    bend[links, links] = prior.strength * np.eye(flat.size)
+    bend[unknowns.scales, unknowns.scales] = np.eye(joints) / prior.log_width ** 2
+    for joint, matrix in enumerate(matrices):
+        scale = np.exp(np.clip(x[unknowns.scales][joint], -50.0, 50.0))
+        own = unknowns.friction(joint)
+        mix = np.concatenate((scale * flat, x[own], [-1.0]))
+        product = matrix @ mix
+        loss += float(mix @ product)
+        # Columns: links, this joint's current per torque, its friction.
+        change = np.zeros((len(mix), flat.size + 1 + FRICTION))
+        change[:flat.size, :flat.size] = scale * inner
+        change[:flat.size, flat.size] = scale * flat
+        change[flat.size:-1, flat.size + 1:] = np.eye(FRICTION)
+        place = np.concatenate((np.arange(flat.size), [unknowns.scales.start + joint],
+                                np.arange(own.start, own.stop)))
+        slope[place] += change.T @ product
+        bend[np.ix_(place, place)] += change.T @ (matrix @ change)
+    return 0.5 * loss, slope, bend
+
+
+def predict(x, bodies, regressor, friction):
+    """Return every joint's current in A, shape (N, J), for unknowns x."""
+    joints = friction.shape[1]
+    unknowns = Unknowns(joints)
+    parameters = bodies.parameters(x[unknowns.links])[0].ravel()
+    current = (regressor @ parameters) * np.exp(x[unknowns.scales])
+    for joint in range(joints):
+        current[:, joint] += friction[:, joint] @ x[unknowns.friction(joint)]
+    return current

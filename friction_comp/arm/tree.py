@@ -1,0 +1,148 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""An arm as a tree of rigid bodies: what its motion and its weight ask of each joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from friction_comp.arm.inertia import PARAMETERS
+from friction_comp.arm.recursion import joint_torques
+from friction_comp.errors import InputError
+
+FREE_FALL = (0.0, 0.0, -9.81)
+# A rotation's rows in a file are rounded; farther from orthonormal than this is another matrix.
+_ROUNDED = 1e-6
+_KINDS = ('revolute', 'prismatic')
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Joints, each carried by an earlier one, and the link that each carries.
+
+    Parameters
+    ----------
+    joints : tuple of str, length L
+        Names, as recordings have them.
+    kinds : tuple of str, length L
+        'revolute' or 'prismatic'.
+    parents : ndarray of int, shape (L,)
+        Number of the joint each is carried by; -1 for the base.
+    rotations, places : ndarray, shape (L, 3, 3) and (L, 3)
+        Frame of each joint at position zero in the frame of its parent; m.
+    axes : ndarray, shape (L, 3)
+        Unit vectors in the joints' own frames.
+    parameters : ndarray, shape (L, 10)
+        Of each link, in the frame of its joint: see `inertia`.
+    gravity : ndarray, shape (3,)
+        Acceleration of free fall in the frame of the base, m/s².
+
+    Raises
+    ------
+    InputError
+        If shapes or values make no tree.
+    """
+
+    joints: tuple
+    kinds: tuple
+    parents: np.ndarray
+    rotations: np.ndarray
+    places: np.ndarray
+    axes: np.ndarray
+    parameters: np.ndarray
+    gravity: np.ndarray
+
+    def __post_init__(self):
+        size = len(self.joints)
+        shapes = {'rotations': (size, 3, 3), 'places': (size, 3), 'axes': (size, 3),
+                  'parameters': (size, PARAMETERS), 'gravity': (3,)}
+        for name, shape in shapes.items():
+            value = np.ascontiguousarray(getattr(self, name), dtype=float)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise InputError(f'arm.{name} must be finite numbers of shape {shape}')
+            object.__setattr__(self, name, value)
+        parents = np.ascontiguousarray(self.parents, dtype=np.int64)
+        object.__setattr__(self, 'parents', parents)
+        if size == 0 or len(set(self.joints)) != size:
+            raise InputError('arm.joints must have names that differ')
+        if len(self.kinds) != size or any(kind not in _KINDS for kind in self.kinds):
+            raise InputError(f'each joint of an arm is one of {", ".join(_KINDS)}')
+        if parents.shape != (size,) or (parents >= np.arange(size)).any() or (parents < -1).any():
+            raise InputError('each joint of an arm is carried by an earlier one, or by the base')
+        products = self.rotations @ self.rotations.transpose(0, 2, 1)
+        if np.abs(products - np.eye(3)).max() > _ROUNDED:
+            raise InputError('arm.rotations must be rotation matrices')
+        if np.abs(np.linalg.norm(self.axes, axis=1) - 1.0).max() > _ROUNDED:
+            raise InputError('arm.axes must be unit vectors')
+
+    @property
+    def prismatic(self):
+        """Which joints are prismatic, shape (L,)."""
+        return np.array([kind == 'prismatic' for kind in self.kinds])
+
+    def torques(self, q, v, a, gravity=None):
+        """Return the torque that each joint has to supply, without friction and rotors.
+
+        Parameters
+        ----------
+        q, v, a : ndarray, shape (N, L)
+            Position, velocity and acceleration; rad or m, and s.
+        gravity : ndarray, shape (3,), optional
+            Another acceleration of free fall, m/s².
+
+        Returns
+        -------
+        ndarray, shape (N, L)
+            N·m, or N of prismatic joints.
+        """
+        q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))
+        result = np.empty(q.shape)
+        joint_torques(
+            self.parents, self.prismatic, self.rotations, self.places, self.axes, self.parameters,
+            self.gravity if gravity is None else np.asarray(gravity, dtype=float), q, v, a, result)
+        return result
+
+    def weight(self, position):
+        """Return the torque that holds the arm at rest, shape (L,), at a position of shape (L,)."""
+        q = np.asarray(position, dtype=float)[None]
+        rest = np.zeros_like(q)
+        return self.torques(q, rest, rest)[0]
+
+    def to_dict(self):
+        """Return the tree as the plain values of a model file."""
+        return {
+            'gravity': self.gravity.tolist(),
+            'links': [{
+                'joint': self.joints[k], 'kind': self.kinds[k],
+                'parent': self.joints[self.parents[k]] if self.parents[k] >= 0 else None,
+                'rotation': self.rotations[k].tolist(), 'place': self.places[k].tolist(),
+                'axis': self.axes[k].tolist(), 'inertial_parameters': self.parameters[k].tolist(),
+            } for k in range(len(self.joints))]}
+
+    @classmethod
+    def from_dict(cls, document):
+        """Make a tree of the plain values of a model file.
+
+        Raises
+        ------
+        InputError
+            If something is missing or makes no sense.
+        """
+        try:
+            links = document['links']
+            joints = tuple(str(link['joint']) for link in links)
+            parents = [-1 if link['parent'] is None else joints.index(str(link['parent']))
+                       for link in links]
+            return cls(
+                joints, tuple(str(link['kind']) for link in links), np.array(parents, dtype=int),
+                *(np.array([link[name] for link in links], dtype=float)
+                  for name in ('rotation', 'place', 'axis', 'inertial_parameters')),
+                np.array(document['gravity'], dtype=float))
+        except KeyError as error:
+            raise InputError(f'arm: {error.args[0]} is missing') from None
+        except (TypeError, ValueError, OverflowError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f'arm: {error}') from None

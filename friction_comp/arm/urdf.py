@@ -1,0 +1,214 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Arms from URDF files, with Pinocchio."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import re
+import sys
+
+import numpy as np
+
+from friction_comp.arm.tree import FREE_FALL, Tree
+from friction_comp.errors import InputError
+
+# What drivers and robot descriptions put round a joint's name.
+_WORDS = ('joint', 'axis')
+
+
+class Chain:
+    """An arm as a URDF file describes it, with its joints in a given order.
+
+    Parameters
+    ----------
+    path : path-like
+        URDF file.
+    joints : sequence of str
+        Names of the joints whose positions are known, as recordings have them. Joints of the file
+        that are not among them are taken to stay where they are at position zero.
+
+    Attributes
+    ----------
+    tree : Tree
+        With the file's figures, its joints named as in `joints`.
+    locked : list of str
+        Joints of the file that are taken to stand still.
+    names : dict of str to str
+        Name in the file of each joint.
+
+    Raises
+    ------
+    InputError
+        If Pinocchio is missing, the file cannot be used, or it lacks a joint.
+    """
+
+    def __init__(self, path, joints):
+        self._library = pinocchio()
+        whole = _read(self._library, path)
+        self.names = match_names(joints, list(whole.names)[1:], path)
+        wanted = set(self.names.values())
+        self.locked = [name for name in list(whole.names)[1:] if name not in wanted]
+        neutral = self._library.neutral(whole)
+        numbers = [whole.getJointId(name) for name in self.locked]
+        self._model = (self._library.buildReducedModel(whole, numbers, neutral)
+                       if numbers else whole)
+        self._data = self._model.createData()
+        known = {there: here for here, there in self.names.items()}
+        self.tree = self._to_tree([known[name] for name in list(self._model.names)[1:]])
+
+    def _to_tree(self, joints):
+        kinds, axes, placements, parameters, parents = [], [], [], [], []
+        for number in range(1, self._model.njoints):
+            joint = self._model.joints[number]
+            if joint.nv != 1:
+                raise InputError(f'joint {joints[number - 1]!r} of the URDF is neither revolute '
+                                 'nor prismatic')
+            own = joint.createData()
+            joint.calc(own, self._library.neutral(self._model)[joint.idx_q:joint.idx_q + joint.nq])
+            subspace = np.asarray(own.S, dtype=float).reshape(6)
+            prismatic = not subspace[3:].any()
+            kinds.append('prismatic' if prismatic else 'revolute')
+            axes.append(subspace[:3] if prismatic else subspace[3:])
+            placements.append(self._model.jointPlacements[number])
+            parameters.append(self._model.inertias[number].toDynamicParameters())
+            parents.append(self._model.parents[number] - 1)
+        return Tree(
+            tuple(joints), tuple(kinds), np.array(parents),
+            np.array([placement.rotation for placement in placements]),
+            np.array([placement.translation for placement in placements]),
+            np.array(axes), np.array(parameters), np.array(FREE_FALL))
+
+    def regressor(self, q, v, a):
+        """Return the matrix that turns the links' parameters into joint torques.
+
+        Parameters
+        ----------
+        q, v, a : ndarray, shape (N, L)
+            In the order of `tree.joints`.
+
+        Returns
+        -------
+        ndarray, shape (N, L, 10·L)
+        """
+        full = np.zeros((len(q), self._model.nq))
+        for k in range(q.shape[1]):
+            joint = self._model.joints[k + 1]
+            if joint.nq == 1:
+                full[:, joint.idx_q] = q[:, k]
+            else:
+                # Joints without limits are kept as cosine and sine.
+                full[:, joint.idx_q] = np.cos(q[:, k])
+                full[:, joint.idx_q + 1] = np.sin(q[:, k])
+        size = q.shape[1]
+        result = np.empty((len(q), size, 10 * size))
+        compute = self._library.computeJointTorqueRegressor
+        for n in range(len(q)):
+            result[n] = compute(self._model, self._data, full[n], v[n], a[n])
+        return result
+
+
+def pinocchio():
+    """Return the library, or say how to get it.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import pinocchio as library
+    except ImportError as error:
+        raise InputError(
+            'a URDF needs Pinocchio, which cannot be imported '
+            f"({error}): pip install 'friction_comp[arm]', or rosdep's pinocchio") from None
+    if not hasattr(library, 'computeJointTorqueRegressor'):
+        # The name belongs to another package on PyPI as well.
+        raise InputError("a URDF needs Pinocchio, but the module 'pinocchio' is something else: "
+                         "pip uninstall pinocchio, then pip install pin")
+    return library
+
+
+def _read(library, path):
+    path = Path(path)
+    try:
+        text = path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'not a text file'
+        raise InputError(f'{path}: cannot be read: {reason}') from None
+    if '<robot' not in text:
+        raise InputError(f'{path}: not a URDF file: it has no <robot>')
+    if re.search(r'<xacro:(?!property\b)', text):
+        raise InputError(f'{path}: a xacro file: make a URDF of it first (ros2 run xacro xacro)')
+    try:
+        with _silent():
+            model = library.buildModelFromXML(text)
+    except (ValueError, RuntimeError, IndexError) as error:
+        reason = str(error).strip().splitlines()
+        raise InputError(f'{path}: not a usable URDF file: '
+                         f'{reason[0] if reason else "it cannot be parsed"}') from None
+    model.gravity.linear = np.array(FREE_FALL)
+    if model.njoints < 2:
+        raise InputError(f'{path}: the URDF has no joint that moves')
+    return model
+
+
+@contextmanager
+def _silent():
+    """Keep what the XML parser writes to standard error by itself from the user."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def match_names(recorded, described, path):
+    """Return which joint of a URDF file each recorded joint is.
+
+    Names that are equal belong together; else those that are equal without the robot's prefix
+    and without case, underscores and the word joint, where that leaves no choice.
+
+    Parameters
+    ----------
+    recorded, described : list of str
+    path : path-like
+        Named in the error.
+
+    Returns
+    -------
+    dict of str to str
+
+    Raises
+    ------
+    InputError
+        If a joint is not in the file, or may be one of several.
+    """
+    pairs = {}
+    for name in recorded:
+        found = [other for other in described if other == name]
+        if not found:
+            found = [other for other in described if plain(other) == plain(name)]
+        if not found:
+            found = [other for other in described
+                     if plain(other).endswith(plain(name)) or plain(name).endswith(plain(other))]
+        if len(found) != 1 or found[0] in pairs.values():
+            what = 'is not in' if not found else 'may be several of'
+            raise InputError(f'{path}: joint {name!r} of the recording {what} the URDF, whose '
+                             f'joints are {", ".join(map(repr, described))}')
+        pairs[name] = found[0]
+    return pairs
+
+
+def plain(name):
+    """Return a joint's name without what differs from one driver to the next."""
+    words = re.findall(r'[a-z]+|[0-9]+', name.lower())
+    kept = [word for word in words if word not in _WORDS]
+    return ''.join(kept or words)
