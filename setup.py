@@ -59,7 +59,8 @@ setup(
         'rich>=12', 'rosbags>=0.11',
     ],
     # colcon runs the tests with pytest where it finds it asked for here.
-    extras_require={'test': ['pytest']},
+    # Pinocchio reads URDF files for `refine --urdf`.
+    extras_require={'arm': ['pin>=2.7'], 'test': ['pytest']},
     zip_safe=False,
     author='The friction_comp authors',
     maintainer='The friction_comp authors',

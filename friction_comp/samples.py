@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -13,8 +14,64 @@ from friction_comp.errors import InputError
 
 _OPTIONAL = (
     'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',
-    'reference_position', 'reference_velocity',
+    'reference_position', 'reference_velocity', 'rigid_body', 'coupling',
 )
+
+
+@dataclass(frozen=True)
+class JointStates:
+    """Motion of all joints that were recorded together, on the time base of one of them.
+
+    Parameters
+    ----------
+    joints : tuple of str, length J
+    position : ndarray, shape (N, J)
+        rad.
+    velocity : ndarray, shape (N, J), optional
+        rad/s.
+    """
+
+    joints: tuple[str, ...]
+    position: np.ndarray
+    velocity: np.ndarray | None = None
+
+    def __post_init__(self):
+        for name in ('position', 'velocity'):
+            value = getattr(self, name)
+            if value is not None and (np.ndim(value) != 2 or value.shape[1] != len(self.joints)):
+                raise InputError(f'the {name} of {len(self.joints)} joints cannot have shape '
+                                 f'{np.shape(value)}')
+
+    def take(self, index: slice | np.ndarray) -> JointStates:
+        """Return what a slice, mask or index array selects of the samples."""
+        return JointStates(self.joints, self.position[index],
+                           None if self.velocity is None else self.velocity[index])
+
+    def of(self, joints: Sequence[str]) -> JointStates:
+        """Return the states of some joints, in their order.
+
+        Raises
+        ------
+        InputError
+            If one was not recorded.
+        """
+        for name in joints:
+            if name not in self.joints:
+                raise InputError(f'the motion of joint {name!r} is needed, but only that of '
+                                 f'{", ".join(map(repr, self.joints))} is recorded')
+        columns = [self.joints.index(name) for name in joints]
+        return JointStates(tuple(joints), self.position[:, columns],
+                           None if self.velocity is None else self.velocity[:, columns])
+
+    @staticmethod
+    def concatenate(parts: Sequence[JointStates]) -> JointStates:
+        """Join stretches; joints that not all of them have are dropped, and so is velocity."""
+        joints = [name for name in parts[0].joints if all(name in part.joints for part in parts)]
+        parts = [part.of(joints) for part in parts]
+        known = all(part.velocity is not None for part in parts)
+        return JointStates(
+            tuple(joints), np.concatenate([part.position for part in parts]),
+            np.concatenate([part.velocity for part in parts]) if known else None)
 
 
 @dataclass(frozen=True)
@@ -41,6 +98,12 @@ class Samples:
         Direction d of the desired movement: -1, 0 or +1.
     reference_position, reference_velocity : ndarray, optional
         The movement shown to the person, rad and rad/s.
+    rigid_body : ndarray, optional
+        Torque in N·m that the rigid bodies of the whole arm ask of the joint.
+    coupling : ndarray, optional
+        Current in A that other joints ask of the joint's motor, where no URDF says why.
+    arm : JointStates, optional
+        Motion of all joints that were recorded beside this one.
     recording : ndarray of int, optional
         Number of the recording each sample is from; zeros when omitted.
     joint : str
@@ -63,6 +126,9 @@ class Samples:
     direction: np.ndarray | None = None
     reference_position: np.ndarray | None = None
     reference_velocity: np.ndarray | None = None
+    rigid_body: np.ndarray | None = None
+    coupling: np.ndarray | None = None
+    arm: JointStates | None = None
     recording: np.ndarray | None = None
     joint: str = ''
 
@@ -77,6 +143,9 @@ class Samples:
             if value is not None and np.shape(value) != size:
                 raise InputError(
                     f'samples.{name} has shape {np.shape(value)}, but time has {size}')
+        if self.arm is not None and len(self.arm.position) != size[0]:
+            raise InputError(f'samples.arm holds {len(self.arm.position)} samples, but time has '
+                             f'{size[0]}')
 
     def __len__(self):
         return len(self.time)
@@ -88,6 +157,8 @@ class Samples:
             value = getattr(self, name)
             if value is not None:
                 changes[name] = value[index]
+        if self.arm is not None:
+            changes['arm'] = self.arm.take(index)
         return replace(self, **changes)
 
     def with_(self, **changes):
@@ -145,6 +216,8 @@ class Samples:
             values = [getattr(part, name) for part in parts]
             if all(value is not None for value in values):
                 signals[name] = np.concatenate(values)
+        if all(part.arm is not None for part in parts):
+            signals['arm'] = JointStates.concatenate([part.arm for part in parts])
         numbers, offset = [], 0
         for part in parts:
             numbers.append(part.recording + offset)

@@ -18,9 +18,9 @@ import numpy as np
 from friction_comp.arm.inertia import Bodies
 from friction_comp.arm.robust import huber_weights, stretches_of
 from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unknowns
-from friction_comp.arm.states import moving_states
-from friction_comp.arm.tree import Tree
 from friction_comp.errors import InputError
+from friction_comp.model.arm.states import moving_states
+from friction_comp.model.arm.tree import Tree
 
 FEWEST = 200
 # Strengths of the regularisation that are compared, and the one with which everything else is
@@ -34,9 +34,10 @@ _FOLDS = 3
 _TRANSITION, _STILL = 0.03, 0.01
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
 _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
-# Logarithms: torque constants and gears of an arm's joints differ by a factor; where they are
-# declared, only by what they are wrong.
-_UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 0.2
+# Of the logarithm of current per torque: drives of one arm differ by a factor. Where they are
+# declared, links are fitted in their terms; what a declared one is wrong shows in the joint's own
+# refinement, where the torque of the rigid bodies has a free coefficient.
+_UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 1e-3
 
 
 @dataclass
@@ -100,7 +101,7 @@ def fit_arm(chain, joints, declared=None, progress=None):
     chain : Chain
         Of the URDF.
     joints : list of Samples, length J
-        As recorded, all on one time base, in the order of `chain.tree.joints`.
+        As recorded, all on one time base and with `arm`, in the order of `chain.tree.joints`.
     declared : ndarray, shape (J,), optional
         Current per torque in A per N·m where torque constant and gear ratio are known.
     progress : callable, optional
@@ -116,6 +117,9 @@ def fit_arm(chain, joints, declared=None, progress=None):
         If there is too little motion to fit anything.
     """
     report = progress or (lambda share: None)
+    if [one.joint for one in joints] != list(chain.tree.joints) or any(
+            len(one) != len(joints[0]) or np.any(one.time != joints[0].time) for one in joints):
+        raise InputError('the joints of an arm must be those of the URDF, on one time base')
     if len(joints[0]) < FEWEST:
         raise InputError(f'{len(joints[0])} samples are too few for an arm: at least {FEWEST} '
                          'are needed')
@@ -168,14 +172,15 @@ def _settings(joints):
     step = max(joints[0].sample_time, 1e-9)
     narrow = [value for value in _BANDWIDTHS if value <= 0.3 / step]
     sources = ['position']
-    if all(one.velocity is not None and np.any(one.velocity) for one in joints):
+    velocity = joints[0].arm.velocity
+    if velocity is not None and np.any(velocity, axis=0).all():
         sources.append('velocity')
     return [{'method': 'zero-phase Butterworth', 'source': source, 'bandwidth': value}
             for source in sources for value in [*narrow, None]]
 
 
 def _problem(chain, joints, settings, most_rows):
-    q, v, a = moving_states(joints, settings)
+    q, v, a = moving_states(joints[0], chain.tree.joints, settings)
     every = max(1, len(q) // most_rows)
     rows = slice(None, None, every)
     q, v, a = q[rows], v[rows], a[rows]

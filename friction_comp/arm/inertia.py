@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-PARAMETERS = 10
+from friction_comp.model.arm.tree import PARAMETERS
+
 # Where a URDF gives a link no mass or no extent, as many do for frames, it is taken to have these:
 # kg and m.
 _LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3

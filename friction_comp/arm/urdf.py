@@ -12,8 +12,8 @@ import sys
 
 import numpy as np
 
-from friction_comp.arm.tree import FREE_FALL, Tree
 from friction_comp.errors import InputError
+from friction_comp.model.arm.tree import FREE_FALL, Tree
 
 # What drivers and robot descriptions put round a joint's name.
 _WORDS = ('joint', 'axis')

@@ -50,7 +50,7 @@ def joint_torques(parents, prismatic, rotations, places, axes, parameters, gravi
     axes : ndarray, shape (L, 3)
         Unit vector of each joint in its own frame.
     parameters : ndarray, shape (L, 10)
-        As in `inertia`.
+        As in `Tree`.
     gravity : ndarray, shape (3,)
         Acceleration of free fall in the frame of the base, m/s².
     q, v, a : ndarray, shape (N, L)

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_comp.arm.inertia import PARAMETERS
-from friction_comp.arm.recursion import joint_torques
 from friction_comp.errors import InputError
+from friction_comp.model.arm.recursion import joint_torques
 
+# Of each link: m, m·c (three), and Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its joint's origin.
+PARAMETERS = 10
 FREE_FALL = (0.0, 0.0, -9.81)
 # A rotation's rows in a file are rounded; farther from orthonormal than this is another matrix.
 _ROUNDED = 1e-6
@@ -35,7 +36,8 @@ class Tree:
     axes : ndarray, shape (L, 3)
         Unit vectors in the joints' own frames.
     parameters : ndarray, shape (L, 10)
-        Of each link, in the frame of its joint: see `inertia`.
+        Of each link, in the frame of its joint: mass kg, first moment kg·m (three), and the entries
+        Ixx, Ixy, Iyy, Ixz, Iyz, Izz of the inertia about the frame's origin, kg·m².
     gravity : ndarray, shape (3,)
         Acceleration of free fall in the frame of the base, m/s².
 
@@ -45,8 +47,8 @@ class Tree:
         If shapes or values make no tree.
     """
 
-    joints: tuple
-    kinds: tuple
+    joints: tuple[str, ...]
+    kinds: tuple[str, ...]
     parents: np.ndarray
     rotations: np.ndarray
     places: np.ndarray

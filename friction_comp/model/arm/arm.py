@@ -1,0 +1,106 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a model needs of the other joints: rigid bodies of a URDF, or terms found without one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.model.arm.coupling import Coupling
+from friction_comp.model.arm.states import moving_states
+from friction_comp.model.arm.tree import Tree
+from friction_comp.samples import Samples
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The rest of the arm, as the model of one of its joints holds it.
+
+    Parameters
+    ----------
+    tree : Tree, optional
+        Rigid bodies; gives the samples' `rigid_body`.
+    coupling : Coupling, optional
+        Terms found without a URDF; gives the samples' `coupling`.
+    differentiation : dict
+        How velocity and acceleration of all joints are had of a recording.
+    """
+
+    tree: Tree | None = None
+    coupling: Coupling | None = None
+    differentiation: dict = field(default_factory=dict)
+
+    def __post_init__(self):
+        if (self.tree is None) == (self.coupling is None):
+            raise InputError('arm: either links or groups are needed')
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints whose motion is needed."""
+        return tuple(self.tree.joints if self.tree else self.coupling.joints)
+
+    def on(self, samples: Samples) -> Samples:
+        """Return samples with `rigid_body` or `coupling` for their joint.
+
+        Parameters
+        ----------
+        samples : Samples
+            As recorded, with `arm`.
+
+        Raises
+        ------
+        InputError
+            If a joint was not recorded, or the samples' joint is not one of the arm's.
+        """
+        motion = moving_states(samples, self.joints, self.differentiation)
+        if self.tree is None:
+            return samples.with_(coupling=self.coupling.current(self.joints, *motion))
+        return samples.with_(
+            rigid_body=self.tree.torques(*motion)[:, self.place_of(samples.joint)])
+
+    def place_of(self, joint: str) -> int:
+        """Return the number of a joint.
+
+        Raises
+        ------
+        InputError
+            If it is none of the arm's.
+        """
+        if joint not in self.joints:
+            raise InputError(f'joint {joint!r} is none of the arm: '
+                             f'{", ".join(map(repr, self.joints))}')
+        return self.joints.index(joint)
+
+    def at_rest(self, position: np.ndarray, joint: str) -> float:
+        """Return what the arm asks of a joint at rest: `rigid_body` N·m, or `coupling` A.
+
+        Parameters
+        ----------
+        position : ndarray, shape (J,)
+            In the order of `joints`, rad.
+        joint : str
+        """
+        if self.tree is not None:
+            return float(self.tree.weight(position)[self.place_of(joint)])
+        q = np.asarray(position, dtype=float)[None]
+        return float(self.coupling.current(self.joints, q, 0.0 * q, 0.0 * q)[0])
+
+    def to_dict(self) -> dict:
+        """Return the arm as the plain values of a model file."""
+        part = self.tree if self.tree is not None else self.coupling
+        return {**part.to_dict(), 'differentiation': dict(self.differentiation)}
+
+    @classmethod
+    def from_dict(cls, document: dict) -> Arm:
+        """Make an arm of the plain values of a model file."""
+        if not isinstance(document, dict):
+            raise InputError('arm is not a mapping')
+        settings = document.get('differentiation')
+        if not isinstance(settings, dict):
+            raise InputError('arm.differentiation is missing or not a mapping')
+        if 'groups' in document:
+            return cls(coupling=Coupling.from_dict(document), differentiation=settings)
+        return cls(tree=Tree.from_dict(document), differentiation=settings)

@@ -1,0 +1,309 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid bodies of a whole arm: the recursion, URDF files, the fit, and couplings without a URDF."""
+
+import sys
+
+from arm_maker import PLANE, random_urdf, recorded, small_arm, waves
+import numpy as np
+import pytest
+
+from friction_comp.arm.find_coupling import find_coupling
+from friction_comp.arm.fit import fit_arm
+from friction_comp.arm.inertia import Bodies, nearest_possible, possible
+from friction_comp.arm.urdf import Chain, match_names
+from friction_comp.errors import InputError
+from friction_comp.model.arm.coupling import Coupling
+from friction_comp.model.arm.states import moving_states
+from friction_comp.model.arm.tree import FREE_FALL, Tree
+from friction_comp.samples import JointStates, Samples
+
+SCALES = (0.4, 0.25, 0.5)
+FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.02))
+
+
+@pytest.fixture
+def pinocchio():
+    return pytest.importorskip('pinocchio', reason='Pinocchio is not installed')
+
+
+def chain_of(tmp_path, text, joints):
+    path = tmp_path / 'arm.urdf'
+    path.write_text(text, encoding='utf-8')
+    return Chain(path, joints)
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_torques_are_those_of_pinocchio(pinocchio, tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    text, names = random_urdf(rng, 2 + seed)
+    chain = chain_of(tmp_path, text, names[::-1])
+    model = pinocchio.buildModelFromXML(text)
+    model.gravity.linear = np.array(FREE_FALL)
+    data = model.createData()
+    q, v, a = rng.normal(size=(3, 20, len(names)))
+    own = chain.tree.torques(q, v, a)
+    inner = [model.getJointId(name) for name in chain.tree.joints]
+    for n in range(len(q)):
+        full, speed, rate = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
+        for k, number in enumerate(inner):
+            place = model.joints[number]
+            full[place.idx_q:place.idx_q + place.nq] = (
+                (np.cos(q[n, k]), np.sin(q[n, k])) if place.nq == 2 else q[n, k])
+            speed[place.idx_v], rate[place.idx_v] = v[n, k], a[n, k]
+        other = pinocchio.rnea(model, data, full, speed, rate)
+        for k, number in enumerate(inner):
+            assert own[n, k] == pytest.approx(other[model.joints[number].idx_v], abs=1e-9)
+
+
+def test_the_regressor_gives_the_same_torques(pinocchio, tmp_path):
+    rng = np.random.default_rng(7)
+    text, names = random_urdf(rng, 5)
+    chain = chain_of(tmp_path, text, names)
+    q, v, a = rng.normal(size=(3, 10, 5))
+    torque = chain.regressor(q, v, a) @ chain.tree.parameters.ravel()
+    assert torque == pytest.approx(chain.tree.torques(q, v, a), abs=1e-9)
+
+
+def test_a_tree_survives_its_document(pinocchio, tmp_path):
+    rng = np.random.default_rng(3)
+    text, names = random_urdf(rng, 4)
+    tree = chain_of(tmp_path, text, names).tree
+    q, v, a = rng.normal(size=(3, 5, 4))
+    again = Tree.from_dict(tree.to_dict())
+    assert again.torques(q, v, a) == pytest.approx(tree.torques(q, v, a), abs=1e-12)
+
+
+def test_a_hanging_rod_weighs_what_a_hanging_rod_weighs():
+    # Mass 2 kg, centre 0.3 m out, axis horizontal: 2·9.81·0.3·cos(q) against gravity.
+    tree = Tree(('rod',), ('revolute',), [-1], np.eye(3)[None], np.zeros((1, 3)),
+                np.array([[0.0, -1.0, 0.0]]),
+                np.array([[2.0, 0.6, 0, 0, 0.01, 0, 0.2, 0, 0, 0.2]]), np.array(FREE_FALL))
+    for q in (0.0, 0.7, -1.2):
+        assert tree.weight([q])[0] == pytest.approx(2 * 9.81 * 0.3 * np.cos(q))
+
+
+@pytest.mark.parametrize('change, words', [
+    (lambda d: d['links'][0].pop('axis'), 'axis is missing'),
+    (lambda d: d['links'][1].update(parent='nobody'), 'arm: '),
+    (lambda d: d['links'][0].update(axis=[0, 0, 2]), 'unit vectors'),
+    (lambda d: d['links'][0].update(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, 2]]), 'rotation'),
+    (lambda d: d['links'][0].update(inertial_parameters=[1.0]), 'arm'),
+    (lambda d: d.update(gravity=[0, 0, float('nan')]), 'finite'),
+])
+def test_a_broken_document_is_refused(change, words):
+    document = {'gravity': list(FREE_FALL), 'links': [
+        {'joint': name, 'kind': 'revolute', 'parent': parent, 'rotation': np.eye(3).tolist(),
+         'place': [0, 0, 0.1], 'axis': [0, 0, 1], 'inertial_parameters': [1.0] + [0.0] * 9}
+        for name, parent in (('one', None), ('two', 'one'))]}
+    assert Tree.from_dict(document).joints == ('one', 'two')
+    change(document)
+    with pytest.raises(InputError, match=words):
+        Tree.from_dict(document)
+
+
+def test_any_numbers_give_possible_bodies_and_zeros_the_known_ones():
+    rng = np.random.default_rng(1)
+    known = [nearest_possible(row) for row in (
+        [2.0, 0.1, 0.2, -0.1, 0.2, 0.0, 0.3, 0.0, 0.0, 0.25],
+        # No mass and no inertia, as URDF files give to frames.
+        np.zeros(10))]
+    bodies = Bodies(known)
+    assert bodies.parameters(np.zeros(20))[0] == pytest.approx(np.array(known))
+    for _ in range(20):
+        found, _ = bodies.parameters(rng.normal(size=20))
+        assert all(possible(row) for row in found)
+    numbers, change = rng.normal(size=20), 1e-6 * rng.normal(size=20)
+    ahead, slopes = bodies.parameters(numbers + change)
+    behind, _ = bodies.parameters(numbers - change)
+    expected = np.einsum('lij,lj->li', slopes, 2 * change.reshape(2, 10))
+    assert ahead - behind == pytest.approx(expected, rel=1e-4, abs=1e-14)
+
+
+def simulated(seed, size, masses=(5.0, 2.2, 2.6), **options):
+    rng = np.random.default_rng(seed)
+    motion = waves(rng, size, 3, 0.01, **options)
+    return recorded(small_arm(masses), PLANE, motion, SCALES, FRICTION, rng), motion
+
+
+def test_links_of_a_small_arm_are_found_beside_friction(pinocchio, tmp_path):
+    joints, _ = simulated(1, 2500)
+    chain = chain_of(tmp_path, small_arm(), PLANE)
+    found = fit_arm(chain, joints)
+    # The truth from other files: only torques, not the parameters one by one, can be seen.
+    fresh, motion = simulated(2, 2000)
+    torque = found.tree.torques(*motion)
+    for k, own in enumerate(fresh):
+        v, a = motion[1][:, k], motion[2][:, k]
+        offset, coulomb, viscous, rotor = FRICTION[k]
+        rigid = own.current - offset - coulomb * np.tanh(v / 0.01) - viscous * v - rotor * a
+        # Rotor inertia and a link's own about the same axis are one thing.
+        matrix = np.column_stack((found.scales[k] * torque[:, k], a))
+        share = np.linalg.lstsq(matrix, rigid, rcond=None)[0]
+        assert share[0] == pytest.approx(1.0, abs=0.03)
+        assert np.std(rigid - matrix @ share) < 1.2 * 0.02
+    assert found.friction[:, 1] == pytest.approx([one[1] for one in FRICTION], abs=0.03)
+    assert (found.held_out < 0.05).all()
+    assert (found.without > 2 * found.held_out)[1:].all()
+    # As many as the rank of the regressor for any motion at all.
+    assert found.identifiable == rank(chain)
+
+
+def rank(chain):
+    rng = np.random.default_rng(0)
+    q, v, a = rng.normal(size=(3, 300, 3))
+    return int(np.linalg.matrix_rank(chain.regressor(q, v, a).reshape(900, 30), tol=1e-8))
+
+
+@pytest.mark.parametrize('seed', [3, 4])
+def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path, seed):
+    joints, _ = simulated(seed, 300, amplitude=0.1)
+    chain = chain_of(tmp_path, small_arm(), PLANE)
+    found = fit_arm(chain, joints)
+    assert all(possible(row) for row in found.tree.parameters)
+    assert (found.friction[:, 1:] >= 0.0).all()
+    masses = found.tree.parameters[:, 0] / chain.tree.parameters[:, 0]
+    assert (masses > 0.4).all()
+    assert (masses < 2.5).all()
+
+
+def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path):
+    joints, _motion = simulated(5, 3000)
+    chain = chain_of(tmp_path, small_arm(), PLANE)
+    found = fit_arm(chain, joints, declared=np.array(SCALES))
+    assert found.scales == pytest.approx(SCALES, rel=0.05)
+    true = chain_of(tmp_path, small_arm((5.0, 2.2, 2.6)), PLANE).tree
+    for q in ((0, 0, 0), (0.3, 0.5, -0.4)):
+        assert found.tree.weight(q) == pytest.approx(true.weight(q), rel=0.1, abs=0.3)
+
+
+def test_efforts_of_the_other_sign_are_named(pinocchio, tmp_path):
+    joints, _ = simulated(6, 1500)
+    joints = [one.with_(current=-one.current) for one in joints]
+    with pytest.raises(InputError, match='sign'):
+        fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
+
+
+def test_joints_on_different_time_bases_are_refused(pinocchio, tmp_path):
+    joints, _ = simulated(6, 500)
+    joints[1] = joints[1].take(slice(0, 400))
+    with pytest.raises(InputError, match='one time base'):
+        fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
+
+
+@pytest.mark.parametrize('recorded_name, described', [
+    ('elbow_joint', 'elbow_joint'), ('elbow', 'ur10e_elbow_joint'), ('left/joint1', 'joint_1'),
+    ('J1', 'j1'), ('gen3_joint_1', 'Joint1')])
+def test_names_that_differ_by_habit_are_matched(recorded_name, described):
+    others = ['wrist_1_joint', 'wrist_2_joint']
+    pairs = match_names([recorded_name], [described, 'shoulder'] + others, 'arm.urdf')
+    assert pairs == {recorded_name: described}
+
+
+def test_a_joint_that_the_urdf_lacks_is_named(pinocchio, tmp_path):
+    with pytest.raises(InputError) as caught:
+        chain_of(tmp_path, small_arm(), (*PLANE, 'gripper'))
+    assert 'gripper' in str(caught.value)
+    assert '\n' not in str(caught.value)
+    assert 'arm.urdf' in str(caught.value)
+
+
+def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):
+    chain = chain_of(tmp_path, small_arm(), PLANE[:2])
+    assert chain.locked == ['bend']
+    assert chain.tree.joints == PLANE[:2]
+    # The locked link is carried all the same.
+    whole = chain_of(tmp_path, small_arm(), PLANE).tree.weight([0.2, 0.3, 0.0])
+    assert chain.tree.weight([0.2, 0.3]) == pytest.approx(whole[:2])
+
+
+@pytest.mark.parametrize('text, words', [
+    ('', 'not a URDF'), ('<robot name="x">', 'not a usable URDF'),
+    ('<robot name="x"><link name="base"/></robot>', 'no joint that moves'),
+    ('<robot xmlns:xacro="x"><xacro:arm/></robot>', 'xacro')])
+def test_files_that_are_no_urdf_give_one_line(pinocchio, tmp_path, text, words):
+    with pytest.raises(InputError, match=words) as caught:
+        chain_of(tmp_path, text, PLANE)
+    assert '\n' not in str(caught.value)
+    assert 'arm.urdf' in str(caught.value)
+
+
+def test_a_missing_file_gives_one_line(pinocchio, tmp_path):
+    with pytest.raises(InputError, match=r'nowhere\.urdf: cannot be read'):
+        Chain(tmp_path / 'nowhere.urdf', PLANE)
+
+
+def test_without_pinocchio_the_error_says_how_to_get_it(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, 'pinocchio', None)
+    with pytest.raises(InputError, match=r'friction_comp\[arm\]') as caught:
+        Chain(tmp_path / 'arm.urdf', PLANE)
+    assert '\n' not in str(caught.value)
+
+
+# Without a URDF.
+
+
+def planar(rng, size, noise=0.02):
+    """Return currents and motion of two parallel joints with weight, and one that has neither."""
+    motion = q, v, a = waves(rng, size, 3, 0.01)
+    shoulder = 2.0 * np.cos(q[:, 0]) + 0.8 * np.cos(q[:, 0] + q[:, 1])
+    elbow = 0.8 * np.cos(q[:, 0] + q[:, 1])
+    currents = [part + 0.3 * np.tanh(v[:, k] / 0.01) + 0.2 * v[:, k] + 0.05 * a[:, k]
+                + noise * rng.standard_normal(size)
+                for k, part in enumerate((shoulder, elbow, 0.0))]
+    return currents, motion
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_the_weight_of_the_next_link_is_found_without_a_urdf(seed):
+    rng = np.random.default_rng(seed)
+    names = ('shoulder', 'elbow', 'wrist')
+    currents, motion = planar(rng, 4000)
+    zeros = np.zeros(4000, dtype=int)
+    moving = [np.abs(motion[1][:, k]) > 0.01 for k in range(3)]
+    for k in (0, 1):
+        found = find_coupling(currents[k], names, names[k], motion, zeros, moving[k])
+        assert found.groups[0].angles == (('shoulder', 1), ('elbow', 1))
+        assert found.errors[1] < 0.04 < 0.1 < found.errors[0]
+        again = Coupling.from_dict(found.to_dict())
+        assert again.current(names, *motion) == pytest.approx(found.current(names, *motion))
+    assert find_coupling(currents[2], names, 'wrist', motion, zeros, moving[2]) is None
+
+
+def test_joints_that_move_independently_show_no_coupling():
+    for seed in range(10, 20):
+        rng = np.random.default_rng(seed)
+        names = tuple('abcdef')
+        motion = waves(rng, 3000, 6, 0.01)
+        v = motion[1][:, 2]
+        slow = np.convolve(rng.standard_normal(3100), np.exp(-np.arange(100) / 20))[50:3050]
+        current = 0.3 * np.tanh(v / 0.02) + 0.2 * v + 0.02 * slow
+        assert find_coupling(current, names, 'c', motion, np.zeros(3000, dtype=int),
+                             np.abs(v) > 0.01) is None
+
+
+def test_motion_of_all_joints_is_differentiated_alike():
+    q, v, a = waves(np.random.default_rng(8), 800, 3, 0.01)
+    samples = Samples(time=np.arange(800) * 0.01, position=q[:, 1], current=q[:, 1], joint='lift',
+                      arm=JointStates(PLANE, q))
+    settings = {'source': 'position', 'bandwidth': 20.0}
+    place, speed, rate = moving_states(samples, PLANE[::-1], settings)
+    assert place == pytest.approx(q[:, ::-1])
+    assert speed[50:-50] == pytest.approx(v[50:-50, ::-1], abs=0.01)
+    assert rate[50:-50] == pytest.approx(a[50:-50, ::-1], abs=0.05)
+    with pytest.raises(InputError, match='gripper'):
+        moving_states(samples, ('gripper',), settings)
+
+
+def test_joint_states_go_with_their_samples():
+    q = np.arange(30.0).reshape(10, 3)
+    samples = Samples(time=np.arange(10.0), position=q[:, 0], current=q[:, 0],
+                      arm=JointStates(PLANE, q, -q))
+    part = samples.take(slice(2, 5))
+    assert part.arm.position == pytest.approx(q[2:5])
+    both = Samples.concatenate([part, samples.take(slice(7, 8))])
+    assert both.arm.velocity == pytest.approx(-q[[2, 3, 4, 7]])
+    with pytest.raises(InputError, match=r'samples\.arm'):
+        samples.with_(arm=JointStates(PLANE, q[:4]))
+    with pytest.raises(InputError, match='shape'):
+        JointStates(('one',), q)
