@@ -26,10 +26,10 @@ for variable in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS')
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
-from independent_gear import subject  # noqa: E402
 from independent_gear.bad_samples import bad_samples  # noqa: E402
 from independent_gear.bank import make_bank  # noqa: E402
 from independent_gear.gears import KINDS  # noqa: E402
+from independent_gear.identification import identification  # noqa: E402
 from independent_gear.peak import peak  # noqa: E402
 from independent_gear.quiet import quiet  # noqa: E402
 from independent_gear.refined import REFINED  # noqa: E402
@@ -64,7 +64,7 @@ def parse():
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
     parser.add_argument('--quick', action='store_true', help='fewer draws and conditions')
     parser.add_argument('--laws', nargs='+', default=['continuous', 'paper'],
-                        help="of CompensationLaw, or 'none'")
+                        help="of CompensationLaw ('continuous:position': without velocity), 'none'")
     parser.add_argument('--kinds', nargs='+', default=list(KINDS), choices=KINDS)
     parser.add_argument('--floors', nargs='+', default=list(FLOORS), choices=FLOORS)
     parser.add_argument('--draws', type=int, help='gears of each kind; 5, or 2 when quick')
@@ -88,8 +88,7 @@ def make_jobs(options):
         if floor == 'peak':
             yield 'peak', tuple(compared), tuple(options.kinds), *common
         elif floor == 'identification':
-            if subject.IdentificationRun is not None:
-                yield floor, 'identification', tuple(options.kinds), *common
+            yield floor, 'identification', tuple(options.kinds), *common
         else:
             for law in options.laws:
                 if floor != 'refined':
@@ -105,6 +104,8 @@ def do(job):
     if floor == 'untouched' and not quick:
         # 1,000 joints: of more gears than elsewhere
         draws = max(draws, 25)
+    if floor == 'identification' and quick:
+        draws = 1
     bank = make_bank(kinds, draws, seed, 12 if quick else 24)
     if floor == 'release':
         rows = release(bank, law, quick)
@@ -123,7 +124,6 @@ def do(job):
             *untouched(bank, law, True, joints=draws * (2 if quick else 5), seconds=6.0),
             *quiet(bank, law, True), *peak(bank, [law], True)]
     else:
-        from independent_gear.identification import identification
         rows = identification(bank, quick)
     return rows, time.time() - began
 

@@ -22,11 +22,24 @@ class Bare:
         return self._size * np.cos(position - self._phase)
 
 
+class WithoutVelocity:
+    """A law that has to differentiate the position by itself."""
+
+    def __init__(self, law):
+        self._law = law
+
+    def update(self, time, position, velocity, direction, **extra):
+        """Return the currents, A, shape (J,)."""
+        return self._law.update(time, position, None, direction, **extra)
+
+
 def make_law(name, joints):
-    """Return the law under test for the joints of an experiment, or none."""
+    """Return the law under test for an experiment: 'continuous', 'continuous:position', 'none'."""
     if name == NONE:
         return Bare(joints.gears)
-    return CompensationLaw(joints.models, law=name)
+    name, _, unknown = name.partition(':')
+    law = CompensationLaw(joints.models, law=name)
+    return WithoutVelocity(law) if unknown == 'position' else law
 
 
 def run(plant, law, seconds, direction, watch, every=1, corrupt=None):

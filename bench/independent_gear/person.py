@@ -4,7 +4,8 @@
 
 The arm follows a reference as a spring and damper without delay (muscle and reflex stiffness:
 Dolan, Friedman and Nagurka 1993, Perreault, Kirsch and Crago 2002), and corrects by will what it
-saw a reaction time ago. Or it pushes with a torque that grows, as on a joystick.
+saw a reaction time ago. Or it pushes with a torque that grows, as on a joystick, and lets go when
+the joint has moved.
 """
 
 import math
@@ -60,9 +61,13 @@ def person_torque(who, s, time, position, velocity):
             2.0 * math.pi * who.tremor_frequency * time + who.tremor_phase)
     if who.push != 0.0:
         t = time - who.start
-        if 0.0 < t < who.push_time:
+        if (position - s.origin) * who.push > who.push_travel * abs(who.push):
+            s.let_go = 1
+        if s.let_go == 1:
+            return 0.0
+        if t > 0.0:
             torque += math.copysign(min(abs(who.push), who.push_rate * t), who.push)
-        return torque - who.damping * velocity
+        return torque
     wanted, speed = reference(who, time)
     torque += (who.stiffness * (s.origin + wanted - position)
                + who.damping * (speed - velocity))

@@ -21,12 +21,14 @@ LIMIT = 0.2 * DEGREE
 HELD, START, STOP, END = 0.8, 2.0, 5.5, 8.0
 PARTS = {'hold': (HELD, START), 'start': (START, 3.0), 'motion': (3.0, STOP),
          'stop': (STOP, 6.5), 'hold again': (6.5, END - 0.3)}
+# to and fro by this, deg, instead of slow motion: no direction can be announced for it
+SWAY, SWAY_FREQUENCY = -5.0, 0.3
 STEADY = ('hold', 'motion', 'hold again')
 
 
 def quiet(bank, law, quick=False):
     """Let soft and firm persons hold, start and move slowly; return rows for each kind."""
-    joints = Joints(bank, grip=[SOFT, FIRM], speed=[3.0, 10.0],
+    joints = Joints(bank, grip=[SOFT, FIRM], speed=[3.0, 10.0, SWAY],
                     # announced ahead, with the push, not at all
                     announce=[1.0, 3.0] if quick else [1.0, START, np.inf],
                     factor=[1.0] if quick else [1.0, 1.1])
@@ -42,10 +44,13 @@ def watch_vibration(joints, law):
     side = np.where(np.arange(len(joints)) % 2 == 0, 1.0, -1.0)
     persons['start'], persons['speed'] = START, side * joints['speed'] * DEGREE
     persons['acceleration_time'], persons['cruise_time'] = 0.5, STOP - START - 1.0
+    sways = joints['speed'] == SWAY
+    persons['sway'][sways] = 0.5 * SWAY * DEGREE
+    persons['sway_frequency'] = SWAY_FREQUENCY
     plant = Plant(joints.gears, persons, seed)
 
     def direction(time):
-        return side * ((joints['announce'] <= time) & (time < STOP))
+        return side * ((joints['announce'] <= time) & (time < STOP) & ~sways)
     record = run(plant, make_law(law, joints), END, direction,
                  {'v': 'motor_velocity', 'w': 'link_velocity'})
     sos = butter(4, BAND, 'high', fs=1.0 / plant.sample_time, output='sos')
@@ -63,6 +68,10 @@ def _rows(joints, parts, kind, law):
     exact = here & (joints['factor'] <= 1.0)
     steady = np.max([parts[name] for name in STEADY], axis=0)
     moving = np.max([parts['start'], parts['stop']], axis=0)
+    # who sways does not hold, nor start or stop
+    sways = joints['speed'] == SWAY
+    moving = np.where(sways, 0.0, moving)
+    steady = np.where(sways, np.maximum(parts['hold'], parts['motion']), steady)
     rows = []
     for name, values, who in (
             ('vibration, hold and slow motion', steady, exact),
@@ -76,5 +85,6 @@ def _rows(joints, parts, kind, law):
             loud=loud, joints=int(who.sum()), median=np.median(values[who]) / DEGREE,
             worst_by_part={p: np.max(v[who]).item() / DEGREE for p, v in parts.items()},
             soft=np.max(values[who & (joints['grip'] == SOFT)]) / DEGREE,
+            sway=np.max(steady[here & sways]) / DEGREE,
             firm=np.max(values[who & (joints['grip'] == FIRM)]) / DEGREE))
     return rows

@@ -3,12 +3,14 @@
 """A joint let go: does it gain speed, come to rest, or run beyond the identified speeds?"""
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from independent_gear.bank import Joints
 from independent_gear.loop import announced, make_law, run
 from independent_gear.persons import drivers
 from independent_gear.plant import Plant
 from independent_gear.rows import DEGREE, share_row
+from independent_gear.state import PERSON
 from independent_gear.truth import SPEEDS
 
 START, RELEASE, AFTER = 0.2, 1.3, 8.0
@@ -35,7 +37,49 @@ def release(bank, law, quick=False, speeds=None, factors=None):
                           else [1.0, 1.01, 1.05, 1.1, 1.2, 1.3, 1.5])
     joints = Joints(bank, speed=speeds, direction=[0, 1] if quick else [-1, 0, 1], factor=factors)
     found = watch_release(joints, law)
-    return [row for kind in dict.fromkeys(bank.kinds) for row in _rows(joints, found, kind, law)]
+    pushed = Joints(bank, direction=[1], factor=[f for f in factors if f <= 1.1],
+                    copy=list(range(2 if quick else 6)))
+    sent = watch_push(pushed, law)
+    return [row for kind in dict.fromkeys(bank.kinds)
+            for row in (*_rows(joints, found, kind, law), *_push_rows(pushed, sent, kind, law))]
+
+
+def watch_push(joints, law):
+    """Return what became of joints that were pushed until they moved by 2 deg, and let go."""
+    side = np.where(np.arange(len(joints)) % 2 == 0, 1.0, -1.0)
+    random = np.random.default_rng([joints.bank.seed, 17])
+    torque = joints.gears['static'] + joints.gears['link_coulomb']
+    persons = np.zeros(len(joints), dtype=PERSON)
+    persons['start'], persons['release'] = RELEASE, np.inf
+    persons['push'] = 3.0 * side * torque
+    persons['push_rate'] = random.uniform(0.3, 2.0, len(joints)) * torque
+    persons['push_travel'] = 2.0 * DEGREE
+    plant = Plant(joints.gears, persons, joints.bank.seed)
+    record = run(plant, make_law(law, joints), RELEASE + 4.0 + AFTER,
+                 announced(side * joints['direction'], 0.3),
+                 {'x': 'link', 'held': 'let_go', 'person': 'person'}, EVERY)
+    time = np.arange(1, len(record['x']) + 1) * EVERY * plant.sample_time
+    speed = np.abs(np.diff(record['x'], axis=0, prepend=0.0)) / (EVERY * plant.sample_time)
+    speed = uniform_filter1d(speed, 5, axis=0)
+    gone = record['held'] > 0
+    at = np.argmax(gone, axis=0)
+    # the filter reaches two records to each side
+    around = np.minimum(at + np.arange(-3, 2)[:, None], len(speed) - 1)
+    at_release = speed[around, np.arange(len(joints))].max(axis=0)
+    after = np.where(np.arange(len(speed))[:, None] > at + 2, speed, 0.0).max(axis=0)
+    late = np.where(gone & (time[:, None] > time[at] + REST_WITHIN), speed, 0.0).max(axis=0)
+    return {'gained': gone.any(axis=0) & (after > GAIN * at_release + GAIN_SPEED),
+            'moving': late > REST_SPEED, 'unmoved': ~gone.any(axis=0)}
+
+
+def _push_rows(joints, found, kind, law):
+    here = joints.kinds == kind
+    few = here & (joints['factor'] <= 1.05)
+    return [
+        share_row('pushed by 2 deg, let go, model ≤ 1.10: gains speed', kind, law,
+                  found['gained'][here]),
+        share_row('pushed by 2 deg, let go, model ≤ 1.05: not at rest in 6 s', kind, law,
+                  found['moving'][few], unmoved=int(found['unmoved'][here].sum()))]
 
 
 def watch_release(joints, law):

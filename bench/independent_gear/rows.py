@@ -35,10 +35,12 @@ def figure_row(floor, kind, law, value, met, wanted, unit='', **detail):
 
 
 def plain(value):
-    """Return a number or list as JSON takes it."""
-    if isinstance(value, np.ndarray):
+    """Return a number or list as JSON takes it; None for what is not finite."""
+    if isinstance(value, (np.ndarray, list, tuple)):
         return [plain(v) for v in value]
     if isinstance(value, (np.floating, float)):
+        if not np.isfinite(value):
+            return None
         return float(f'{float(value):.5g}')
     if isinstance(value, (np.integer, np.bool_)):
         return value.item()

@@ -44,7 +44,7 @@ GEAR = np.dtype([
 ])
 
 STATE = np.dtype([
-    ('random', 'u8'), ('count', 'i8'),
+    ('random', 'u8'), ('count', 'i8'), ('let_go', 'i8'),
     *_floats('motor motor_velocity link link_velocity bristle link_bristle current slid resting '
              'breakaway_factor measured measured_velocity person temperature offset origin '
              'friction friction_work'),
@@ -53,12 +53,13 @@ STATE = np.dtype([
 ])
 
 # A person holds the link from `touch` to `release`, and follows a reference that starts at
-# `start`; `push` is a torque that grows from then on, as on a joystick, instead.
+# `start`. Or, with `push`, they push with a torque that grows from `start` on, as on a joystick,
+# and let go for good when the link has moved by `push_travel`.
 PERSON = np.dtype([
     ('delay', 'i8'),
     *_floats('touch release arm stiffness damping voluntary tremor tremor_frequency tremor_phase '
              'start speed acceleration_time cruise_time sway sway_frequency '
-             'push push_rate push_time'),
+             'push push_rate push_travel'),
 ])
 
 

@@ -62,6 +62,9 @@ def breakaway_currents(gears, seed, repetitions=24):
     bank['gravity'] = bank['current_noise'] = 0.0
     side = np.where(np.arange(len(bank)) % 2 == 0, 1.0, -1.0)
     plant = Plant(bank, nobody(len(bank)), seed)
+    # at places all round, for cogging and ripple differ from one to the next
+    start = np.random.default_rng([seed, 5]).uniform(-np.pi, np.pi, len(bank))
+    plant.states['motor'] = plant.states['link'] = start
     level = (bank['static'] + bank['link_coulomb']) / bank['torque_per_current']
     # Gone is who has left presliding behind: LuGre and Dahl give way a little all the time. What
     # held the joint is the most that friction took until then: by the time it is gone the ramp is
@@ -73,7 +76,7 @@ def breakaway_currents(gears, seed, repetitions=24):
     while not gone.all() and plant.time < 8.0:
         share = started * min(1.0, plant.time / settle) + max(0.0, plant.time - settle) / rise
         plant.advance(np.where(gone, 0.0, side * share * level))
-        gone |= side * plant.states['motor'] > far
+        gone |= side * (plant.states['motor'] - start) > far
         dry = plant.states['friction'] - bank['viscous'] * plant.states['motor_velocity']
         most = np.where(gone, most, np.maximum(most, side * dry))
     found = np.where(gone, most, np.nan) / bank['torque_per_current']
