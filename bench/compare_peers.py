@@ -35,7 +35,7 @@ from scipy.signal import butter, filtfilt  # noqa: E402
 from friction_comp.drive import Drive  # noqa: E402
 from friction_comp.identification.sigmoid_fit import fit_sigmoid  # noqa: E402
 from friction_comp.recordings import read_recording  # noqa: E402
-from friction_comp.refinement import predict, refine  # noqa: E402
+from friction_comp.refinement import refine  # noqa: E402
 from friction_comp.samples import Samples  # noqa: E402
 from simulated_recordings.drives import excitation_for, random_drive, record  # noqa: E402
 
@@ -184,7 +184,7 @@ def compare(fit, score, measure, drive):
     result = refine(fit, model=None, drive=drive)
     joined = Samples.concatenate(score)
     errors['ours'] = measure(
-        joined, np.concatenate([predict(result.model, part) for part in score]))
+        joined, np.concatenate([result.model.predict(part) for part in score]))
     return errors, [effect['name'] for effect in result.report['effects']]
 
 

@@ -34,7 +34,7 @@ from outside_effects import OUTSIDE  # noqa: E402
 from scipy.ndimage import minimum_filter1d  # noqa: E402
 from scipy.signal import butter, filtfilt  # noqa: E402
 
-from friction_comp.refinement import predict, refine  # noqa: E402
+from friction_comp.refinement import refine  # noqa: E402
 from simulated_recordings.cases import CASES  # noqa: E402
 from simulated_recordings.drives import excitation_for, random_drive, record  # noqa: E402
 
@@ -62,7 +62,7 @@ def sliding(samples):
 
 def error(model, trials, where):
     """Return the RMS of measured minus predicted current in A where the joint moves."""
-    parts = [(predict(model, trial.samples) - trial.samples.current)[where(trial.samples)]
+    parts = [(model.predict(trial.samples) - trial.samples.current)[where(trial.samples)]
              for trial in trials]
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 

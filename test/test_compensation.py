@@ -11,7 +11,7 @@ import pytest
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.errors import InputError
 from friction_comp.model.effects.inertia import Inertia
-from friction_comp.model.effects.load import LoadFriction
+from friction_comp.model.effects.load_effects import LoadFriction
 from friction_comp.model.effects.temperature import Temperature
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file

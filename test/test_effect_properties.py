@@ -241,9 +241,9 @@ def test_any_motion_gives_a_finite_current_linear_in_the_coefficients(name, data
 @pytest.mark.parametrize('name', LIVE)
 @given(data=st.data())
 @settings(max_examples=25, deadline=None)
-def test_online_no_friction_at_standstill_and_nothing_infinite_anywhere(name, data):
+def test_live_no_friction_at_standstill_and_nothing_infinite_anywhere(name, data):
     parameters = data.draw(parameters_of(name))
-    term = EFFECTS[name](parameters).online()
+    term = EFFECTS[name](parameters).live()
     rng = np.random.default_rng(data.draw(st.integers(0, 1000)))
     time = 0.0
     for _ in range(40):
@@ -262,14 +262,14 @@ def test_online_no_friction_at_standstill_and_nothing_infinite_anywhere(name, da
 
 
 @pytest.mark.parametrize('name', LIVE)
-def test_online_and_offline_are_the_same_in_motion_on_the_same_samples(name):
+def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     """Equal to rounding where both know the whole past, else once Dahl's start is forgotten."""
     time = np.arange(0.0, 8.0, 0.005)
     position = 0.8 * np.sin(1.1 * time)
     samples = samples_of(position, np.gradient(position, time), step=0.005)
     # A transition above the sharpest that is fed back, so that both have the same one.
     effect = EFFECTS[name](defaults(name))
-    term = effect.online()
+    term = effect.live()
     live = np.array([term.update(*sample) for sample in zip(
         samples.time, samples.position, samples.velocity, samples.temperature, samples.load)])
     offline = effect.current(samples)

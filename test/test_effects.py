@@ -10,8 +10,8 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS, VARIABLES
-from friction_comp.model.effects.base import SHARPEST_ONLINE
-from friction_comp.model.effects.hysteresis import turned
+from friction_comp.model.effects.base import SHARPEST_LIVE
+from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
@@ -96,9 +96,9 @@ class TestEffect:
         with pytest.raises(InputError, match='finite'):
             EFFECTS[name]({**PARAMETERS[name], 'coefficients': [math.nan]})
 
-    def test_online_it_is_the_same_current_at_speed_or_it_says_why_not(self, name, motion):
+    def test_live_it_is_the_same_current_at_speed_or_it_says_why_not(self, name, motion):
         effect = EFFECTS[name](PARAMETERS[name])
-        term = effect.online()
+        term = effect.live()
         if name in LEFT_OUT:
             assert term is None
             assert len(effect.why_left_out()) > 20
@@ -112,8 +112,8 @@ class TestEffect:
         np.testing.assert_allclose(
             np.array(live)[fast], effect.current(motion)[fast], atol=2e-3)
 
-    def test_online_it_does_not_push_a_joint_at_rest(self, name):
-        term = EFFECTS[name](PARAMETERS[name]).online()
+    def test_live_it_does_not_push_a_joint_at_rest(self, name):
+        term = EFFECTS[name](PARAMETERS[name]).live()
         if term is None or name in HOLDS:
             return
         for k in range(100):
@@ -121,10 +121,10 @@ class TestEffect:
         assert term.update(1.0, 0.5, 0.0, 30.0, 1.0) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_online_signs_are_never_sharper_than_stated():
+def test_live_signs_are_never_sharper_than_stated():
     sharp = {**PARAMETERS['stribeck'], 'transition': 1e-5}
-    term = EFFECTS['stribeck'](sharp).online()
-    assert term.update(0.0, 0.0, 0.1 * SHARPEST_ONLINE) < 0.2 * sharp['coefficients'][0]
+    term = EFFECTS['stribeck'](sharp).live()
+    assert term.update(0.0, 0.0, 0.1 * SHARPEST_LIVE) < 0.2 * sharp['coefficients'][0]
 
 
 def test_lag_moves_the_whole_prediction_in_time(motion):
@@ -133,7 +133,7 @@ def test_lag_moves_the_whole_prediction_in_time(motion):
     late = FrictionModel(Drive(0.1, 100.0), sigmoid,
                          effects=[EFFECTS['actuation_lag'](PARAMETERS['actuation_lag'])])
     np.testing.assert_allclose(
-        late.predict(motion)[:-2], plain.predict(motion)[2:], atol=1e-9)
+        late.current(motion)[:-2], plain.current(motion)[2:], atol=1e-9)
 
 
 def test_low_pass_lag_settles_to_the_current_it_follows():
@@ -143,7 +143,7 @@ def test_low_pass_lag_settles_to_the_current_it_follows():
     samples.velocity[:500] = -1.0
     sigmoid = Sigmoid(upper=0.2, lower=-0.2, steepness=500.0)
     lag = EFFECTS['actuation_lag']({'lag': 0.05, 'first_order': 1.0, 'coefficients': []})
-    current = FrictionModel(Drive(0.1, 100.0), sigmoid, effects=[lag]).predict(samples)
+    current = FrictionModel(Drive(0.1, 100.0), sigmoid, effects=[lag]).current(samples)
     after = current[500 + 50]
     assert after == pytest.approx(0.2 - 0.4 * math.exp(-1.0), abs=0.005)
     assert current[-1] == pytest.approx(0.2, abs=1e-6)
@@ -165,11 +165,15 @@ def test_hysteresis_turns_round_over_its_distance():
     (0.5, (math.sqrt(2) - 0.5) ** 2), (1.0, 2 / math.e), (2.0, 1 / 1.5)])
 def test_hysteresis_turns_round_as_its_exponent_says(exponent, left):
     # The solution of du/dx = -u^p for u = 1 - z, which is 2 at the reversal, at x = 1.
-    assert 1.0 - turned(-1.0, 0.05, 0.05, exponent) == pytest.approx(left)
-    halves = turned(turned(-1.0, 0.02, 0.05, exponent), 0.03, 0.05, exponent)
-    assert halves == pytest.approx(turned(-1.0, 0.05, 0.05, exponent))
-    assert turned(0.3, 0.0, 0.05, exponent) == 0.3
-    assert turned(0.3, -1e3, 0.05, exponent) == pytest.approx(-1.0, abs=1e-3)
+    c = Hysteresis.Constants(0.05, exponent, 0.02)
+
+    def turned(state, step):
+        return Hysteresis.step(state, 0.0, step, 0.0, c)
+    assert 1.0 - turned(-1.0, 0.05) == pytest.approx(left)
+    halves = turned(turned(-1.0, 0.02), 0.03)
+    assert halves == pytest.approx(turned(-1.0, 0.05))
+    assert turned(0.3, 0.0) == 0.3
+    assert turned(0.3, -1e3) == pytest.approx(-1.0, abs=1e-3)
 
 
 def test_damping_of_the_bristles_is_the_change_of_their_state():

@@ -14,7 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
-from friction_comp.refinement import predict, refine
+from friction_comp.refinement import refine
 from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
@@ -144,7 +144,7 @@ def test_outliers_and_gaps_do_no_harm(drive):
     result = refine([samples.take(keep)], drive=drive.model.drive)
     assert [effect['variable'] for effect in result.report['effects']] == ['position']
     fresh = record(drive, 6, excitation)[0].samples
-    error = fresh.current - predict(result.model, fresh)
+    error = fresh.current - result.model.predict(fresh)
     assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
 
 

@@ -15,7 +15,7 @@ import pytest
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.note.standstill import with_breakaway_error
-from friction_comp.refinement import predict, refine
+from friction_comp.refinement import refine
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.loop import closed_loop
 from friction_comp.simulation.reference_movement import ReferenceMovement
@@ -122,7 +122,7 @@ def current_error(model, parts):
     for part in parts:
         velocity = np.gradient(part.position, part.sample_time)
         fast = np.abs(np.convolve(velocity, np.ones(9) / 9, 'same')) > 0.05
-        errors.append((predict(model, part) - part.current)[fast])
+        errors.append((model.predict(part) - part.current)[fast])
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 

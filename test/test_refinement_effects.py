@@ -11,7 +11,7 @@ import numpy as np
 from outside_effects import OUTSIDE
 import pytest
 
-from friction_comp.refinement import predict, refine
+from friction_comp.refinement import refine
 from simulated_recordings.cases import CASES
 from simulated_recordings.drives import excitation_for, random_drive, record
 
@@ -44,7 +44,7 @@ def refined(cases, seed, outside='', servo=False):
     fit, score = sets
     result = refine(fit, model=None, drive=drive.model.drive)
     errors = np.concatenate([
-        (predict(result.model, part) - part.current)[moving(part)] for part in score])
+        (result.model.predict(part) - part.current)[moving(part)] for part in score])
     return result.report, float(np.sqrt(np.mean(errors ** 2))) / drive.noise_floor
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.model.differentiation import differentiate
-from friction_comp.refinement import predict, refine
+from friction_comp.refinement import refine
 from friction_comp.refinement.fit.effect_sum import solve
 from friction_comp.refinement.judge.evidence import ranks_tail
 from friction_comp.refinement.judge.residual_dependence import inseparable
@@ -120,7 +120,7 @@ def test_a_bump_that_a_fold_crosses_one_way_only_is_still_found():
     current = friction(v) + 0.05 * np.exp(-((q - 0.74) / 0.05) ** 2) * np.tanh(v / 0.02)
     other = recorded(t, q, current, 9)
     moving = np.abs(v) > 0.02
-    error = (predict(result.model, other) - other.current)[moving]
+    error = (result.model.predict(other) - other.current)[moving]
     assert np.sqrt(np.mean(error ** 2)) < 1.3 * NOISE
 
 

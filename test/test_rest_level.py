@@ -69,7 +69,7 @@ def test_what_sliding_takes_here_and_now():
                           'transition': 0.001})
     bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
                            'transition': 0.001})
-    terms = [(effect, effect.online()) for effect in (RIPPLE, GRAVITY, warmth, bristles)]
+    terms = [(effect, effect.live()) for effect in (RIPPLE, GRAVITY, warmth, bristles)]
     terms[3][1].update(0.0, 0.0, 0.1)
     for temperature, more in ((None, 0.0), (35.0, 0.02)):
         for position in (-0.4, 0.0, 0.23):

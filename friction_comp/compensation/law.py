@@ -177,7 +177,7 @@ class CompensationLaw:
             for model, options in zip(self.models, self._options)])
         self._states = np.zeros((self.joints, columns.STATES))
         self._usable = np.zeros(self.joints, dtype=bool)
-        self._effects = [_online(model) for model in self.models]
+        self._effects = [_live_terms(model) for model in self.models]
         self._places = [places_of(*pair) for pair in zip(self.models, self._effects)]
         self._missing = [None] * self.joints
         self._collect_never_applied()
@@ -239,7 +239,7 @@ class CompensationLaw:
     def reset(self):
         """Forget all history, as after a pause."""
         self._states[:] = 0.0
-        self._effects = [_online(model) for model in self.models]
+        self._effects = [_live_terms(model) for model in self.models]
         self._missing = [None] * self.joints
         self._clear_terms()
 
@@ -257,7 +257,7 @@ class CompensationLaw:
         if not 0 <= joint < self.joints:
             raise InputError(f'there is no joint number {joint!r}')
         parameters = law_parameters(model, **self._options[joint])
-        effects = _online(model)
+        effects = _live_terms(model)
         self.models[joint] = model
         self._parameters[joint] = parameters
         self._effects[joint] = effects
@@ -299,9 +299,9 @@ class CompensationLaw:
 
     def _collect_never_applied(self):
         self.never_applied = [
-            (j, effect.name, effect.why_left_out() or 'cannot be computed from the live signals')
+            (j, effect.name, effect.why_left_out())
             for j, model in enumerate(self.models) for effect in model.effects
-            if effect.online() is None]
+            if effect.why_left_out()]
 
     def _clear_terms(self):
         self.terms = {
@@ -315,8 +315,8 @@ class CompensationLaw:
         return np.broadcast_to(row, self.joints).astype(float)
 
 
-def _online(model):
-    pairs = [(effect, effect.online()) for effect in model.effects]
+def _live_terms(model):
+    pairs = [(effect, effect.live()) for effect in model.effects]
     return [(effect, term) for effect, term in pairs if term is not None]
 
 

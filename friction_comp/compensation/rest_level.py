@@ -11,8 +11,6 @@ from __future__ import annotations
 
 import math
 
-from friction_comp.model.effects.base import StaticTerm
-
 # Fast enough for friction effects to have their full sign, slow enough for nothing else to count,
 # rad/s.
 _SLIDING = 0.05
@@ -24,13 +22,13 @@ def places_of(model, terms):
     Parameters
     ----------
     model : FrictionModel
-    terms : list of (Effect, OnlineTerm)
+    terms : list of (Effect, LiveTerm)
         Its effects as they are applied.
     """
     both = model.breakaway
     if both is None or both.positive_position is None or both.negative_position is None:
         return None
-    if not any(isinstance(term, StaticTerm) for _, term in terms):
+    if not any(not term.sees_history for _, term in terms):
         return None
     return both.positive_position, both.negative_position
 
@@ -40,7 +38,7 @@ def level_shifts(terms, places, time, position, signals):
 
     Parameters
     ----------
-    terms : list of (Effect, OnlineTerm)
+    terms : list of (Effect, LiveTerm)
     places : tuple of float
         Where the positive and the negative breakaway current were measured, rad.
     time, position : float
@@ -56,7 +54,7 @@ def level_shifts(terms, places, time, position, signals):
     shifts = [0.0, 0.0]
     for _, term in terms:
         # A term with a memory cannot be asked what it would be elsewhere.
-        if not isinstance(term, StaticTerm) or any(signals[name] is None for name in term.needs):
+        if term.sees_history or any(signals[name] is None for name in term.needs):
             continue
         here, _ = _parts(term, time, position, signals)
         for side, sign in ((0, 1.0), (1, -1.0)):
@@ -83,9 +81,9 @@ def sliding_friction(terms, time, position, signals):
         Magnitudes in the positive and the negative direction, beyond what is applied at rest.
     """
     more = [0.0, 0.0]
-    for effect, term in terms:
+    for _, term in terms:
         # Asking a term with a memory of the motion would spoil it.
-        if effect.variable == 'history' or any(signals[name] is None for name in term.needs):
+        if term.sees_history or any(signals[name] is None for name in term.needs):
             continue
         still = term.update(time, position, 0.0, **signals)
         for side, sign in ((0, 1.0), (1, -1.0)):

@@ -12,6 +12,8 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from friction_comp.errors import InputError
 
 METHOD = 'zero-phase Butterworth'
+# Where a model does not say how it was fitted.
+DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
 _ORDER = 2
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature')
 
@@ -83,13 +85,9 @@ def advance(samples, lag):
     """
     if not lag:
         return samples
-    changes = {name: np.array(getattr(samples, name), dtype=float)
-               for name in _MOTION if getattr(samples, name) is not None}
-    for part in samples.segments():
-        time = samples.time[part]
-        for name, values in changes.items():
-            values[part] = np.interp(time + lag, time, getattr(samples, name)[part])
-    return samples.with_(**changes)
+    return samples.with_(**{
+        name: earlier(getattr(samples, name), samples, lag)
+        for name in _MOTION if getattr(samples, name) is not None})
 
 
 def earlier(values, samples, lag):

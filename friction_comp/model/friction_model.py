@@ -13,9 +13,10 @@ import yaml
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import read_yaml, write_atomically
-from friction_comp.model.differentiation import advance, delayed
+from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.samples import Samples
 
 FORMAT = 'friction_comp_model'
 VERSION = 1
@@ -84,30 +85,44 @@ class FrictionModel:
     simulation: dict = field(default_factory=dict)
     notes: dict = field(default_factory=dict)
 
-    def predict(self, samples):
-        """Return the motor current in A, shape (N,), that the model expects.
+    def predict(self, samples: Samples) -> np.ndarray:
+        """Return the motor current in A, shape (N,), that the model expects for recorded samples.
+
+        Velocity and acceleration are computed the way the model was fitted. There is a finite
+        value for every sample, also at standstill, where it is the model's value for no motion.
+
+        Parameters
+        ----------
+        samples : Samples
+            As recorded.
+
+        Raises
+        ------
+        InputError
+            If an effect needs a signal that was not recorded.
+        """
+        settings = self.differentiation or DEFAULT_SETTINGS
+        current = self.current(differentiate(samples, settings))
+        return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
+
+    def current(self, samples: Samples) -> np.ndarray:
+        """Return the motor current in A, shape (N,), for samples that are differentiated already.
 
         Parameters
         ----------
         samples : Samples
             With velocity, and with what the effects ask for.
         """
-        lag, smoothing = self.delays
-        samples = advance(samples, lag)
-        current = np.asarray(self.sigmoid(samples.velocity), dtype=float)
+        seen = samples
         for effect in self.effects:
-            current = current + effect.current(samples)
-        return delayed(current, samples, smoothing)
-
-    @property
-    def delays(self):
-        """Lag of the motion, and time constant of the smoothing of the current, in s."""
+            seen = effect.seen_by(seen, effect.values)
+        current = np.asarray(self.sigmoid(seen.velocity), dtype=float)
         for effect in self.effects:
-            if effect.name == 'actuation_lag':
-                lag = effect.values['lag']
-                side = effect.values['first_order']
-                return (0.0, side * lag) if side else (lag, 0.0)
-        return 0.0, 0.0
+            if not effect.reshapes:
+                current = current + effect.current(seen)
+        for effect in self.effects:
+            current = effect.recorded_as(current, seen, effect.values)
+        return current
 
     def to_dict(self):
         """Return the model as the plain values of its file."""

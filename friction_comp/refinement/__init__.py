@@ -2,6 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closing the loop on measured data: from the residual to the effect the model lacks."""
 
-from friction_comp.refinement.refine import predict, refine, RefineResult
+from friction_comp.refinement.refine import refine, RefineResult
 
-__all__ = ['RefineResult', 'predict', 'refine']
+__all__ = ['RefineResult', 'refine']

@@ -19,7 +19,12 @@ from friction_comp.refinement.fit.effect_sum import (
     Fit,
     Term,
 )
-from friction_comp.refinement.fit.final_fit import final_fit, to_model, with_load
+from friction_comp.refinement.fit.final_fit import (
+    final_fit,
+    mechanical_load,
+    to_model,
+    with_load,
+)
 from friction_comp.refinement.judge.caveats import ambiguities, warnings
 from friction_comp.refinement.judge.evidence import held_out_residual, rms
 from friction_comp.refinement.judge.residual_verdict import (
@@ -82,17 +87,6 @@ class RefineResult:
     after: np.ndarray
     scene: object = None
     trail: list = field(default_factory=list)
-
-
-def predict(model, samples):
-    """Return the current in A, shape (N,), that a model expects for recorded samples.
-
-    Velocity and acceleration are computed the way the model was fitted. There is a finite value
-    for every sample, also at standstill, where it is the model's value for no motion.
-    """
-    settings = model.differentiation or {'source': 'position', 'bandwidth': 40.0}
-    current = model.predict(differentiate(samples, settings))
-    return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def refine(recorded, model=None, drive=None, progress=None):
@@ -172,14 +166,14 @@ def choose(raw, clipped, settings, model, drive, progress):
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(usable.sum())} samples of motion are too few')
     data = prepare(samples, usable, drive, slowest)
-    if model is None or not any(effect.name == 'load_torque' for effect in model.effects):
+    if model is None or not any(isinstance(effect, mechanical_load()) for effect in model.effects):
         data.load_coefficient = carried_by_a_person(samples, usable, drive)
     terms = [Term(type(effect), dict(effect.values)) for effect in model.effects] if model else []
     bases = [optimizer.gauss_newton_restarted(_started(first_fit(data, data.fit_rows(fold)), terms))
              for fold in (0, 1)]
     steps, nameless = select(data, bases, progress)
     rough = to_model((steps[-1].fits if steps else bases)[0], None, None, drive, settings)
-    floor = noise_floor(samples, usable, samples.current - rough.predict(samples))
+    floor = noise_floor(samples, usable, samples.current - rough.current(samples))
     steps, left, large = honest(data, bases, steps, slowest, floor, nameless)
     found = Choice(None, data, bases, steps, left, usable)
     known = 0.5 * (model.sigmoid.upper + model.sigmoid.lower) if model else 0.0
@@ -202,7 +196,7 @@ def summarise(found, samples, clipped, model, drive, settings):
         residual = np.empty(len(samples))
         for side, fit in enumerate(pair):
             rows = fold == side
-            prediction = to_model(fit, None, None, drive, settings).predict(samples)
+            prediction = to_model(fit, None, None, drive, settings).current(samples)
             residual[rows] = samples.current[rows] - prediction[rows]
         return residual
 
@@ -210,7 +204,7 @@ def summarise(found, samples, clipped, model, drive, settings):
         start = with_load(model, data.load_coefficient)
     else:
         start = to_model(final_fit(data, bases), samples, usable, drive, settings)
-    start_fit = samples.current - start.predict(samples)
+    start_fit = samples.current - start.current(samples)
     before = start_fit if model else held_out(bases)
     trail = [('before', rms(before[usable]))]
     after = before
@@ -219,7 +213,7 @@ def summarise(found, samples, clipped, model, drive, settings):
         trail.append((step.kind.name, rms(after[usable])))
     if model and not steps:
         after = held_out(bases)
-    after_fit = samples.current - refined.predict(samples)
+    after_fit = samples.current - refined.current(samples)
     left = list(found.left)
     clip = clipping(samples, clipped)
     if clip:
@@ -284,21 +278,20 @@ def without_blur(found, raw, clipped, model, drive, progress):
     A lag smooths, and so lowers the noise of velocities that were not smoothed enough: then it is
     no property of the drive.
     """
-    lags = [effect for effect in found.model.effects if effect.name == 'actuation_lag']
-    # Only a low pass of the current smooths; a delay does not.
-    if not lags or lags[0].values['first_order'] <= 0.0 or len(raw) >= _TWICE:
+    smoothing = [effect for effect in found.model.effects if effect.smooths]
+    if not smoothing or len(raw) >= _TWICE:
         return found
     settings = found.model.differentiation
     plain = replace(found.model, effects=[
-        effect for effect in found.model.effects if effect.name != 'actuation_lag'])
+        effect for effect in found.model.effects if effect not in smoothing])
     smoother = smoothest(plain, raw, found.usable, settings)
     if smoother == settings:
         return found
     other = choose(raw, clipped, smoother, model, drive, progress)
-    if any(step.kind.name == 'actuation_lag' for step in other.steps):
+    if any(step.kind.reshapes for step in other.steps):
         return found
     both = found.usable & other.usable
-    errors = [rms((raw.current - choice.model.predict(
+    errors = [rms((raw.current - choice.model.current(
         differentiate(raw, choice.model.differentiation)))[both]) for choice in (found, other)]
     return other if errors[1] < _AS_GOOD * errors[0] else found
 

@@ -40,7 +40,6 @@ def main(argv=None):
 
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import read_recording_with_info
-    from friction_comp.refinement import predict
 
     model = FrictionModel.load(arguments.model)
     if arguments.output.is_dir():
@@ -54,7 +53,7 @@ def main(argv=None):
         samples, info = found[0]
         report(1.0, 'predicting')
         try:
-            predicted = predict(model, samples)
+            predicted = model.predict(samples)
         except InputError as error:
             raise InputError(f'{arguments.recording}: {error}') from None
     write_atomically(arguments.output, table(samples, info, predicted))

@@ -7,7 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import Effect
+from friction_comp.model.differentiation import advance, delayed, earlier
+from friction_comp.model.effects.base import Effect, NEITHER, Search
+
+# The longest lag tried, s.
+_LONGEST = 0.15
+# Share of the loss that a lag of a sample or two has to take away.
+_SHARE_OF_SHORT_LAG = 0.16
 
 
 class ActuationLag(Effect):
@@ -21,7 +27,12 @@ class ActuationLag(Effect):
 
     name = 'actuation_lag'
     variable = 'history'
-    constants = {'lag': ('linear', 1.0), 'first_order': None}
+    role = NEITHER
+    constants = {'lag': Search(1.0, unit=lambda scene, _: scene.sample_time, joint_only=True),
+                 'first_order': None}
+    reshapes = True
+    not_fed_back = (
+        'to make up for a delay the compensator would have to know the motion in advance')
 
     @classmethod
     def check(cls, values):
@@ -37,20 +48,61 @@ class ActuationLag(Effect):
         """Lags of half a sample to some thirty, either way, and low passes of as much."""
         step = scene.sample_time
         steps = np.array([0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128])
-        steps = steps[steps * step <= 0.15]
+        steps = steps[steps * step <= _LONGEST]
         grid = [{'lag': float(side * value * step), 'first_order': 0.0}
                 for value in steps for side in (1.0, -1.0)]
         return grid + [{'lag': float(value * step), 'first_order': side}
                        for value in steps for side in (1.0, -1.0)]
 
     @classmethod
-    def columns(cls, samples, lag, first_order):
-        """Return no column."""
-        return np.empty((len(samples), 0))
+    def forms(cls, scene):
+        """Return the constants that all samples of a recording are asked to choose between."""
+        sizes = np.geomspace(scene.sample_time, max(_LONGEST, 2.0 * scene.sample_time), 14)
+        return [{'lag': float(side * size), 'first_order': form}
+                for form, side in ((0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+                for size in sizes]
 
-    def why_left_out(self):
-        """Return why the lag is not compensated."""
-        return 'to make up for a delay the compensator would have to know the motion in advance'
+    @staticmethod
+    def columns(x, c):
+        """Return no column."""
+        return ()
+
+    @classmethod
+    def seen_by(cls, samples, constants):
+        """Return the samples with the motion of the time t + lag."""
+        return samples if constants['first_order'] else advance(samples, constants['lag'])
+
+    @classmethod
+    def recorded_as(cls, values, samples, constants):
+        """Return the current as its low pass leaves it."""
+        return delayed(values, samples, constants['first_order'] * constants['lag'])
+
+    @classmethod
+    def moved(cls, values, samples, constants):
+        """Return values, shape (N, M), computed without a lag as they would be with one."""
+        if constants['first_order']:
+            return cls.recorded_as(values, samples, constants)
+        return earlier(values, samples, constants['lag'])
+
+    @property
+    def smooths(self):
+        """Whether the recorded current is behind a low pass, which lowers its noise as well."""
+        return self.values['first_order'] > 0.0
+
+    @classmethod
+    def limited(cls, name, value, constants, scene):
+        """A low pass has a time constant above zero."""
+        return max(value, 0.1 * scene.sample_time) if constants['first_order'] else value
+
+    @classmethod
+    def plausible(cls, coefficients, constants, scene):
+        """A fraction of a sample is how the signals were sampled, no effect."""
+        return abs(constants['lag']) > 0.7 * scene.sample_time
+
+    @classmethod
+    def worth(cls, share, constants, scene):
+        """A lag of a sample or two may be how the signals were sampled, and asks for more."""
+        return share if abs(constants['lag']) > 2.0 * scene.sample_time else _SHARE_OF_SHORT_LAG
 
     def describe(self):
         """Return the effect in words."""

@@ -1,21 +1,61 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one shape of an effect."""
+"""The one shape of an effect: all that is particular to an effect stands in its own file."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import namedtuple
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.samples import Samples
 
 VARIABLES = (
-    'velocity', 'direction', 'position', 'acceleration', 'load', 'temperature', 'time', 'history')
+    'velocity', 'direction', 'position', 'acceleration', 'load', 'temperature', 'time', 'history',
+    'other joints')
 
-SHARPEST_ONLINE = 0.01
+RESISTS, CARRIES, NEITHER = 'resists', 'carries', 'neither'
+"""What an effect does to the joint: takes energy from every motion, as friction does; pushes
+whatever the direction, as gravity does; or is no torque at all."""
+
+SHARPEST_LIVE = 0.01
+"""Velocity in rad/s over which what is fed back changes its sign at the soonest."""
+
+
+class Signals(NamedTuple):
+    """What a formula may ask for: arrays over samples, or one sample's numbers.
+
+    Parameters
+    ----------
+    time : float or ndarray
+        s since the recording began, or since the compensator did.
+    position, velocity, acceleration : float or ndarray
+        rad, rad/s, rad/s².
+    load : float or ndarray
+        Back-driving torque, N·m.
+    temperature : float or ndarray
+        Degrees Celsius.
+    side : float or ndarray
+        Sign of friction, -1..1, which passes through zero smoothly: see `sign`.
+    memory : float or ndarray
+        State of an effect that has one, 0 otherwise.
+    """
+
+    time: Any = 0.0
+    position: Any = 0.0
+    velocity: Any = 0.0
+    acceleration: Any = 0.0
+    load: Any = 0.0
+    temperature: Any = 0.0
+    side: Any = 0.0
+    memory: Any = 0.0
 
 
 @dataclass(frozen=True)
@@ -58,11 +98,43 @@ class Scene:
     resolution: float = 0.0
     both_directions: bool = True
 
+    @property
+    def span(self) -> float:
+        """Width of the range of position in rad."""
+        return self.highest - self.lowest
+
+
+@dataclass(frozen=True)
+class Search:
+    """How a constant is searched around a first value.
+
+    Parameters
+    ----------
+    width : float
+        Half width of the bracket: a factor, or a number of units where there is one.
+    unit : callable, optional
+        ``unit(scene, constants)``: size of one unit of the constant, for constants that are
+        searched on a linear scale; the scale is logarithmic when omitted.
+    joint_only : bool
+        Searched together with all else only, never by itself.
+    """
+
+    width: float
+    unit: Callable[[Scene, dict], float] | None = None
+    joint_only: bool = False
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the constant is searched on a logarithmic scale."""
+        return self.unit is None
+
 
 class Effect(ABC):
-    """One term of the drive's current, in A: coefficients times columns of a design matrix.
+    """One term of the drive's current, in A: coefficients times columns.
 
-    Subclasses set the class attributes and write `columns` and `grid`.
+    A subclass says all of itself in one file. It sets the class attributes, writes `columns`
+    (its formula, once, for arrays and for single samples) and `grid`, and overrides what is
+    particular to it.
 
     Parameters
     ----------
@@ -75,23 +147,68 @@ class Effect(ABC):
         The word in model files and reports.
     variable : str
         What the effect depends on, one of `VARIABLES`.
+    role : str
+        `RESISTS`, `CARRIES` or `NEITHER`.
     needs : tuple of str
         Signals of `Samples` beyond position and velocity it cannot do without.
-    constants : dict
-        Name of every nonlinear constant and how refinement searches around a grid point: the
-        half width of the bracket as a factor ('log', width), as a difference ('linear', width in
-        units of the constant `scale_of` returns), or None where it is not searched.
-    repeatable : bool
-        Whether a model may have it several times, with other constants.
+    constants : dict of str to Search or None
+        Every nonlinear constant and how it is searched around a point of the grid; None where it
+        is not. A constant named ``transition`` is the velocity over which friction changes sign,
+        which all effects of a fit share.
+    spectral : str
+        Name of a constant that is found by a spectrum over position; empty where there is none.
+    signs : tuple of int
+        Sign that physics asks of the first coefficients: 1, -1, or 0 where it may be either.
+    most : int
+        How many of the kind a model may have, with other constants.
+    expected : bool
+        Whether every drive has it, so that it takes less to believe in it.
+    holds_on_another_day : bool
+        Whether it may be expected in another recording of the same drive.
+    sees_history : bool
+        Whether a sample's value depends on the samples before it.
+    reshapes : bool
+        Whether it adds no current of its own, and changes that of all others instead.
+    coulomb_column : int or None
+        The column that is Coulomb friction by another way of turning round.
+    not_fed_back : str
+        Why the compensator must not apply the effect; empty where it may.
+    smooths : bool
+        Whether it lowers the noise of the current as well.
+    fades_at_rest : bool
+        Whether it is fed back in motion only: what the teeth hold at rest is held by friction, and
+        fed to the motor it would push a joint that nobody touches.
     """
 
     name = ''
     variable = ''
-    needs = ()
-    constants = {}
-    repeatable = False
+    role = RESISTS
+    needs: tuple[str, ...] = ()
+    constants: dict[str, Search | None] = {}
+    spectral = ''
+    signs: tuple[int, ...] = ()
+    most = 1
+    expected = False
+    holds_on_another_day = True
+    sees_history = False
+    reshapes = False
+    coulomb_column: int | None = None
+    not_fed_back = ''
+    fades_at_rest = False
+    smooths: bool | property = False
+    _positive = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width',
+                 'distance', 'time_constant', 'speed')
 
-    def __init__(self, parameters):
+    Constants: Any
+
+    def __init_subclass__(cls, **options):
+        super().__init_subclass__(**options)
+        # Compiled code reads constants by name too, and finds the type again by this path.
+        cls.Constants = namedtuple('Constants', tuple(cls.constants))  # type: ignore[misc]
+        cls.Constants.__module__ = cls.__module__
+        cls.Constants.__qualname__ = f'{cls.__qualname__}.Constants'
+
+    def __init__(self, parameters: dict):
         parameters = dict(parameters)
         coefficients = parameters.pop('coefficients', None)
         if coefficients is None:
@@ -109,110 +226,240 @@ class Effect(ABC):
         self.check(self.values)
 
     @property
-    def parameters(self):
+    def parameters(self) -> dict:
         """Constants and coefficients as plain values."""
         return {**self.values, 'coefficients': list(self.coefficients)}
 
+    # What a subclass writes.
+
+    @staticmethod
+    @abstractmethod
+    def columns(x: Signals, c: Any) -> tuple:
+        """Return the columns, of the shape of the signals: the formula, written once.
+
+        Only arithmetic, `abs` and numpy's functions of one element: arrays, single numbers and
+        compiled code all run it.
+
+        Parameters
+        ----------
+        x : Signals
+        c : namedtuple
+            The constants by name.
+        """
+
     @classmethod
-    def check(cls, values):
+    @abstractmethod
+    def grid(cls, scene: Scene) -> list[dict]:
+        """Return the constants worth trying in a scene."""
+
+    @classmethod
+    def check(cls, values: dict) -> None:
         """Raise `InputError` where constants make no sense."""
         for name, value in values.items():
-            if name in _POSITIVE and value <= 0:
+            if name in cls._positive and value <= 0:
                 raise InputError(f'{name} must be positive, not {value!r}')
 
     @classmethod
-    @abstractmethod
-    def grid(cls, scene):
-        """Return the constants worth trying in a scene: a list of dicts."""
+    def limited(cls, name: str, value: float, constants: dict, scene: Scene) -> float:
+        """Return a constant's new value, kept where the effect is what its name says."""
+        return value
 
     @classmethod
-    @abstractmethod
-    def columns(cls, samples, **constants):
-        """Return the design matrix, shape (N, M), for `Samples` with velocity."""
+    def plausible(cls, coefficients: Sequence[float], constants: dict, scene: Scene) -> bool:
+        """Tell whether physics allows these coefficients (A) and constants."""
+        return all(sign * value > 0 for sign, value in zip(cls.signs, coefficients) if sign)
 
-    def current(self, samples):
+    @classmethod
+    def worth(cls, share: float, constants: dict, scene: Scene) -> float:
+        """Return the share of the loss that it has to take away, given the usual one."""
+        return share
+
+    @classmethod
+    def holds_offset(cls, scene: Scene) -> bool:
+        """Tell whether a constant current is this effect's own, and no difference of directions."""
+        return False
+
+    @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why such a scene shows little of it; empty where it shows enough."""
+        return ''
+
+    @classmethod
+    def by_mechanics(cls, drive: Drive) -> list[float] | None:
+        """Return the coefficients that mechanics asks for, where it does."""
+        return None
+
+    @staticmethod
+    def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
+        """Return the state one sample later, for effects with `sees_history`.
+
+        Parameters
+        ----------
+        state : float
+        dt, dq, velocity : float
+            Time and position since the sample before, s and rad; velocity now, rad/s.
+        c : namedtuple
+            The constants by name.
+        """
+        return state
+
+    @staticmethod
+    def start(side: Any, c: Any) -> Any:
+        """Return the state where a stretch of data begins."""
+        return 0.0 * side
+
+    @classmethod
+    def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
+        """Return the state at every sample, shape (N,): `step` run from each stretch's start."""
+        if not cls.sees_history:
+            return 0.0
+        broken, start = segment_starts(samples), cls.start(side + np.zeros(len(samples)), c)
+        states = np.empty(len(samples))
+        time, position, velocity = samples.time, samples.position, samples.velocity
+        for k in range(len(samples)):
+            states[k] = start[k] if broken[k] else cls.step(
+                states[k - 1], time[k] - time[k - 1], position[k] - position[k - 1], velocity[k],
+                c)
+        return states
+
+    @classmethod
+    def live_constants(cls, values: dict) -> dict:
+        """Return the constants as they are used when the effect is fed back.
+
+        A recording may show that friction turns round within a thousandth of a radian a second.
+        Fed back as sharply, every count of the encoder would set off the whole term.
+        """
+        if 'transition' not in values:
+            return values
+        return {**values, 'transition': max(values['transition'], SHARPEST_LIVE)}
+
+    def live(self) -> LiveTerm | None:
+        """Return a fresh `LiveTerm` for the compensator, or None where it is not fed back."""
+        return None if self.not_fed_back else LiveTerm(self)
+
+    def describe(self) -> str:
+        """Return the effect in words, one sentence."""
+        return f'{self.name} ({self.variable})'
+
+    def formula(self) -> str:
+        """Return the effect's formula with its numbers, in A."""
+        return self.name
+
+    # What all effects share.
+
+    @classmethod
+    def matrix(cls, samples: Samples, constants: dict) -> np.ndarray:
+        """Return the design matrix, shape (N, M), for `Samples` with velocity."""
+        c = cls.Constants(**constants)
+        side = sign(samples.velocity, c.transition) if 'transition' in constants else 0.0
+        x = Signals(samples.time, samples.position, samples.velocity, samples.acceleration,
+                    samples.load, samples.temperature, side, cls.memory(samples, side, c))
+        columns = cls.columns(x, c)
+        result = np.empty((len(samples), len(columns)))
+        for place, column in enumerate(columns):
+            result[:, place] = column
+        return result
+
+    def current(self, samples: Samples) -> np.ndarray:
         """Return the effect's current in A, shape (N,)."""
         for signal in self.needs:
             if getattr(samples, signal) is None:
                 raise InputError(f"effect '{self.name}' needs {signal}, which is not recorded")
-        matrix = self.columns(samples, **self.values)
+        matrix = self.matrix(samples, self.values)
         if matrix.shape[1] != len(self.coefficients):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
                              f'not {len(self.coefficients)}')
         return matrix @ np.asarray(self.coefficients)
 
-    def online(self):
-        """Return a fresh `OnlineTerm` for the compensator, or None where it cannot be fed back."""
-        return None
+    @classmethod
+    def seen_by(cls, samples: Samples, constants: dict) -> Samples:
+        """Return the samples whose motion asks for the recorded current."""
+        return samples
 
-    def why_left_out(self):
-        """Return why the compensator cannot apply the effect; empty where it can."""
-        return '' if self.online() is not None else 'cannot be computed from the live signals'
+    @classmethod
+    def recorded_as(cls, values: np.ndarray, samples: Samples, constants: dict) -> np.ndarray:
+        """Return the current in A that is recorded where the motion asks for another."""
+        return values
 
-    def describe(self):
-        """Return the effect in words, one sentence."""
-        return f'{self.name} ({self.variable})'
+    def why_left_out(self) -> str:
+        """Return why the compensator does not apply the effect; empty where it does."""
+        return self.not_fed_back
 
-    def formula(self):
-        """Return the effect's formula with its numbers, in A."""
-        return self.name
-
-    def to_dict(self):
+    def to_dict(self) -> dict:
         """Return the model file's entry."""
         return {'name': self.name, 'variable': self.variable, 'parameters': self.parameters}
 
 
-class OnlineTerm(ABC):
+class LiveTerm:
     """An effect as the compensator evaluates it, one sample at a time.
-
-    `needs` names the live signals beyond position and velocity that it cannot do without:
-    any of 'temperature', 'load'.
-    """
-
-    needs = ()
-
-    @abstractmethod
-    def update(self, time, position, velocity, temperature=None, load=None):
-        """Return the current in A for this sample; s, rad, rad/s, degrees Celsius, N·m."""
-
-    def reset(self):
-        """Forget all history."""
-
-
-class StaticTerm(OnlineTerm):
-    """An online term that is a plain function of the latest sample.
 
     Parameters
     ----------
-    function : callable
-        ``function(time, position, velocity, temperature, load)`` in A.
+    effect : Effect
+
+    Attributes
+    ----------
     needs : tuple of str
+        Live signals beyond position and velocity that it cannot do without.
+    sees_history : bool
+        Whether asking it changes it, so that it cannot be asked what it would be elsewhere.
     """
 
-    def __init__(self, function, needs=()):
-        self._function = function
-        self.needs = needs
+    def __init__(self, effect: Effect):
+        values = effect.live_constants(effect.values)
+        self._effect, self._constants = effect, effect.Constants(**values)
+        self._transition = values.get('transition')
+        self.needs, self.sees_history = effect.needs, effect.sees_history
+        self._began: float | None = None
+        self.reset()
 
-    def update(self, time, position, velocity, temperature=None, load=None):
-        """Return the current in A for this sample."""
-        return self._function(time, position, velocity, temperature, load)
+    def reset(self) -> None:
+        """Forget the motion; the clock keeps running, for a reset does not cool the motor."""
+        self._state: float | None = None
+        self._time = self._position = 0.0
+
+    def update(self, time: float, position: float, velocity: float,
+               temperature: float | None = None, load: float | None = None) -> float:
+        """Return the current in A for this sample; s, rad, rad/s, degrees Celsius, N·m."""
+        if self._began is None or time < self._began:
+            self._began = time
+        side = math.tanh(velocity / self._transition) if self._transition else 0.0
+        state = self._remember(time, position, velocity) if self.sees_history else 0.0
+        # By position, in the order of the fields: by name it takes twice as long.
+        x = Signals(time - self._began, position, velocity, 0.0, load, temperature, side, state)
+        total = 0.0
+        for gain, column in zip(self._effect.coefficients,
+                                self._effect.columns(x, self._constants)):
+            total += gain * column
+        if self._effect.fades_at_rest:
+            total *= abs(math.tanh(velocity / SHARPEST_LIVE))
+        return float(total)
+
+    def _remember(self, time, position, velocity):
+        if self._state is None:
+            self._state = float(self._effect.start(0.0, self._constants))
+        else:
+            self._state = self._effect.step(
+                self._state, max(0.0, time - self._time), position - self._position, velocity,
+                self._constants)
+        self._time, self._position = time, position
+        return self._state
 
 
-def gentle(transition):
-    """Return the velocity over which a term that is fed back may change sign, in rad/s.
-
-    A recording may show that friction turns round within a thousandth of a radian a second. Fed
-    back as sharply, every count of the encoder would set off the whole term.
-    """
-    return max(transition, SHARPEST_ONLINE)
-
-
-def sign(velocity, transition):
+def sign(velocity: Any, transition: float) -> Any:
     """Return the sign of friction, which passes through zero smoothly as Eq. 6 does."""
     return np.tanh(velocity / transition)
 
 
-def geometric(lowest, highest, number):
+def segment_starts(samples: Samples) -> np.ndarray:
+    """Return True where a stretch of unbroken data begins, shape (N,)."""
+    mark = np.zeros(len(samples), dtype=bool)
+    for part in samples.segments():
+        mark[part.start] = True
+    return mark
+
+
+def geometric(lowest: float, highest: float, number: int) -> list[float]:
     """Return numbers that grow by a constant factor."""
     return [float(value) for value in np.geomspace(lowest, highest, number)]
 
@@ -223,8 +470,3 @@ def _finite(name, value):
     if not math.isfinite(value):
         raise InputError(f'{name} must be finite, not {value!r}')
     return float(value)
-
-
-_POSITIVE = (
-    'transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
-    'time_constant', 'speed')

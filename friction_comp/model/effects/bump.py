@@ -4,11 +4,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, gentle, geometric, sign, StaticTerm
+from friction_comp.model.effects.base import CARRIES, Effect, geometric, RESISTS, Search
 
 
 class Bump(Effect):
@@ -19,9 +17,14 @@ class Bump(Effect):
 
     name = 'bump'
     variable = 'position'
-    repeatable = True
-    constants = {'position': ('linear', 0.5), 'width': ('log', 1.5), 'exponent': ('log', 2.2),
-                 'directional': None, 'transition': None}
+    most = 3
+    constants = {'position': Search(0.5, unit=lambda _, constants: constants['width']),
+                 'width': Search(1.5), 'exponent': Search(2.2), 'directional': None,
+                 'transition': None}
+
+    def __init__(self, parameters):
+        super().__init__(parameters)
+        self.role = RESISTS if self.values['directional'] else CARRIES
 
     @classmethod
     def grid(cls, scene):
@@ -37,27 +40,17 @@ class Bump(Effect):
                        for place in places for directional in (1.0, 0.0)]
         return points
 
-    @classmethod
-    def columns(cls, samples, position, width, exponent, directional, transition):
+    @staticmethod
+    def columns(x, c):
         """Return one column."""
-        distance = np.abs(samples.position - position) / width
-        power = distance * distance if exponent == 2.0 else distance ** exponent
-        bell = np.exp(-np.minimum(0.5 * power, 700.0))
-        if directional:
-            bell = bell * sign(samples.velocity, transition)
-        return bell[:, None]
+        distance = np.minimum(abs(x.position - c.position) / c.width, 1e6)
+        bell = np.exp(-np.minimum(0.5 * distance ** c.exponent, 700.0))
+        return (bell * x.side if c.directional else bell,)
 
-    def online(self):
-        """Return the term; friction's bump passes through zero with the velocity."""
-        gain = self.coefficients[0]
-        c = self.values
-
-        def term(_time, position, v, _temperature, _load):
-            distance = min(abs(position - c['position']) / c['width'], 1e6)
-            bell = math.exp(-min(0.5 * distance ** c['exponent'], 700.0))
-            side = math.tanh(v / gentle(c['transition'])) if c['directional'] else 1.0
-            return gain * side * bell
-        return StaticTerm(term)
+    @classmethod
+    def limited(cls, name, value, constants, scene):
+        """Sharper than this is a step up and a step down."""
+        return min(value, 40.0) if name == 'exponent' else value
 
     def describe(self):
         """Return the effect in words."""

@@ -4,11 +4,7 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
-from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
+from friction_comp.model.effects.base import Effect
 
 
 class DirectionAsymmetry(Effect):
@@ -29,21 +25,20 @@ class DirectionAsymmetry(Effect):
         """There is nothing to search."""
         return [{'offset': 1.0, 'transition': scene.transition}]
 
-    @classmethod
-    def columns(cls, samples, offset, transition):
+    @staticmethod
+    def columns(x, c):
         """Return two columns, even in the velocity."""
-        v = samples.velocity
-        even = np.ones_like(v) if offset else sign(v, transition) ** 2
-        return np.column_stack((even, np.abs(v)))
+        return (1.0 if c.offset else x.side ** 2, abs(x.velocity))
 
-    def online(self):
-        """Return the term; it is zero at standstill, where breakaway has its own two values."""
-        a, b = self.coefficients
-        transition = gentle(self.values['transition'])
+    @classmethod
+    def holds_offset(cls, scene):
+        """It is where an offset of the sigmoid belongs."""
+        return True
 
-        def term(_time, _position, v, _temperature, _load):
-            return a * math.tanh(v / transition) ** 2 + b * abs(v)
-        return StaticTerm(term)
+    @classmethod
+    def live_constants(cls, values):
+        """At standstill it is zero, for breakaway has its own two values there."""
+        return {**super().live_constants(values), 'offset': 0.0}
 
     def describe(self):
         """Return the effect in words."""

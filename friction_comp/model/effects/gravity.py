@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, StaticTerm
+from friction_comp.model.effects.base import CARRIES, Effect
 
 
 class Gravity(Effect):
@@ -16,6 +16,7 @@ class Gravity(Effect):
 
     name = 'gravity'
     variable = 'position'
+    role = CARRIES
     constants = {}
 
     @classmethod
@@ -23,18 +24,22 @@ class Gravity(Effect):
         """There is nothing to search."""
         return [{}]
 
-    @classmethod
-    def columns(cls, samples):
+    @staticmethod
+    def columns(x, c):
         """Return cos and sin of the joint angle."""
-        return np.column_stack((np.cos(samples.position), np.sin(samples.position)))
+        return (np.cos(x.position), np.sin(x.position))
 
-    def online(self):
-        """Return the term; it holds the limb whether it moves or not."""
-        a, b = self.coefficients
+    @classmethod
+    def holds_offset(cls, scene):
+        """Over a part of a turn gravity is largely a constant."""
+        return scene.span < 2.0
 
-        def term(_time, position, _v, _temperature, _load):
-            return a * math.cos(position) + b * math.sin(position)
-        return StaticTerm(term)
+    @classmethod
+    def hard_to_tell(cls, scene):
+        """Return why a short range shows little of it."""
+        if scene.span >= 0.5:
+            return ''
+        return (f'over {scene.span:.2g} rad gravity, a spring and a slow ripple look the same')
 
     def describe(self):
         """Return the effect in words."""

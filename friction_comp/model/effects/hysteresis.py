@@ -9,17 +9,11 @@ import math
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.base import (
-    Effect,
-    geometric,
-    OnlineTerm,
-    SHARPEST_ONLINE,
-    sign,
-)
+from friction_comp.model.effects.base import Effect, geometric, Search, segment_starts
 
 
 @njit(cache=True)
-def turned(state, step, distance, exponent):
+def dahl_step(state, dt, dq, velocity, c):
     """Return Dahl's state z after a step of position, solved exactly.
 
     dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p = 1 turns round like an exponential, p < 1
@@ -27,62 +21,39 @@ def turned(state, step, distance, exponent):
 
     Parameters
     ----------
-    state, step, distance, exponent : float
-        z in -1..1; rad; rad; p.
+    state : float
+        z in -1..1.
+    dt, dq, velocity : float
+        s, rad, rad/s; only the step of position counts.
+    c : namedtuple
+        ``distance`` in rad, ``exponent`` p.
 
     Returns
     -------
     float
     """
-    if step == 0.0:
+    if dq == 0.0:
         return state
-    side = 1.0 if step > 0.0 else -1.0
+    side = 1.0 if dq > 0.0 else -1.0
     left = 1.0 - side * state
     if left <= 0.0:
         return side
-    way = abs(step) / distance
-    if abs(exponent - 1.0) < 1e-6:
-        left *= math.exp(-way)
+    travel = abs(dq) / c.distance
+    if abs(c.exponent - 1.0) < 1e-6:
+        left *= math.exp(-travel)
     else:
-        power = left ** (1.0 - exponent) - (1.0 - exponent) * way
-        left = power ** (1.0 / (1.0 - exponent)) if power > 0.0 else 0.0
+        power = left ** (1.0 - c.exponent) - (1.0 - c.exponent) * travel
+        left = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
     return side * (1.0 - left)
 
 
 @njit(cache=True)
-def dahl_state(position, broken, start, distance, exponent):
-    """Return Dahl's state z of every sample.
-
-    Parameters
-    ----------
-    position : ndarray, shape (N,)
-    broken : ndarray of bool, shape (N,)
-        True where a stretch of data begins; z starts there as `start`.
-    start : ndarray, shape (N,)
-    distance, exponent : float
-        As for `turned`.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-    """
-    state = np.empty(len(position))
-    z = 0.0
+def _dahl_states(position, broken, start, c):
+    states = np.empty(len(position))
     for k in range(len(position)):
-        if broken[k]:
-            z = start[k]
-        else:
-            z = turned(z, position[k] - position[k - 1], distance, exponent)
-        state[k] = z
-    return state
-
-
-def breaks(samples):
-    """Return True where a stretch of unbroken data begins, shape (N,)."""
-    mark = np.zeros(len(samples), dtype=bool)
-    for part in samples.segments():
-        mark[part.start] = True
-    return mark
+        states[k] = start[k] if broken[k] else dahl_step(
+            states[k - 1], 0.0, position[k] - position[k - 1], 0.0, c)
+    return states
 
 
 class Hysteresis(Effect):
@@ -95,7 +66,11 @@ class Hysteresis(Effect):
 
     name = 'hysteresis'
     variable = 'history'
-    constants = {'distance': ('log', 1.6), 'exponent': ('log', 1.5), 'transition': None}
+    constants = {'distance': Search(1.6), 'exponent': Search(1.5), 'transition': None}
+    signs = (1,)
+    sees_history = True
+    coulomb_column = 0
+    fades_at_rest = True
 
     @classmethod
     def grid(cls, scene):
@@ -107,19 +82,29 @@ class Hysteresis(Effect):
         return [{'distance': value, 'exponent': 1.0, 'transition': scene.transition}
                 for value in geometric(min(lowest, 0.02 * span), 0.15 * span, 12)]
 
-    @classmethod
-    def columns(cls, samples, distance, exponent, transition):
-        """Return two columns: the state, and its change with time in 1/s."""
-        v = samples.velocity
-        direction = sign(v, transition)
-        position = np.ascontiguousarray(samples.position, dtype=float)
-        state = dahl_state(position, breaks(samples), direction, distance, exponent)
-        left = np.maximum(1.0 - state * np.sign(v), 0.0) ** exponent
-        return np.column_stack((state, v * left / distance))
+    step = staticmethod(dahl_step)
 
-    def online(self):
-        """Return the term; it fades at standstill, where stored torque would push the joint."""
-        return _Bristles(self)
+    @staticmethod
+    def start(side, c):
+        """A stretch that begins in motion has slid far enough before."""
+        return side
+
+    @classmethod
+    def memory(cls, samples, side, c):
+        """Return Dahl's state at every sample, shape (N,)."""
+        position = np.ascontiguousarray(samples.position, dtype=float)
+        return _dahl_states(position, segment_starts(samples), side, c)
+
+    @staticmethod
+    def columns(x, c):
+        """Return two columns: the state, and its change with time in 1/s."""
+        left = np.maximum(1.0 - x.memory * np.sign(x.velocity), 0.0) ** c.exponent
+        return (x.memory, x.velocity * left / c.distance)
+
+    @classmethod
+    def limited(cls, name, value, constants, scene):
+        """Beyond these exponents it turns round at once, or never."""
+        return min(max(value, 0.3), 3.0) if name == 'exponent' else value
 
     def describe(self):
         """Return the effect in words."""
@@ -131,26 +116,3 @@ class Hysteresis(Effect):
         c = self.values
         return (f'{self.coefficients[0]:+.4g}·z {self.coefficients[1]:+.4g}·dz/dt, '
                 f'dz/dq = (1 - z·sgn(v))^{c["exponent"]:.3g}/{c["distance"]:.3g}')
-
-
-class _Bristles(OnlineTerm):
-    def __init__(self, effect):
-        self._gain, self._damping = effect.coefficients
-        self._constants = effect.values
-        self.reset()
-
-    def update(self, time, position, velocity, temperature=None, load=None):
-        moving = abs(math.tanh(velocity / SHARPEST_ONLINE))
-        step = 0.0 if self._position is None else position - self._position
-        distance, exponent = self._constants['distance'], self._constants['exponent']
-        self._state = turned(self._state, step, distance, exponent)
-        self._position = position
-        side = math.copysign(1.0, velocity)
-        change = velocity * max(1.0 - side * self._state, 0.0) ** exponent / distance
-        # What the bristles hold at rest is held by friction: fed to the motor it would push a
-        # joint that nobody touches.
-        return (self._gain * self._state + self._damping * change) * moving
-
-    def reset(self):
-        self._state = 0.0
-        self._position = None

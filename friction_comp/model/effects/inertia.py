@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.base import CARRIES, Effect
 
 
 class Inertia(Effect):
@@ -12,22 +12,23 @@ class Inertia(Effect):
 
     name = 'inertia'
     variable = 'acceleration'
+    role = CARRIES
     needs = ('acceleration',)
+    signs = (1,)
+    expected = True
+    not_fed_back = (
+        'acceleration from the encoder comes too late and too noisy: fed back it would lower the '
+        'apparent inertia and can destabilise the joint')
 
     @classmethod
     def grid(cls, scene):
         """There is nothing to search."""
         return [{}]
 
-    @classmethod
-    def columns(cls, samples):
+    @staticmethod
+    def columns(x, c):
         """Return the acceleration."""
-        return samples.acceleration[:, None]
-
-    def why_left_out(self):
-        """Return why inertia is not fed back."""
-        return ('acceleration from the encoder comes too late and too noisy: fed back it would '
-                'lower the apparent inertia and can destabilise the joint')
+        return (x.acceleration,)
 
     def describe(self):
         """Return the effect in words."""

@@ -8,25 +8,22 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
+from friction_comp.model.effects.base import CARRIES, Effect, Search
 
 
 class _Ripple(Effect):
     variable = 'position'
-    repeatable = True
-    constants = {'frequency': ('linear', 1.0), 'growth': None, 'speed': None, 'transition': None}
+    most = 4
+    constants = {
+        'frequency': Search(1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12)),
+        'growth': None, 'speed': None, 'transition': None}
+    spectral = 'frequency'
 
     @classmethod
     def grid(cls, scene):
-        """Frequencies come from the spectrum over position: see `refinement.spectrum`."""
-        return []
-
-    @classmethod
-    def columns(cls, samples, frequency, growth, speed, transition):
-        """Return cos and sin over position, times |v|^growth, times the sign of friction."""
-        amplitude = cls._amplitude(samples.velocity, growth, speed, transition)
-        phase = frequency * samples.position
-        return np.column_stack((amplitude * np.cos(phase), amplitude * np.sin(phase)))
+        """With or without growth with the speed; the frequency comes from a spectrum."""
+        return [{'growth': growth, 'speed': scene.speed, 'transition': scene.transition}
+                for growth in (0.0, 1.0)]
 
     def describe(self):
         """Return the effect in words."""
@@ -52,22 +49,14 @@ class Cogging(_Ripple):
     """``(A·cos(kq) + B·sin(kq))·(|v|/v_ref)^g``, independent of the direction of motion."""
 
     name = 'cogging'
+    role = CARRIES
     _word = 'Cogging'
 
-    @classmethod
-    def _amplitude(cls, v, growth, speed, transition):
-        return (np.abs(v) / speed) ** growth
-
-    def online(self):
-        """Return the term; it is independent of direction, so it also holds at standstill."""
-        a, b = self.coefficients
-        c = self.values
-
-        def term(_time, position, v, _temperature, _load):
-            phase = c['frequency'] * position
-            grown = (abs(v) / c['speed']) ** c['growth'] if c['growth'] else 1.0
-            return grown * (a * math.cos(phase) + b * math.sin(phase))
-        return StaticTerm(term)
+    @staticmethod
+    def columns(x, c):
+        """Return cos and sin over position, times |v|^growth."""
+        amplitude, phase = (abs(x.velocity) / c.speed) ** c.growth, c.frequency * x.position
+        return (amplitude * np.cos(phase), amplitude * np.sin(phase))
 
 
 class FrictionRipple(_Ripple):
@@ -76,21 +65,12 @@ class FrictionRipple(_Ripple):
     name = 'friction_ripple'
     _word = 'Friction ripple'
 
-    @classmethod
-    def _amplitude(cls, v, growth, speed, transition):
-        return sign(v, transition) * (np.abs(v) / speed) ** growth
-
-    def online(self):
-        """Return the term; it passes through zero with the velocity."""
-        a, b = self.coefficients
-        c = self.values
-
-        def term(_time, position, v, _temperature, _load):
-            phase = c['frequency'] * position
-            grown = (abs(v) / c['speed']) ** c['growth'] if c['growth'] else 1.0
-            return (grown * math.tanh(v / gentle(c['transition']))
-                    * (a * math.cos(phase) + b * math.sin(phase)))
-        return StaticTerm(term)
+    @staticmethod
+    def columns(x, c):
+        """Return cos and sin over position, times |v|^growth and the sign of friction."""
+        amplitude = x.side * (abs(x.velocity) / c.speed) ** c.growth
+        phase = c.frequency * x.position
+        return (amplitude * np.cos(phase), amplitude * np.sin(phase))
 
     def _suffix(self):
         return f'·tanh(v/{self.values["transition"]:.3g})'

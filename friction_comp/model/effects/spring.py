@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from friction_comp.model.effects.base import Effect, StaticTerm
+from friction_comp.model.effects.base import CARRIES, Effect
 
 
 class Spring(Effect):
@@ -12,6 +12,7 @@ class Spring(Effect):
 
     name = 'spring'
     variable = 'position'
+    role = CARRIES
     constants = {'position': None}
 
     @classmethod
@@ -19,18 +20,15 @@ class Spring(Effect):
         """The middle of the range stands for where the spring is slack: see the sigmoid."""
         return [{'position': 0.5 * (scene.lowest + scene.highest)}]
 
-    @classmethod
-    def columns(cls, samples, position):
+    @staticmethod
+    def columns(x, c):
         """Return one column."""
-        return (samples.position - position)[:, None]
+        return (x.position - c.position,)
 
-    def online(self):
-        """Return the term; it holds the joint whether it moves or not."""
-        gain, middle = self.coefficients[0], self.values['position']
-
-        def term(_time, position, _v, _temperature, _load):
-            return gain * (position - middle)
-        return StaticTerm(term)
+    @classmethod
+    def holds_offset(cls, scene):
+        """A constant says where the spring is slack."""
+        return True
 
     def describe(self):
         """Return the effect in words."""

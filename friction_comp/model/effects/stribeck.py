@@ -4,11 +4,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, gentle, geometric, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, geometric, Search
 
 
 class Stribeck(Effect):
@@ -16,7 +14,7 @@ class Stribeck(Effect):
 
     name = 'stribeck'
     variable = 'velocity'
-    constants = {'velocity': ('log', 1.6), 'exponent': None, 'transition': None}
+    constants = {'velocity': Search(1.6), 'exponent': None, 'transition': None}
 
     @classmethod
     def grid(cls, scene):
@@ -26,22 +24,15 @@ class Stribeck(Effect):
                 for velocity in geometric(min(lowest, 0.3 * scene.speed), 0.7 * scene.speed, 9)
                 for exponent in (1.0, 2.0)]
 
-    @classmethod
-    def columns(cls, samples, velocity, exponent, transition):
+    @staticmethod
+    def columns(x, c):
         """Return one column, 1 at zero speed and fading with it."""
-        v = samples.velocity
-        fade = np.exp(-np.minimum((np.abs(v) / velocity) ** exponent, 700.0))
-        return (sign(v, transition) * fade)[:, None]
+        return (x.side * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
 
-    def online(self):
-        """Return the term; it passes through zero with the velocity."""
-        gain = self.coefficients[0]
-        c = self.values
-
-        def term(_time, _position, v, _temperature, _load):
-            fade = math.exp(-min((abs(v) / c['velocity']) ** c['exponent'], 700.0))
-            return gain * math.tanh(v / gentle(c['transition'])) * fade
-        return StaticTerm(term)
+    @classmethod
+    def limited(cls, name, value, constants, scene):
+        """What fades as slowly as the top speed is a curved viscous friction."""
+        return min(value, 0.7 * scene.speed) if name == 'velocity' else value
 
     def describe(self):
         """Return the effect in words."""

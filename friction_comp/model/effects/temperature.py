@@ -4,11 +4,7 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
-from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
+from friction_comp.model.effects.base import Effect
 
 
 class Temperature(Effect):
@@ -27,24 +23,11 @@ class Temperature(Effect):
         """The reference is a convention: the median temperature of the recordings."""
         return [{'reference_temperature': scene.temperature, 'transition': scene.transition}]
 
-    @classmethod
-    def columns(cls, samples, reference_temperature, transition):
+    @staticmethod
+    def columns(x, c):
         """Return three columns."""
-        v = samples.velocity
-        difference = samples.temperature - reference_temperature
-        side = sign(v, transition)
-        return np.column_stack((side * difference, v * difference, side * side * difference))
-
-    def online(self):
-        """Return the term; it needs the temperature and passes through zero with the velocity."""
-        a, b, even = self.coefficients
-        c = self.values
-
-        def term(_time, _position, v, temperature, _load):
-            difference = temperature - c['reference_temperature']
-            side = math.tanh(v / gentle(c['transition']))
-            return (a * side + b * v + even * side * side) * difference
-        return StaticTerm(term, needs=('temperature',))
+        difference = x.temperature - c.reference_temperature
+        return (x.side * difference, x.velocity * difference, x.side * x.side * difference)
 
     def describe(self):
         """Return the effect in words."""

@@ -4,11 +4,7 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
-from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, Search
 
 
 class ViscousShape(Effect):
@@ -19,7 +15,7 @@ class ViscousShape(Effect):
 
     name = 'viscous_shape'
     variable = 'velocity'
-    constants = {'exponent': ('log', 1.3), 'reference': None, 'transition': None}
+    constants = {'exponent': Search(1.3), 'reference': None, 'transition': None}
 
     @classmethod
     def grid(cls, scene):
@@ -27,21 +23,17 @@ class ViscousShape(Effect):
         return [{'exponent': exponent, 'reference': scene.speed, 'transition': scene.transition}
                 for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
 
-    @classmethod
-    def columns(cls, samples, exponent, reference, transition):
+    @staticmethod
+    def columns(x, c):
         """Return one column."""
-        v = samples.velocity
-        return (sign(v, transition) * (np.abs(v) / reference) ** exponent)[:, None]
+        return (x.side * (abs(x.velocity) / c.reference) ** c.exponent,)
 
-    def online(self):
-        """Return the term; it passes through zero with the velocity."""
-        gain = self.coefficients[0]
-        c = self.values
-
-        def term(_time, _position, v, _temperature, _load):
-            return (gain * math.tanh(v / gentle(c['transition']))
-                    * (abs(v) / c['reference']) ** c['exponent'])
-        return StaticTerm(term)
+    @classmethod
+    def limited(cls, name, value, constants, scene):
+        """Next to one it is the linear term once more, and the two grow against each other."""
+        if name == 'exponent' and 0.85 < value < 1.2:
+            return 0.85 if value < 1.0 else 1.2
+        return value
 
     def describe(self):
         """Return the effect in words."""

@@ -4,14 +4,27 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, gentle, geometric, OnlineTerm, sign
+from friction_comp.model.effects.base import Effect, geometric, NEITHER, Search
 
 
-class WarmUp(Effect):
+class _Drift(Effect):
+    variable = 'time'
+    holds_on_another_day = False
+
+    @classmethod
+    def limited(cls, name, value, constants, scene):
+        """Slower than this is a straight line in time, however slow."""
+        return min(value, 5.0 * scene.duration) if name == 'time_constant' else value
+
+    @classmethod
+    def holds_offset(cls, scene):
+        """A constant says where the drift leads to."""
+        return True
+
+
+class WarmUp(_Drift):
     """``(A·s + B·v + C·s²)·exp(-t/τ)``, s = tanh(v/v_t), t from the start of each recording.
 
     The last term is there because friction that differs between the directions (Eq. 6 has two
@@ -19,8 +32,7 @@ class WarmUp(Effect):
     """
 
     name = 'warm_up'
-    variable = 'time'
-    constants = {'time_constant': ('log', 1.7), 'transition': None}
+    constants = {'time_constant': Search(1.7), 'transition': None}
 
     @classmethod
     def grid(cls, scene):
@@ -28,17 +40,11 @@ class WarmUp(Effect):
         return [{'time_constant': value, 'transition': scene.transition}
                 for value in geometric(scene.duration / 30.0, 5.0 * scene.duration, 9)]
 
-    @classmethod
-    def columns(cls, samples, time_constant, transition):
+    @staticmethod
+    def columns(x, c):
         """Return three columns."""
-        v = samples.velocity
-        fade = np.exp(-np.maximum(samples.time, 0.0) / time_constant)
-        side = sign(v, transition)
-        return np.column_stack((side * fade, v * fade, side * side * fade))
-
-    def online(self):
-        """Return the term; its time counts from the first sample after a reset."""
-        return _Fading(self)
+        fade = np.exp(-np.maximum(x.time, 0.0) / c.time_constant)
+        return (x.side * fade, x.velocity * fade, x.side * x.side * fade)
 
     def describe(self):
         """Return the effect in words."""
@@ -54,12 +60,14 @@ class WarmUp(Effect):
                 f'·exp(-t/{c["time_constant"]:.4g}), s = tanh(v/{c["transition"]:.3g})')
 
 
-class OffsetDrift(Effect):
+class OffsetDrift(_Drift):
     """``A·exp(-t/τ)``: a current that drifts whatever the direction, t as in `WarmUp`."""
 
     name = 'offset_drift'
-    variable = 'time'
-    constants = {'time_constant': ('log', 1.7)}
+    role = NEITHER
+    not_fed_back = ('a drifting offset of the current sensor is no torque; fed back it could push '
+                    'an untouched joint')
+    constants = {'time_constant': Search(1.7)}
 
     @classmethod
     def grid(cls, scene):
@@ -67,15 +75,10 @@ class OffsetDrift(Effect):
         return [{'time_constant': value}
                 for value in geometric(scene.duration / 30.0, 5.0 * scene.duration, 9)]
 
-    @classmethod
-    def columns(cls, samples, time_constant):
+    @staticmethod
+    def columns(x, c):
         """Return one column."""
-        return np.exp(-np.maximum(samples.time, 0.0) / time_constant)[:, None]
-
-    def why_left_out(self):
-        """Return why the drift is not fed back."""
-        return ('a drifting offset of the current sensor is no torque; fed back it could push an '
-                'untouched joint')
+        return (np.exp(-np.maximum(x.time, 0.0) / c.time_constant),)
 
     def describe(self):
         """Return the effect in words."""
@@ -85,22 +88,3 @@ class OffsetDrift(Effect):
     def formula(self):
         """Return the formula with its numbers."""
         return f'{self.coefficients[0]:+.4g}·exp(-t/{self.values["time_constant"]:.4g})'
-
-
-class _Fading(OnlineTerm):
-    def __init__(self, effect):
-        self._coulomb, self._viscous, self._even = effect.coefficients
-        self._constants = effect.values
-        self._start = None
-
-    def update(self, time, position, velocity, temperature=None, load=None):
-        if self._start is None or time < self._start:
-            self._start = time
-        c = self._constants
-        fade = math.exp(-(time - self._start) / c['time_constant'])
-        side = math.tanh(velocity / gentle(c['transition']))
-        return (self._coulomb * side + self._viscous * velocity + self._even * side * side) * fade
-
-    def reset(self):
-        # A reset of the compensator does not cool the motor: the clock keeps running.
-        pass

@@ -6,14 +6,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_comp.model.effects import EFFECTS
+from friction_comp.model.effects.direction_asymmetry import DirectionAsymmetry
 from friction_comp.refinement.fit.effect_sum import Term
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
 from friction_comp.refinement.search.candidate_fit import ALPHA, Step
 
 # Plateaus of Eq. 6 that differ by less are drawn as they are: the note's three drives do.
 WORTH_A_NAME = 0.10
-_KIND = EFFECTS['direction_asymmetry']
+_KIND = DirectionAsymmetry
 
 
 def without_offset(fit, known):
@@ -29,8 +29,8 @@ def coulomb_of(fit):
     """Return the Coulomb friction in A of a fit: the sigmoid's and that which builds up."""
     coulomb, place = float(fit.coefficients[1]), 3
     for term, part in zip(fit.terms, fit.parts[1:]):
-        if term.kind.name == 'hysteresis':
-            coulomb += float(fit.coefficients[place])
+        if term.kind.coulomb_column is not None:
+            coulomb += float(fit.coefficients[place + term.kind.coulomb_column])
         place += part.shape[1]
     return coulomb
 
@@ -52,13 +52,7 @@ def named_asymmetry(data, fits, steps, known=0.0):
     known : float
         Half the sum of the plateaus of the model before, A.
     """
-    # With a spring the constant says where it is slack, with a drift where that leads to.
-    taken = {_KIND.name, 'spring', 'warm_up', 'offset_drift'}
-    scene = data.scene
-    if scene.highest - scene.lowest < 2.0:
-        # Over a part of a turn gravity is largely a constant.
-        taken.add('gravity')
-    if any(step.kind.name in taken for step in steps) or not both_directions(data):
+    if any(step.kind.holds_offset(data.scene) for step in steps) or not both_directions(data):
         return None
     for fit in fits:
         if abs(fit.coefficients[0] - known) < WORTH_A_NAME * abs(coulomb_of(fit)):
@@ -88,7 +82,7 @@ def carve_out(model, samples, usable):
     The current predicted in motion stays the same. At rest it depends on what the difference is:
     an offset stays, Coulomb friction vanishes. Rest in the recording decides.
     """
-    place = next((k for k, effect in enumerate(model.effects) if effect.name == _KIND.name), None)
+    place = next((k for k, effect in enumerate(model.effects) if isinstance(effect, _KIND)), None)
     if place is None:
         return model
     effect, sigmoid = model.effects[place], model.sigmoid
@@ -102,7 +96,7 @@ def carve_out(model, samples, usable):
     model.effects[place] = _KIND(values)
     resting = np.abs(samples.velocity) < 0.2 * np.percentile(np.abs(samples.velocity[usable]), 5)
     if resting.sum() > 100:
-        left = samples.current[resting] - model.predict(samples)[resting]
+        left = samples.current[resting] - model.current(samples)[resting]
         # With Coulomb's asymmetry the prediction at rest would be lower by all of it.
         if abs(np.median(left) + total) < abs(np.median(left)):
             model.effects[place] = _KIND({**values, 'offset': 0.0})

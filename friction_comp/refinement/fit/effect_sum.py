@@ -11,8 +11,6 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import expit
 
-from friction_comp.model.differentiation import advance, delayed
-
 # Residuals beyond this many standard deviations weigh less (Huber 1964 has 1.345 for 95 %
 # efficiency; the wider band keeps the short accelerations, where much of the information is).
 HUBER = 2.0
@@ -30,15 +28,20 @@ class Term:
         """Return the term with another velocity over which its friction changes sign."""
         if self.constants.get('transition', transition) == transition:
             return self
-        return Term(self.kind, {**self.constants, 'transition': transition})
+        return self.with_constants(transition=transition)
 
     def columns(self, samples, window):
         """Return the design matrix; ripple is damped as the averaging of samples damps it."""
-        matrix = self.kind.columns(samples, **self.constants)
-        if window and 'frequency' in self.constants:
-            turns = self.constants['frequency'] * samples.velocity * window / (2.0 * math.pi)
+        matrix = self.kind.matrix(samples, self.constants)
+        if window and self.kind.spectral:
+            turns = (self.constants[self.kind.spectral] * samples.velocity * window
+                     / (2.0 * math.pi))
             matrix = matrix * np.sinc(turns)[:, None]
         return matrix
+
+    def with_constants(self, **changes):
+        """Return the term with other values of some constants."""
+        return Term(self.kind, {**self.constants, **changes})
 
 
 def base_columns(samples, steepness, shift=0.0):
@@ -121,18 +124,22 @@ class Fit:
 
     def fill(self):
         """Compute all columns anew."""
-        self.samples = advance(self.data.samples, self.delays[0])
+        self.samples = self.data.samples
+        for term in self.terms:
+            self.samples = term.kind.seen_by(self.samples, term.constants)
         self.terms = [term.turned(self.transition) for term in self.terms]
         self.parts = [self.base()] + [self.columns(term) for term in self.terms]
 
     @property
-    def delays(self):
-        """Lag of the motion and time constant of the smoothing in s, from the term for them."""
+    def reshaped(self):
+        """Whether a term changes the current of all others."""
+        return any(term.kind.reshapes for term in self.terms)
+
+    def recorded_as(self, columns):
+        """Return columns, shape (N, M), as the recording holds them."""
         for term in self.terms:
-            if 'lag' in term.constants:
-                lag, side = term.constants['lag'], term.constants['first_order']
-                return (0.0, side * lag) if side else (lag, 0.0)
-        return 0.0, 0.0
+            columns = term.kind.recorded_as(columns, self.samples, term.constants)
+        return columns
 
     def base(self):
         """Return the sigmoid's columns, shape (N, 3)."""
@@ -141,12 +148,11 @@ class Fit:
             # From motion in one direction a constant cannot be told from Coulomb friction, and the
             # two together would bend into any shape: friction is taken to be odd.
             columns[:, 0] = 0.0
-        return delayed(columns, self.samples, self.delays[1])
+        return self.recorded_as(columns)
 
     def columns(self, term):
         """Return a term's columns, shape (N, M)."""
-        return delayed(term.columns(self.samples, self.data.window), self.samples,
-                       self.delays[1])
+        return self.recorded_as(term.columns(self.samples, self.data.window))
 
     @property
     def target(self):
@@ -172,7 +178,7 @@ class Fit:
     def with_term(self, term):
         """Return a copy with one more term, solved."""
         twin = self.copy()
-        if 'lag' in term.constants:
+        if term.kind.reshapes:
             twin.terms.append(term)
             twin.refresh()
             return twin
@@ -186,7 +192,7 @@ class Fit:
         """Return a copy that lacks one term, solved."""
         twin = self.copy()
         gone = twin.terms.pop(place)
-        if 'lag' in gone.constants:
+        if gone.kind.reshapes:
             twin.refresh()
             return twin
         twin.parts = self.parts[:place + 1] + self.parts[place + 2:]
@@ -209,7 +215,7 @@ class Fit:
     def gain(self, term, every=1):
         """Return by how much a term would lower the weighted sum of squares, in A²."""
         index, root, q, residual = self.basis(every)
-        if term.kind.variable == 'history' or self.delays[1]:
+        if term.kind.sees_history or self.reshaped:
             columns = self.columns(term)[index]
         else:
             columns = term.columns(self._picked(index), self.data.window)
@@ -238,63 +244,41 @@ class Fit:
         """Return the term with its constants searched around where they are, and its gain."""
         best = self.gain(term, every)
         for name, how in term.kind.constants.items():
-            if how is None or name == 'lag':
+            if how is None or how.joint_only:
                 continue
             current = term.constants[name]
-            low, high, back = bracket(name, how, current, term.constants, self.data.scene)
+            low, high, back = bracket(how, current, term.constants, self.data.scene)
 
             def loss(x, name=name, back=back, term=term):
-                value = limited(term.kind, name, float(back(x)), self.data.scene)
-                return -self.gain(Term(term.kind, {**term.constants, name: value}), every)
+                value = term.kind.limited(
+                    name, float(back(x)), term.constants, self.data.scene)
+                return -self.gain(term.with_constants(**{name: value}), every)
             found = minimize_scalar(loss, bounds=(low, high), method='bounded',
                                     options={'maxiter': evaluations, 'xatol': 1e-4 * (high - low)})
             if -found.fun > best:
                 best = -found.fun
-                value = limited(term.kind, name, float(back(found.x)), self.data.scene)
-                term = Term(term.kind, {**term.constants, name: value})
+                value = term.kind.limited(
+                    name, float(back(found.x)), term.constants, self.data.scene)
+                term = term.with_constants(**{name: value})
         return term, best
 
 
-def limited(kind, name, value, scene):
-    """Return a constant kept where the effect is what its name says.
+def bracket(how, value, constants, scene):
+    """Return the search interval of a constant and the map from its scale.
 
     Parameters
     ----------
-    kind : type
-        The effect.
-    name : str
-        Of the constant.
+    how : Search
     value : float
+        The constant's value now.
+    constants : dict
+        All constants of the term.
     scene : Scene
     """
-    if name == 'time_constant':
-        # Slower than this is a straight line in time, however slow.
-        return min(value, 5.0 * scene.duration)
-    if name == 'exponent' and kind.name == 'bump':
-        # Sharper than this is a step up and a step down.
-        return min(value, 40.0)
-    if name == 'exponent' and kind.name == 'hysteresis':
-        return min(max(value, 0.3), 3.0)
-    if name == 'exponent' and kind.name == 'viscous_shape' and 0.85 < value < 1.2:
-        # Next to one it is the linear term once more, and the two grow large against each other.
-        return 0.85 if value < 1.0 else 1.2
-    if name == 'velocity' and kind.name == 'stribeck':
-        # What fades as slowly as the top speed is a curved viscous friction.
-        return min(value, 0.7 * scene.speed)
-    return value
-
-
-def bracket(name, how, value, constants, scene):
-    """Return the search interval of a constant and the map from its scale."""
-    kind, width = how
-    if kind == 'log':
-        return math.log(value / width), math.log(value * width), math.exp
-    unit = {
-        'frequency': math.pi / max(scene.highest - scene.lowest, 1e-12),
-        'position': constants.get('width', 1.0),
-        'lag': scene.sample_time,
-    }[name]
-    return value - width * unit, value + width * unit, float
+    if how.logarithmic:
+        return math.log(value / how.width), math.log(value * how.width), math.exp
+    half = how.width * how.unit(scene, constants)
+    return value - half, value + half, float
 
 
 def first_fit(data, rows, offset=None, most_rows=8000):

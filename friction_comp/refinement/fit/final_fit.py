@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -21,8 +22,6 @@ _MOST_SAMPLES = 200_000
 # Losses in motion that differ by less are as good as each other.
 _AS_GOOD = 1.01
 _NEARLY_AS_GOOD = 1.05
-# The longest lag tried, s.
-_LONGEST_LAG = 0.15
 
 
 def final_fit(data, fits):
@@ -99,27 +98,24 @@ def tune_transition(fit):
 
 def tune_lag(fit):
     """Return the fit with the form and size of its lag, if it has one, as all samples show it."""
-    place = next((k for k, term in enumerate(fit.terms) if 'lag' in term.constants), None)
+    place = next((k for k, term in enumerate(fit.terms) if term.kind.reshapes), None)
     if place is None:
         return fit
     judge, kind = _Judge(fit, _NEARLY_AS_GOOD), fit.terms[place].kind
-    shortest, longest = fit.data.scene.sample_time, _LONGEST_LAG
-    sizes = np.geomspace(shortest, max(longest, 2.0 * shortest), 14)
-    forms = [(0.0, 1.0), (0.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
     for steepness in (fit.steepness, 300.0 / fit.data.scene.speed):
-        for form, sign in forms:
-            for size in sizes:
-                twin = fit.copy()
-                twin.terms[place] = Term(kind, {'lag': float(sign * size), 'first_order': form})
-                judge.hear(with_steepness(twin, steepness))
+        for constants in kind.forms(fit.data.scene):
+            twin = fit.copy()
+            twin.terms[place] = Term(kind, constants)
+            judge.hear(with_steepness(twin, steepness))
     if judge.best is fit:
         return fit
     near, term = judge.best, judge.best.terms[place]
+    size, = (name for name, how in kind.constants.items() if how is not None)
 
     def tried(ratio):
         twin = near.copy()
-        twin.terms[place] = Term(kind, {
-            **term.constants, 'lag': float(term.constants['lag'] * np.exp(ratio))})
+        twin.terms[place] = term.with_constants(
+            **{size: float(term.constants[size] * np.exp(ratio))})
         return judge.hear(with_steepness(twin, near.steepness))
     minimize_scalar(tried, bounds=(-0.4, 0.4), method='bounded', options={'maxiter': 10})
     judge.best.solve()
@@ -171,4 +167,9 @@ def with_load(model, coefficient):
     if not coefficient:
         return model
     return replace(model, effects=[
-        *model.effects, EFFECTS['load_torque']({'coefficients': [coefficient]})])
+        *model.effects, mechanical_load()({'coefficients': [coefficient]})])
+
+
+def mechanical_load():
+    """Return the effect by which a measured load spares the motor its torque."""
+    return next(kind for kind in EFFECTS.values() if kind.by_mechanics(Drive(1.0, 1.0)))

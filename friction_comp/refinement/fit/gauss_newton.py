@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from friction_comp.refinement.fit.effect_sum import bracket, huber_loss, limited, solve, Term
+from friction_comp.refinement.fit.effect_sum import huber_loss, solve
 
 _HALVINGS = 4
 _ENOUGH = 1e-4
@@ -49,13 +49,11 @@ def handles(fit, centered):
         for name, how in term.kind.constants.items():
             if how is None:
                 continue
-            if name == 'lag':
-                found.append(Handle(place, name, fit.data.scene.sample_time, False))
-            elif how[0] == 'log':
-                found.append(Handle(place, name, math.log(how[1]), True))
+            if how.logarithmic:
+                found.append(Handle(place, name, math.log(how.width), True))
             else:
-                low, high, _ = bracket(name, how, 0.0, term.constants, fit.data.scene)
-                found.append(Handle(place, name, 0.25 * (high - low), False))
+                unit = how.width * how.unit(fit.data.scene, term.constants)
+                found.append(Handle(place, name, unit if how.joint_only else 0.5 * unit, False))
     return found
 
 
@@ -75,7 +73,7 @@ def shifted(fit, moves):
     moves : list of (Handle, float)
     """
     twin = fit.copy()
-    delay = False
+    reshaped = False
     for handle, step in moves:
         value = value_of(fit, handle)
         value = (value * math.exp(handle.unit * step) if handle.logarithmic
@@ -84,14 +82,12 @@ def shifted(fit, moves):
             setattr(twin, handle.name, within(twin, handle.name, value))
         else:
             old = twin.terms[handle.place]
-            if handle.name == 'lag':
-                delay = True
-                if old.constants['first_order']:
-                    value = max(value, 0.1 * handle.unit)
-            value = limited(old.kind, handle.name, value, fit.data.scene)
-            twin.terms[handle.place] = Term(old.kind, {**old.constants, handle.name: value})
+            value = old.kind.limited(
+                handle.name, value, old.constants, fit.data.scene)
+            twin.terms[handle.place] = old.with_constants(**{handle.name: value})
+            reshaped = reshaped or old.kind.reshapes
     twin.terms = [term.turned(twin.transition) for term in twin.terms]
-    if delay:
+    if reshaped:
         twin.fill()
         return twin
     base = fit.parts[0]

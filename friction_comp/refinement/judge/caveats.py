@@ -117,11 +117,9 @@ def ambiguities(samples, usable, steps, scene):
         add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
             f'correlation {alike:.2f}): drift over time, which may be as large on another day, '
             'cannot be told from the dependence on velocity')
-    if 'position' in variables and scene.highest - scene.lowest < 0.5 and any(
-            step.kind.name == 'gravity' for step in steps):
-        found.append({
-            'between': ['position', 'position'],
-            'why': f'over {scene.highest - scene.lowest:.2g} rad gravity, a spring and a slow '
-                   'ripple look the same',
-            'experiment': 'record motion over at least a third of a turn'})
+    for kind in {step.kind for step in steps}:
+        why = kind.hard_to_tell(scene)
+        if why:
+            found.append({'between': [kind.variable, kind.variable], 'why': why,
+                          'experiment': 'record motion over at least a third of a turn'})
     return found

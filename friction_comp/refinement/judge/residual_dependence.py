@@ -9,7 +9,7 @@ import itertools
 
 import numpy as np
 
-from friction_comp.model.effects.hysteresis import breaks
+from friction_comp.model.effects.base import segment_starts
 from friction_comp.refinement.fit.effect_sum import robust_scale
 from friction_comp.refinement.prepare.fit_data import correlation_samples
 from friction_comp.refinement.search.spectrum import position_spectrum
@@ -335,7 +335,7 @@ def _note(name, strength, values):
 def _way_since_reversal(samples, slowest):
     """Return the distance since the motion last changed direction or stood still, (N,)."""
     moving = np.where(np.abs(samples.velocity) > slowest, np.sign(samples.velocity), 0.0)
-    start = breaks(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
+    start = segment_starts(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
     first = np.maximum.accumulate(np.where(start, np.arange(len(samples)), 0))
     return np.abs(samples.position - samples.position[first])
 

@@ -72,7 +72,7 @@ def sharpest(model, samples, rows, settings, keep=None):
     errors = []
     for choice in [settings, *recordings.bandwidths(samples)]:
         moving = differentiate(samples, choice)
-        error = np.abs(samples.current - model.predict(moving))
+        error = np.abs(samples.current - model.current(moving))
         limit = np.quantile(error[rows], 0.999)
         kept = rms(np.minimum(error[keep], limit))
         errors.append((rms(np.minimum(error[rows], limit)), kept, choice))
@@ -97,7 +97,7 @@ def smoothest(model, samples, rows, settings):
         if (choice['bandwidth'] or np.inf) >= present or choice['source'] != settings['source']:
             continue
         moving = differentiate(samples, choice)
-        error = rms((samples.current - model.predict(moving))[rows])
+        error = rms((samples.current - model.current(moving))[rows])
         if error < least:
             best, least = choice, error
     return best

@@ -11,19 +11,15 @@ import numpy as np
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import huber_loss, robust_scale, Term
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual
-from friction_comp.refinement.search.candidates import best_term, lags, plausible
+from friction_comp.refinement.search.candidates import best_forms, best_term, plausible
 
 # Chance of any wrong effect in a step, over all candidates together.
 ALPHA = 0.01
 # An effect has to lower the held-out loss by this share (the error by half of it), or it is not
 # worth its place: less may be a base that is not quite of the right shape.
 LEAST_SHARE = 0.04
-# The same for a lag of a sample or two, which may be how the signals were sampled.
-_SHARE_OF_SHORT_LAG = 0.16
 # Nor one whose current is a smaller share of the signal than this: no drive is known as well.
 LEAST_SIZE = 0.003
-# Every drive has inertia, so that half of the chance is kept for it and the others share the rest.
-_EXPECTED = 'inertia'
 
 
 @dataclass
@@ -42,7 +38,7 @@ class CandidateFit:
         """Number of coefficients and searched constants."""
         term = self.fits[0].terms[-1]
         searched = sum(how is not None for how in term.kind.constants.values())
-        free = term.kind.columns(self.fits[0].samples.take(slice(0, 3)), **term.constants).shape[1]
+        free = term.columns(self.fits[0].samples.take(slice(0, 3)), 0.0).shape[1]
         return searched + free
 
     def evidence(self, loss, candidates):
@@ -77,8 +73,8 @@ def try_kind(data, fits, residual, kind):
     A fold may hold too little of the effect to tell its variant (a bump crossed in one direction
     only). Where the folds disagree, either's variant is tried in both.
     """
-    if kind.name == 'actuation_lag':
-        return _lag(data, fits, residual, kind)
+    if kind.reshapes:
+        return _best_form(data, fits, residual, kind)
     terms = [best_term(fit, kind) for fit in fits]
     if any(term is None for term in terms):
         return None
@@ -102,10 +98,10 @@ def try_kind(data, fits, residual, kind):
     return best
 
 
-def _lag(data, fits, residual, kind):
-    """Return the trial of the form of lag that helps most, its lag adjusted with all else."""
+def _best_form(data, fits, residual, kind):
+    """Return the trial of the form that helps most, its constants adjusted with all else."""
     best = None
-    for choice in zip(*(lags(fit, kind) for fit in fits)):
+    for choice in zip(*(best_forms(fit, kind) for fit in fits)):
         if any(term is None for term in choice):
             continue
         trial = CandidateFit(
@@ -118,19 +114,17 @@ def _lag(data, fits, residual, kind):
 
 
 def least_share(trial, data):
-    """Return the share of the loss that an effect has to take away to be worth its place.
-
-    A lag of a sample or two may be how the signals were sampled, and asks for more.
-    """
-    if trial.kind.name != 'actuation_lag':
-        return LEAST_SHARE
-    lag = min(abs(fit.terms[-1].constants['lag']) for fit in trial.fits)
-    return LEAST_SHARE if lag > 2.0 * data.scene.sample_time else _SHARE_OF_SHORT_LAG
+    """Return the share of the loss that an effect has to take away to be worth its place."""
+    return max(trial.kind.worth(LEAST_SHARE, fit.terms[-1].constants, data.scene)
+               for fit in trial.fits)
 
 
 def chance_of(kind, number):
-    """Return the p-value an effect must stay below as one of a number tried (Bonferroni)."""
-    return 0.5 * ALPHA if kind.name == _EXPECTED else 0.5 * ALPHA / max(number - 1, 1)
+    """Return the p-value an effect must stay below as one of a number tried (Bonferroni).
+
+    Half of the chance is kept for what every drive has; the others share the rest.
+    """
+    return 0.5 * ALPHA if kind.expected else 0.5 * ALPHA / max(number - 1, 1)
 
 
 def adjust_constants(data, residual, trial, thorough=False):

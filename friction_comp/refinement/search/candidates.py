@@ -8,29 +8,25 @@ import math
 
 import numpy as np
 
-from friction_comp.model.differentiation import delayed, earlier
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.fit.effect_sum import solve, Term
+from friction_comp.refinement.fit.final_fit import mechanical_load
 from friction_comp.refinement.search.spectrum import highest_frequency, peaks, position_spectrum
 
 _COARSE_ROWS = 4000
 _PEAKS = 4
-# No more than so many of the same effect with other constants.
-_MOST_OF_A_KIND = {'cogging': 4, 'friction_ripple': 4, 'bump': 3}
-# Where the sign of the one coefficient is a matter of physics.
-_POSITIVE = ('inertia', 'hysteresis', 'rest_time')
 
 
 def kinds_for(data, terms):
     """Return the effects that can be tried beside some terms: those that have their signals."""
-    present = [term.kind.name for term in terms]
+    present = [term.kind for term in terms]
     if data.load_coefficient:
-        present.append('load_torque')
+        present.append(mechanical_load())
     kinds = []
-    for name, kind in EFFECTS.items():
+    for kind in EFFECTS.values():
         if any(getattr(data.samples, signal) is None for signal in kind.needs):
             continue
-        if present.count(name) >= _MOST_OF_A_KIND.get(name, 1):
+        if present.count(kind) >= kind.most:
             continue
         kinds.append(kind)
     return kinds
@@ -45,8 +41,8 @@ def best_term(fit, kind):
         None where the data offer nothing to search.
     """
     every = max(1, len(fit.index) // _COARSE_ROWS)
-    if 'frequency' in kind.constants:
-        points = _ripples(fit, kind)
+    if kind.spectral:
+        points = _by_spectrum(fit, kind)
     else:
         points = [(Term(kind, constants), every) for constants in kind.grid(fit.data.scene)]
     best, best_gain = None, 0.0
@@ -61,17 +57,14 @@ def best_term(fit, kind):
 
 
 def plausible(fit):
-    """Tell whether the last term's coefficient has the sign that physics asks for."""
-    last = fit.terms[-1]
-    if last.kind.name == 'actuation_lag':
-        # A fraction of a sample is how the signals were sampled, no effect.
-        return abs(last.constants['lag']) > 0.7 * fit.data.scene.sample_time
-    if last.kind.name not in _POSITIVE:
-        return True
-    return fit.coefficients[-fit.parts[-1].shape[1]] > 0
+    """Tell whether physics allows the last term's coefficients and constants."""
+    last, number = fit.terms[-1], fit.parts[-1].shape[1]
+    own = fit.coefficients[len(fit.coefficients) - number:]
+    return last.kind.plausible(own, last.constants, fit.data.scene)
 
 
-def _ripples(fit, kind):
+def _by_spectrum(fit, kind):
+    """Return terms with the frequencies at which the residual swings most over position."""
     data, scene = fit.data, fit.data.scene
     index = fit.index
     samples = fit.samples
@@ -79,22 +72,26 @@ def _ripples(fit, kind):
     position = samples.position[index]
     residual = fit.residual[index] * fit.weights
     separation = 2.0 * math.pi / max(scene.highest - scene.lowest, 1e-9)
-    taken = [term.constants['frequency'] for term in fit.terms if term.kind is kind]
+    name = kind.spectral
+    taken = [term.constants[name] for term in fit.terms if term.kind is kind]
     points = []
-    for growth in (0.0, 1.0):
-        constants = {'growth': growth, 'speed': scene.speed, 'transition': scene.transition}
-        weight = kind._amplitude(samples.velocity[index], growth, scene.speed, scene.transition)
+    inner = samples.take(index)
+    for constants in kind.grid(scene):
+        # At frequency zero the first column is the amplitude itself.
+        weight = kind.matrix(inner, {**constants, name: 0.0})[:, 0]
         k, power = position_spectrum(position, residual, weight * fit.weights, highest)
         near = np.zeros(len(k), dtype=bool)
         for other in taken:
             near |= np.abs(k - other) < 0.5 * separation
         for frequency in peaks(k[~near], power[~near], _PEAKS, separation):
-            points.append((Term(kind, {'frequency': frequency, **constants}), 1))
+            points.append((Term(kind, {name: frequency, **constants}), 1))
     return points
 
 
-def lags(fit, kind):
-    """Return the best lag of each of its forms: a delay, and a low pass either way.
+def best_forms(fit, kind):
+    """Return the best term of each form of an effect that reshapes all others.
+
+    A form is what its constants that are not searched say: a delay or a low pass.
 
     Returns
     -------
@@ -111,14 +108,11 @@ def lags(fit, kind):
         return float(weights @ residual ** 2)
     matrix = np.hstack(fit.parts)
     without = error(matrix)
-    best = dict.fromkeys((0.0, 1.0, -1.0), (None, without))
+    best = {}
     for constants in kind.grid(fit.data.scene):
-        lag, side = constants['lag'], constants['first_order']
-        if side:
-            trial = delayed(matrix, fit.samples, side * lag)
-        else:
-            trial = earlier(matrix, fit.samples, lag)
-        size = error(trial)
-        if size < best[side][1]:
-            best[side] = (Term(kind, constants), size)
+        form = tuple(constants[name] for name, how in kind.constants.items() if how is None)
+        best.setdefault(form, (None, without))
+        size = error(kind.moved(matrix, fit.samples, constants))
+        if size < best[form][1]:
+            best[form] = (Term(kind, constants), size)
     return [term for term, _ in best.values()]

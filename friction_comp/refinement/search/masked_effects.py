@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.fit.effect_sum import robust_scale, Term
 from friction_comp.refinement.judge.evidence import held_out_residual, rms
 from friction_comp.refinement.judge.residual_verdict import CLEARLY_ABOVE_NOISE
@@ -21,8 +20,8 @@ from friction_comp.refinement.search.candidate_fit import (
     try_kind,
 )
 from friction_comp.refinement.search.candidates import plausible
+from friction_comp.refinement.search.unlisted_products import Nameless
 
-INERTIA = EFFECTS['inertia']
 _POSITIONS, _TIMES = 16, 12
 # Effects that a second one is tried beside.
 _FIRSTS = 3
@@ -41,20 +40,20 @@ def nuisance_of(samples):
     Returns
     -------
     type
-        With the class method `columns` of an effect.
+        With the class method `matrix` of an effect.
     """
     def edges(values, number):
         return np.unique(np.quantile(values, np.linspace(0, 1, number + 1)[1:-1]))
     cuts = (edges(samples.position, _POSITIONS), edges(samples.time, _TIMES))
 
-    class Nuisance:
+    class Nuisance(Nameless):
         """Levels of cells of position and of time, in either direction."""
 
-        name, variable, constants = 'nuisance', 'nuisance', {}
+        name = variable = 'nuisance'
 
         @classmethod
-        def columns(cls, samples):
-            """Return one column of zeros and ones for each cell."""
+        def matrix(cls, samples, constants):
+            """Return one column of zeros and ones for each cell, shape (N, M)."""
             side = (samples.velocity > 0).astype(int)
             parts = []
             for cut, values in zip(cuts, (samples.position, samples.time)):
@@ -82,14 +81,14 @@ def beside_nuisance(data, fits):
     return [fit.with_term(term) for fit in fits]
 
 
-def with_inertia(fits):
-    """Return fits with inertia, None where its sign would be wrong."""
-    grown = [fit.with_term(Term(INERTIA, {})) for fit in fits]
+def with_expected(fits, kind):
+    """Return fits with an effect that every drive has, None where its sign would be wrong."""
+    grown = [fit.with_term(Term(kind, {})) for fit in fits]
     return grown if all(plausible(fit) for fit in grown) else None
 
 
-def hidden_inertia(data, fits, residual, kinds):
-    """Return a step for inertia that a larger effect without a name hides, None if there is none.
+def hidden_expected(data, fits, residual, kinds):
+    """Return a step for what every drive has and a larger effect without a name hides, or None.
 
     Parameters
     ----------
@@ -99,18 +98,19 @@ def hidden_inertia(data, fits, residual, kinds):
     kinds : list of type
         What may be tried still.
     """
-    if INERTIA not in kinds or not exceeds_noise(data, residual):
+    kind = next((kind for kind in kinds if kind.expected), None)
+    if kind is None or not exceeds_noise(data, residual):
         return None
     free = beside_nuisance(data, fits)
     without = held_out_residual(data, free)
-    trial = try_kind(data, free, without, INERTIA)
-    if trial is None or trial.p_value > chance_of(INERTIA, len(kinds)):
+    trial = try_kind(data, free, without, kind)
+    if trial is None or trial.p_value > chance_of(kind, len(kinds)):
         return None
     loss = mean_loss(data, without)
-    grown = with_inertia(fits)
+    grown = with_expected(fits, kind)
     if grown is None or trial.advantage < LEAST_SHARE * loss:
         return None
-    return Step(INERTIA, grown, rms(held_out_residual(data, grown)[data.usable]), {
+    return Step(kind, grown, rms(held_out_residual(data, grown)[data.usable]), {
         **trial.evidence(loss, len(kinds)),
         'beside': 'free levels over position and time, since something larger has no name'})
 
@@ -147,7 +147,7 @@ def together(data, fits, residual, trials, kinds, least):
     best, first = None, None
     for trial in firsts:
         for kind in kinds:
-            if kind is trial.kind and not kind.repeatable:
+            if kind is trial.kind and kind.most == 1:
                 continue
             pair = try_kind(data, trial.fits, residual, kind)
             if pair is not None and (best is None or pair.advantage > best.advantage):

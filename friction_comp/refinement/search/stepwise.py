@@ -23,7 +23,7 @@ from friction_comp.refinement.search.candidate_fit import (
     try_kind,
 )
 from friction_comp.refinement.search.candidates import kinds_for
-from friction_comp.refinement.search.masked_effects import hidden_inertia, together
+from friction_comp.refinement.search.masked_effects import hidden_expected, together
 from friction_comp.refinement.search.unlisted_products import best_product
 
 _MOST_EFFECTS = 10
@@ -118,7 +118,7 @@ def greedy(data, fits, report=None):
                   if trial.p_value < chance_of(trial.kind, len(kinds))
                   and trial.advantage > max(least_share(trial, data) * loss, least)]
         if not worthy:
-            hidden = hidden_inertia(data, fits, residual, kinds)
+            hidden = hidden_expected(data, fits, residual, kinds)
             found = [hidden] if hidden else []
             if not found and len(steps) < _PAIR_ROUNDS:
                 found = together(data, fits, residual, trials, kinds, least)

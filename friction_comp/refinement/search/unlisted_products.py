@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from friction_comp.model.effects.base import sign
+from friction_comp.model.effects.base import Effect, sign
 from friction_comp.refinement.search.candidate_fit import chance_of, try_kind
 
 # So many times as much as the best effect with a name has a product to explain; less where that
@@ -25,32 +25,42 @@ def _scaled(values):
     return (values - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-300)
 
 
-def _product(words, variables, of, signals=()):
-    """Return a stand-in for an effect, made of a function of samples and transition."""
-    class Product:
+class Nameless(Effect):
+    """What is tried like an effect and never becomes part of a model."""
+
+    variables: tuple[str, ...] = ()
+
+    @staticmethod
+    def columns(x, c):
+        """Return no column: what has no name is never evaluated one sample at a time."""
+        return ()
+
+    @classmethod
+    def grid(cls, scene):
+        """Return the one way to try it."""
+        return [{'transition': scene.transition}]
+
+
+def _product(words, words_of, of, signals=()):
+    """Return a stand-in for an effect, made of a function of samples and sign of friction."""
+    class Product(Nameless):
         """One column: a product of variables, each about its middle."""
 
         name, needs = words, tuple(signals)
-        variable = variables[0]
+        variable, variables = words_of[0], tuple(words_of)
         constants = {'transition': None}
 
         @classmethod
-        def grid(cls, scene):
-            """Return the one way to try it."""
-            return [{'transition': scene.transition}]
-
-        @classmethod
-        def columns(cls, samples, transition):
-            """Return one column."""
-            return of(samples, transition)[:, None]
-    Product.variables = tuple(variables)
+        def matrix(cls, samples, constants):
+            """Return one column, shape (N, 1)."""
+            return of(samples, constants['transition'])[:, None]
     return Product
 
 
-class Change:
+class Change(Nameless):
     """Friction of another level from some moment on."""
 
-    name, needs = 'another level of friction from some moment on', ()
+    name = 'another level of friction from some moment on'
     variable, variables = 'time', ('time',)
     constants = {'moment': None, 'transition': None}
 
@@ -61,10 +71,10 @@ class Change:
                 for share in np.linspace(0.04, 0.96, 47)]
 
     @classmethod
-    def columns(cls, samples, moment, transition):
-        """Return two columns, of Coulomb and of viscous friction."""
-        later = (samples.time > moment).astype(float)
-        return np.column_stack((later * sign(samples.velocity, transition),
+    def matrix(cls, samples, constants):
+        """Return two columns, of Coulomb and of viscous friction, shape (N, 2)."""
+        later = (samples.time > constants['moment']).astype(float)
+        return np.column_stack((later * sign(samples.velocity, constants['transition']),
                                 later * samples.velocity))
 
 

@@ -4,11 +4,7 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
-from friction_comp.model.effects.base import Effect, gentle, sign, StaticTerm
+from friction_comp.model.effects.base import Effect, NEITHER, Search
 
 
 class LoadTorque(Effect):
@@ -19,22 +15,26 @@ class LoadTorque(Effect):
 
     name = 'load_torque'
     variable = 'load'
+    role = NEITHER
     needs = ('load',)
+    not_fed_back = (
+        'feeding the measured interaction torque back is admittance control, which this '
+        'compensator is not: the torque sensor is for evaluation only')
 
     @classmethod
     def grid(cls, scene):
         """There is nothing to search."""
         return [{}]
 
-    @classmethod
-    def columns(cls, samples):
+    @staticmethod
+    def columns(x, c):
         """Return the load torque."""
-        return samples.load[:, None]
+        return (x.load,)
 
-    def why_left_out(self):
-        """Return why the load is not fed back."""
-        return ('feeding the measured interaction torque back is admittance control, which this '
-                'compensator is not: the torque sensor is for evaluation only')
+    @classmethod
+    def by_mechanics(cls, drive):
+        """Return what the motor is spared by 1 N·m of load, -1/(k_t·n)."""
+        return [-1.0 / drive.torque_per_current]
 
     def describe(self):
         """Return the effect in words."""
@@ -51,25 +51,17 @@ class LoadFriction(Effect):
     name = 'load_friction'
     variable = 'load'
     needs = ('load',)
-    constants = {'exponent': ('log', 1.6), 'transition': None}
+    constants = {'exponent': Search(1.6), 'transition': None}
 
     @classmethod
     def grid(cls, scene):
         """There is nothing to search."""
         return [{'exponent': exponent, 'transition': scene.transition} for exponent in (1.0, 2.0)]
 
-    @classmethod
-    def columns(cls, samples, exponent, transition):
+    @staticmethod
+    def columns(x, c):
         """Return one column."""
-        return (sign(samples.velocity, transition) * np.abs(samples.load) ** exponent)[:, None]
-
-    def online(self):
-        """Return the term; it needs the load and passes through zero with the velocity."""
-        gain, c = self.coefficients[0], self.values
-
-        def term(_time, _position, v, _temperature, load):
-            return gain * math.tanh(v / gentle(c['transition'])) * abs(load) ** c['exponent']
-        return StaticTerm(term, needs=('load',))
+        return (x.side * abs(x.load) ** c.exponent,)
 
     def describe(self):
         """Return the effect in words."""

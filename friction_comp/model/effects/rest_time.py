@@ -1,0 +1,99 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Stiction that grows with the time at rest."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+import numpy as np
+
+from friction_comp.model.effects.base import Effect, geometric, Search, segment_starts
+
+
+@njit(cache=True)
+def rest_step(state, dt, dq, velocity, c):
+    """Return what is left of the strength gained at rest, 0..1, one sample later.
+
+    It grows as 1 - exp(-rest/time_constant) while the speed is below a threshold, and fades over
+    a distance of motion.
+
+    Parameters
+    ----------
+    state : float
+    dt, dq, velocity : float
+        s, rad, rad/s.
+    c : namedtuple
+        ``velocity`` (the threshold, rad/s), ``time_constant`` (s), ``distance`` (rad).
+
+    Returns
+    -------
+    float
+    """
+    if abs(velocity) < c.velocity:
+        return 1.0 - (1.0 - state) * math.exp(-dt / c.time_constant)
+    return state * math.exp(-abs(dq) / c.distance)
+
+
+@njit(cache=True)
+def _rest_states(time, position, velocity, broken, c):
+    states = np.zeros(len(position))
+    for k in range(len(position)):
+        if not broken[k]:
+            states[k] = rest_step(states[k - 1], time[k] - time[k - 1],
+                                  position[k] - position[k - 1], velocity[k], c)
+    return states
+
+
+class RestTime(Effect):
+    """``A·tanh(v/v_t)·s``: s grows with the time at rest and fades over a distance of motion."""
+
+    name = 'rest_time'
+    variable = 'history'
+    constants = {'time_constant': Search(1.8), 'distance': Search(1.8), 'velocity': None,
+                 'transition': None}
+    signs = (1,)
+    sees_history = True
+
+    @classmethod
+    def grid(cls, scene):
+        """Rest from fractions of a second to a minute, fading over up to a fifth of the range."""
+        span = scene.highest - scene.lowest
+        if not span > 0:
+            return []
+        return [{'time_constant': constant, 'distance': distance, 'velocity': share * scene.slowest,
+                 'transition': scene.transition}
+                for share in (1.0, 0.25)
+                for constant in geometric(0.3, 30.0, 5)
+                for distance in geometric(2e-3 * span, 0.2 * span, 6)]
+
+    step = staticmethod(rest_step)
+
+    @classmethod
+    def memory(cls, samples, side, c):
+        """Return the strength gained at rest at every sample, shape (N,)."""
+        return _rest_states(samples.time, samples.position, samples.velocity,
+                            segment_starts(samples), c)
+
+    @staticmethod
+    def columns(x, c):
+        """Return one column."""
+        return (x.side * x.memory,)
+
+    @classmethod
+    def limited(cls, name, value, constants, scene):
+        """Slower than this is a straight line in time, however slow."""
+        return min(value, 5.0 * scene.duration) if name == 'time_constant' else value
+
+    def describe(self):
+        """Return the effect in words."""
+        c = self.values
+        return (f'Rest time: up to {self.coefficients[0]:+.3g} A more friction after resting '
+                f'(time constant {c["time_constant"]:.2g} s), lost over {c["distance"]:.2g} rad')
+
+    def formula(self):
+        """Return the formula with its numbers."""
+        c = self.values
+        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'
+                f'·(1 - exp(-t_rest/{c["time_constant"]:.3g}))·exp(-Δq/{c["distance"]:.3g})')
