@@ -210,11 +210,16 @@ def draw(family, seed):
     case = FAMILIES[family](rng, base(rng, family, seed))
     known = {h.name for h in case.hidden}
     allowed, forbidden = set(case.allowed), set(case.forbidden)
+    of_memory = {'hysteresis': 'presliding', 'rest_time': 'rest', 'actuation_lag': 'lag'}
+    truly = {name for name, hidden in of_memory.items() if hidden in known}
     if case.fit_sensors.velocity == 'filtered':
-        # The driver's own filter is a lag that is really in the recording, and nothing else.
+        truly.add('actuation_lag')  # the driver's own filter is really in the recording
+    if case.fit_sensors.quantum < 2 * case.joint.slip:
+        truly.add('hysteresis')  # such an encoder sees that dry friction sets in over a way
+    if truly:
         allowed.add('history')
-        forbidden.update({'hysteresis', 'rest_time'} if not known & {
-            'presliding', 'rest', 'backlash'} else ())
+        forbidden.update(set(of_memory) - truly)
+        forbidden -= truly
     if case.joint.offset or case.joint.spring:
         # An offset is what one direction needs more than the other.
         allowed.add('direction')
