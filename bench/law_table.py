@@ -4,12 +4,11 @@
 
     python3 bench/law_table.py [--quick] [--laws continuous paper] [--kinds armin_1 lugre ...]
                                [--floors release untouched quiet peak bad refined identification]
-                               [--draws N] [--seed S] [--workers N] [--output FILE.json]
+                               [--draws N] [--seed S] [--workers N] [--output FILE.json] [--check]
 
 Even seeds are for tuning on, odd seeds are kept for judging: report both, tune on one. A draw is a
 random gear of a kind, `independent_gear/gears.py` says of which ranges and why. The law is given
-the plant's own true model, times the factor that each floor names. Exit code 0 if the law named
-first meets every floor, else 1.
+the plant's own true model, times the factor that each floor names.
 """
 
 import argparse
@@ -57,7 +56,8 @@ def main():
         options.output.write_text(json.dumps(
             {'seed': options.seed, 'half': half, 'draws': draws_of(options),
              'quick': options.quick, 'rows': rows}, indent=1))
-    return 0 if all(row['met'] for row in rows if row['law'] == options.laws[0]) else 1
+    judged = [row for row in rows if row['law'] in (options.laws[0], 'identification')]
+    return 1 if options.check and not all(row['met'] for row in judged) else 0
 
 
 def parse():
@@ -71,6 +71,8 @@ def parse():
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--workers', type=int, default=2)
     parser.add_argument('--detail', action='store_true', help='one line a kind, and all figures')
+    parser.add_argument('--check', action='store_true',
+                        help='exit code 1 if the law named first misses a floor')
     parser.add_argument('--output', type=Path, help='all figures as JSON')
     return parser.parse_args()
 
@@ -106,7 +108,7 @@ def do(job):
         draws = max(draws, 25)
     if floor == 'identification' and quick:
         draws = 1
-    bank = make_bank(kinds, draws, seed, 12 if quick else 24)
+    bank = make_bank(kinds, draws, seed, 24 if quick else 48)
     if floor == 'release':
         rows = release(bank, law, quick)
     elif floor == 'untouched':

@@ -19,7 +19,7 @@ from independent_gear.peak import frictionless  # noqa: E402
 from independent_gear.persons import draw_persons, drivers, FIRM  # noqa: E402
 from independent_gear.plant import Plant  # noqa: E402
 from independent_gear.state import CLAMP, FRICTIONS, nobody  # noqa: E402
-from independent_gear.truth import breakaway_currents, steady_friction  # noqa: E402
+from independent_gear.truth import breakaway_currents, steady_friction, true_models  # noqa: E402
 
 EVEN, ODD = 0, 1
 
@@ -28,7 +28,7 @@ def plain_gears(seed=EVEN, draws=5):
     """Return gears without scatter, noise and what depends on place."""
     gears = np.concatenate([draw_gears(kind, draws, seed) for kind in KINDS])
     for name in ('scatter', 'cogging', 'ripple', 'current_noise', 'current_ripple',
-                 'load_friction'):
+                 'load_friction', 'asymmetry'):
         gears[name] = 0.0
     return gears
 
@@ -60,8 +60,19 @@ def test_breakaway_is_what_was_set():
 def test_breakaway_scatters_from_start_to_start_as_set():
     gears = plain_gears(draws=1)
     gears['scatter'], gears['renewal'] = 0.04, 0.02
-    found = breakaway_currents(gears, EVEN, repetitions=50) / level(gears)[:, None]
+    found = breakaway_currents(gears, EVEN, repetitions=30) / level(gears)[:, None]
     assert np.std(found, axis=1) == pytest.approx(0.04, rel=0.5)
+
+
+def test_asymmetry_shows_in_the_true_model():
+    gears = plain_gears(draws=2)
+    gears['asymmetry'] = 0.1
+    for gear, model in zip(gears, true_models(gears, EVEN, repetitions=4)):
+        share = gear['static'] / (gear['static'] + gear['link_coulomb'])
+        sides = model['breakaway']
+        ratio = -sides['positive']['mean'] / sides['negative']['mean']
+        assert ratio == pytest.approx((1 + 0.1 * share) / (1 - 0.1 * share), rel=0.03)
+        assert model['lookup_table']['currents'][-1] > -model['lookup_table']['currents'][0]
 
 
 def test_sliding_takes_the_steady_friction():
@@ -165,7 +176,7 @@ def test_a_joint_left_alone_stays_and_a_firm_person_is_stable():
 
 
 def test_draws_are_the_same_again_and_halves_differ():
-    first, again, other = (make_bank(['lugre'], 3, seed, 2) for seed in (EVEN, EVEN, ODD))
+    first, again, other = (make_bank(['lugre'], 3, seed, 4) for seed in (EVEN, EVEN, ODD))
     assert np.array_equal(first.gears, again.gears)
     assert first.documents == again.documents
     assert not np.any(first.gears['stiffness'] == other.gears['stiffness'])

@@ -7,3 +7,20 @@ Nothing here uses the package's simulation or the law's code. The package is tou
 
 Draws with an even seed are for tuning on, draws with an odd seed are kept for judging.
 """
+
+from pathlib import Path
+
+
+def _forget_stale_machine_code():
+    """Remove compiled code older than any source here: numba looks at a function's own file only.
+
+    What `plant` compiles holds the functions of `friction` and `person` too.
+    """
+    here = Path(__file__).parent
+    newest = max(source.stat().st_mtime for source in here.glob('*.py'))
+    for index in (here / '__pycache__').glob('*.nbi'):
+        if index.stat().st_mtime < newest:
+            index.unlink(missing_ok=True)
+
+
+_forget_stale_machine_code()

@@ -26,7 +26,7 @@ class Bank:
         return [g for g, name in enumerate(self.kinds) if name == kind]
 
 
-def make_bank(kinds, draws, seed, repetitions=24):
+def make_bank(kinds, draws, seed, repetitions=48):
     """Draw gears of several kinds and find their true models.
 
     Parameters

@@ -36,6 +36,8 @@ def level(p, s, v, shaft):
         x = abs(v) / p.stribeck_velocity
         if x < 30.0:
             value += (p.static - p.coulomb) * math.exp(-(x ** p.stribeck_exponent))
+    if v != 0.0:
+        value *= 1.0 + math.copysign(p.asymmetry, v)
     if s.slid < RENEWED * p.renewal:
         value *= 1.0 + s.breakaway_factor * math.exp(-s.slid / p.renewal)
     if p.ripple != 0.0:
@@ -125,7 +127,10 @@ def bristles(p, s, v, top, h):
 @njit(cache=True)
 def motor_friction(p, s, v, shaft, h):
     """Return the torque that resists the motor (not for the clamp)."""
-    top = level(p, s, v, shaft)
+    # Dahl's and Bouc-Wen's torque is level times state: the level of the side they are bent to,
+    # or it would jump with every change of the velocity's sign
+    side = math.copysign(v, s.bristle) if p.friction in (DAHL, BOUC_WEN) else v
+    top = level(p, s, side, shaft)
     viscous = p.viscous * v
     if p.heating != 0.0:
         viscous *= 1.0 + p.warming * s.temperature
@@ -137,9 +142,10 @@ def motor_friction(p, s, v, shaft, h):
 @njit(cache=True)
 def clamped(p, s, v, shaft, push, h):
     """Return the motor's velocity after a step under the clamp, without friction `push` N·m."""
-    top = level(p, s, v, shaft)
-    stopping = (top + p.viscous * abs(v)) * h / p.motor_inertia
     free = v + push * h / p.motor_inertia
+    # at rest friction is that of the direction in which the motor would go
+    top = level(p, s, v if v != 0.0 else math.copysign(1e-12, free), shaft)
+    stopping = (top + p.viscous * abs(v)) * h / p.motor_inertia
     if abs(free) <= stopping:
         return 0.0
     return free - math.copysign(stopping, free)

@@ -157,6 +157,8 @@ def _friction(gear, random):
     long = random.uniform() < 1 / 6
     g['presliding'] = random.uniform(1e-3, 2e-3) if long else log_uniform(random, 1e-4, 1e-3)
     g['load_friction'] = random.choice([0.0, random.uniform(0.0, 0.03)])
+    # the note's own breakaway currents are the same both ways, Eq. 11 by up to 5 % not
+    g['asymmetry'] = random.choice([0.0, random.uniform(-0.05, 0.05)])
     # some of the friction is on the link's side
     share = random.uniform(0.0, 0.15)
     g['link_coulomb'] = share * g['coulomb']

@@ -81,8 +81,10 @@ def _judge(gear, truth, result, goal, speeds):
     scatter = np.std(truth)
     error = 2.0 * scatter * np.sqrt(1.0 / goal.breakaway_cycles + 2.0 / truth.size)
     off = [abs(mean - np.mean(side)) for mean, side in zip(means, (truth[::2], truth[1::2]))]
-    curve = steady_friction(gear, speeds)
-    kinetic = [(np.abs(result.sigmoid(sign * speeds)) - curve) / curve for sign in (1, -1)]
+    kinetic = []
+    for sign in (1, -1):
+        curve = steady_friction(gear, speeds, sign)
+        kinetic.append((np.abs(result.sigmoid(sign * speeds)) - curve) / curve)
     presliding = presliding_of(result)
     return {
         'breakaway': max(0.0, max(off) - error) / np.mean(truth),

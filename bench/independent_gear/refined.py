@@ -15,7 +15,7 @@ REFINED = ('with_gravity', 'with_cogging', 'with_friction_ripple', 'with_tempera
 REFERENCE_TEMPERATURE = 25.0
 
 
-def draw_refined(kind, draws, seed, repetitions=24):
+def draw_refined(kind, draws, seed, repetitions=48):
     """Return gears of all kinds of friction with one effect, and documents of their models."""
     random = np.random.default_rng([seed, 1000 + REFINED.index(kind)])
     gears = np.concatenate([
@@ -40,14 +40,13 @@ def _split_stribeck(gear, sigmoid):
     """Let the sigmoid hold what is left beside the Stribeck term."""
     flat = gear.copy()
     flat['static'] = flat['coulomb']
-    slope, level = np.polyfit(SPEEDS, steady_friction(flat, SPEEDS), 1)
-    sigmoid[0] = sigmoid[2] = level
-    sigmoid[5] = slope
+    for k, side in ((0, 1.0), (2, -1.0)):
+        sigmoid[5], sigmoid[k] = np.polyfit(SPEEDS, steady_friction(flat, SPEEDS, side), 1)
 
 
 def _split_hysteresis(gear, sigmoid):
     """Let the sigmoid hold what turns round at once."""
-    level = gear['link_coulomb'] / gear['torque_per_current']
+    level = float(gear['link_coulomb']) / gear['torque_per_current']
     sigmoid[0] -= level
     sigmoid[2] -= level
 

@@ -24,8 +24,9 @@ GEAR = np.dtype([
     *_floats(
         # rotor and link, and the gear between them
         'motor_inertia link_inertia stiffness damping '
-        # friction on the motor's side: sliding level, level at rest, how it falls between them
-        'coulomb static stribeck_velocity stribeck_exponent viscous '
+        # friction on the motor's side: sliding level, level at rest, how it falls between
+        # them, how much larger it is in positive direction (relative, smaller in negative)
+        'coulomb static stribeck_velocity stribeck_exponent viscous asymmetry '
         # breakaway scatter: relative, and the distance of sliding that renews the surface
         'scatter renewal '
         # presliding: distance (95 % of the level), damping ratio, shape constants of the kind

@@ -20,13 +20,28 @@ SPEEDS = np.array([1, 2, 3, 5, 7.5, 10, 15, 20, 30, 40, 50, 60, 70, 80, 90, 100]
 STEEPEST = 4.0 / SPEEDS[0]
 
 
-def steady_friction(gear, speeds):
-    """Return the current that keeps a joint at constant speeds, A, shape of `speeds` (positive)."""
+def steady_friction(gear, speeds, side=0.0):
+    """Return the magnitude of the current that keeps a joint at constant speeds.
+
+    Parameters
+    ----------
+    gear : GEAR
+    speeds : ndarray
+        Positive, rad/s.
+    side : float
+        +1 or -1: the direction; 0 the mean of both.
+
+    Returns
+    -------
+    ndarray
+        A, of the shape of `speeds`.
+    """
     g = gear
     x = np.asarray(speeds) / g['stribeck_velocity']
     outer = g['link_coulomb'] + g['link_viscous'] * speeds
-    torque = (g['coulomb'] + (g['static'] - g['coulomb']) * np.exp(-x ** g['stribeck_exponent'])
-              + g['viscous'] * speeds + g['load_friction'] * outer + outer)
+    dry = g['coulomb'] + (g['static'] - g['coulomb']) * np.exp(-x ** g['stribeck_exponent'])
+    torque = (dry * (1.0 + side * g['asymmetry']) + g['viscous'] * speeds
+              + g['load_friction'] * outer + outer)
     return torque / g['torque_per_current']
 
 
@@ -45,7 +60,7 @@ def fit_sigmoid(speeds, currents):
     return level, min(steepness, STEEPEST), viscous
 
 
-def breakaway_currents(gears, seed, repetitions=24):
+def breakaway_currents(gears, seed, repetitions=48):
     """Return the currents at which slow ramps set each joint going.
 
     Parameters
@@ -83,20 +98,21 @@ def breakaway_currents(gears, seed, repetitions=24):
     return found.reshape(len(gears), repetitions)
 
 
-def true_models(gears, seed, repetitions=24):
+def true_models(gears, seed, repetitions=48):
     """Return the documents of the model files of gears, shape (J,), as `scaled` takes them."""
     currents = breakaway_currents(gears, seed, repetitions)
     documents = []
     for gear, measured in zip(gears, currents):
-        table = steady_friction(gear, SPEEDS)
-        level, steepness, viscous = fit_sigmoid(SPEEDS, table)
-        mean, std = float(np.mean(measured)), float(np.std(measured, ddof=1))
-        documents.append(document(gear, level, steepness, viscous, mean, std, table))
+        tables = [steady_friction(gear, SPEEDS, side) for side in (1.0, -1.0)]
+        level, steepness, viscous = fit_sigmoid(SPEEDS, np.mean(tables, axis=0))
+        more = float(np.mean(tables[0] - tables[1])) / 2.0
+        sigmoid = [level + more, steepness, level - more, 1.0, 1.0, viscous]
+        documents.append(document(gear, sigmoid, (measured[::2], measured[1::2]), tables))
     return documents
 
 
-def document(gear, level, steepness, viscous, mean, std, table):
-    """Return a model file's plain values."""
+def document(gear, sigmoid, ramps, tables):
+    """Return a model file's plain values of what was measured in both directions."""
     ratio = 100.0  # only products with the ratio matter to a law
     return {
         'format': 'friction_comp_model', 'version': 1, 'joint': 'judged',
@@ -104,15 +120,15 @@ def document(gear, level, steepness, viscous, mean, std, table):
                   'gear_ratio': ratio,
                   'encoder_counts': round(2.0 * math.pi / gear['resolution'] / ratio),
                   'current_limit': float(gear['current_limit'])},
-        'sigmoid': {'coefficients': [level, steepness, level, 1.0, 1.0, viscous],
-                    'velocity_unit': 'rad/s'},
-        'breakaway': {'positive': {'mean': mean, 'std': std},
-                      'negative': {'mean': -mean, 'std': std}},
+        'sigmoid': {'coefficients': [float(c) for c in sigmoid], 'velocity_unit': 'rad/s'},
+        'breakaway': {
+            name: {'mean': sign * float(np.mean(found)), 'std': float(np.std(found, ddof=1))}
+            for name, sign, found in zip(('positive', 'negative'), (1.0, -1.0), ramps)},
         'effects': [],
         'lookup_table': {
             'speeds': [*(-SPEEDS[::-1]).tolist(), *SPEEDS.tolist()],
-            'currents': [*(-table[::-1]).tolist(), *table.tolist()],
-            'standard_deviations': [0.01 * mean] * (2 * len(SPEEDS))},
+            'currents': [*(-tables[1][::-1]).tolist(), *tables[0].tolist()],
+            'standard_deviations': [0.01 * float(np.mean(ramps))] * (2 * len(SPEEDS))},
     }
 
 
