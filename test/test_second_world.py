@@ -165,12 +165,22 @@ def test_judgement_of_names():
     right = said_right(case, case.hidden, report([('gravity', 'position')]))
     assert right['first']
     assert right['false'] == right['missed'] == []
-    wrong = said_right(case, case.hidden, report([('hysteresis', 'history')]))
+    wrong = said_right(case, case.hidden, report([('warm_up', 'time')]))
     assert not wrong['first']
     assert wrong['missed'] == ['gravity']
-    assert wrong['false'] == ['hysteresis (history)']
+    assert wrong['false'] == ['warm_up (time)']
     assert said_right(case, case.hidden, report([('bump', 'position')]))['false']
     assert not said_right(case, case.hidden, report())['first']
+
+
+def test_presliding_is_no_false_name_where_the_encoder_sees_it():
+    case = draw('cogging', 0)
+    said = report([('cogging', 'position'), ('hysteresis', 'history')])
+    assert case.fit_sensors.quantum > 2 * case.joint.slip
+    assert said_right(case, case.hidden, said)['false'] == ['hysteresis (history)']
+    fine = draw('gravity', 0)
+    assert fine.fit_sensors.quantum < 2 * fine.joint.slip
+    assert not said_right(fine, fine.hidden, said)['false']
 
 
 def test_judgement_of_what_no_library_knows_and_of_warnings():

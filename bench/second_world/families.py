@@ -214,7 +214,7 @@ def draw(family, seed):
     truly = {name for name, hidden in of_memory.items() if hidden in known}
     if case.fit_sensors.velocity == 'filtered':
         truly.add('actuation_lag')  # the driver's own filter is really in the recording
-    if case.fit_sensors.quantum < 2 * case.joint.slip:
+    if case.fit_sensors.quantum < 2 * case.joint.slip or 'backlash' in known:
         truly.add('hysteresis')  # such an encoder sees that dry friction sets in over a way
     if truly:
         allowed.add('history')
