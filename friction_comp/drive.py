@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
-from friction_comp.errors import InputError
+from friction_comp.checks import check_number
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,8 @@ class Drive:
 
     def __post_init__(self):
         for name in ('torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'):
-            value = getattr(self, name)
-            if name == 'encoder_counts' and value is None:
-                continue
-            if isinstance(value, bool) or not isinstance(value, (int, float)):
-                raise InputError(f'drive.{name} must be a number, not {value!r}')
-            if not math.isfinite(value) or value <= 0:
-                raise InputError(f'drive.{name} must be a positive finite number, not {value!r}')
+            if name != 'encoder_counts' or self.encoder_counts is not None:
+                check_number(getattr(self, name), f'drive.{name}', above=0.0)
 
     @property
     def torque_per_current(self):

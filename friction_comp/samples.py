@@ -172,6 +172,11 @@ class Samples:
         steps = steps[steps > 0]
         return float(np.median(steps)) if steps.size else 0.0
 
+    @cached_property
+    def position_step(self) -> float:
+        """Smallest step in rad that the position makes, 0 where it never moves: the encoder's."""
+        return smallest_step(self.position)
+
     def segments(self, largest_gap=5.0):
         """Return slices of unbroken data.
 
@@ -223,3 +228,10 @@ class Samples:
             numbers.append(part.recording + offset)
             offset = int(numbers[-1].max(initial=offset - 1)) + 1
         return Samples(recording=np.concatenate(numbers), joint=parts[0].joint, **signals)
+
+
+def smallest_step(values: np.ndarray) -> float:
+    """Return the smallest step between neighbouring values, shape (N,); 0 where there is none."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0.0]
+    return float(np.min(steps)) if steps.size else 0.0

@@ -10,7 +10,7 @@ import pytest
 
 from friction_comp.arm.find_coupling import find_coupling
 from friction_comp.arm.fit import fit_arm
-from friction_comp.arm.inertia import Bodies, nearest_possible, possible
+from friction_comp.arm.link_inertia import Bodies, nearest_possible, possible
 from friction_comp.arm.urdf import Chain, match_names
 from friction_comp.errors import InputError
 from friction_comp.model.arm.coupling import Coupling

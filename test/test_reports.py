@@ -200,8 +200,8 @@ def test_arguments_that_are_wrong_take_one_line(capsys):
 
     for argv, words in (
             ((), 'RECORDING'), (('r',), '--output'),
-            (('r', '--output', 'o', '--gear-ratio', '-3'), 'positive number'),
-            (('r', '--output', 'o', '--torque-constant', 'x'), 'positive number'),
+            (('r', '--output', 'o', '--gear-ratio', '-3'), 'positive finite number'),
+            (('r', '--output', 'o', '--torque-constant', 'x'), 'positive finite number'),
             (('r', '--output', 'o', '--what'), '--what')):
         with pytest.raises(SystemExit) as exit_:
             parse(*argv)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from friction_comp.arm.inertia import Bodies
+from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.robust import huber_weights, stretches_of
 from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unknowns
 from friction_comp.errors import InputError

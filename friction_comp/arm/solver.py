@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_comp.arm.inertia import Bodies
+from friction_comp.arm.link_inertia import Bodies
 from friction_comp.model.arm.tree import PARAMETERS
 
 # Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration. All but the

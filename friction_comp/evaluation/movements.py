@@ -66,7 +66,7 @@ def find_movements(samples):
     velocity, moving, constant, least = _shown(samples), _MOVING, _CONSTANT, 0.0
     if velocity is None:
         velocity, moving, constant = _measured(samples), _MOVING_MEASURED, _CONSTANT_MEASURED
-        least = _LEAST_STEPS * _resolution(samples.position)
+        least = _LEAST_STEPS * samples.position_step
     top = np.quantile(np.abs(velocity), 0.99) if len(velocity) else 0.0
     if not top > 0:
         return []
@@ -97,12 +97,6 @@ def _shown(samples):
     if samples.reference_position is None:
         return None
     return np.gradient(samples.reference_position, samples.time)
-
-
-def _resolution(position):
-    """Return the smallest step that the position ever makes."""
-    steps = np.abs(np.diff(position))
-    return float(np.min(steps[steps > 0], initial=np.inf)) if (steps > 0).any() else 0.0
 
 
 def _measured(samples):

@@ -20,6 +20,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import Breakaway
+from friction_comp.samples import smallest_step
 
 RUNAWAY_SPEED = 0.02
 """Speed in rad/s that no presliding creep reaches: ramp slope times k_t·n over a geared joint's
@@ -38,7 +39,7 @@ class BreakawayRecords:
     Attributes
     ----------
     time : ndarray
-        Instant t_s at which the motor brakes free, s.
+        Instant t_s at which the motor breaks free, s.
     current : ndarray
         i_m at that instant in A, negative in the negative direction.
     direction : ndarray of int
@@ -152,9 +153,7 @@ def breakaway_currents(time, position, current, command=None, temperature=None, 
     if time.size < 10 or np.any(np.diff(time) <= 0.0):
         raise InputError('breakaway: at least ten samples with increasing time are needed')
     if resolution is None:
-        steps = np.abs(np.diff(position))
-        steps = steps[steps > 0.0]
-        resolution = float(np.min(steps)) if steps.size else 0.0
+        resolution = smallest_step(position)
     ramps = find_ramps(time, current if command is None else np.asarray(command, dtype=float),
                        exact=command is not None)
     if not ramps:

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import BreakawayRecords
 from friction_comp.identification.breakaway_dependence import scatter_report
@@ -75,16 +76,11 @@ class IdentificationGoal:
         if len(speeds) < 2:
             raise InputError('speeds: at least two different magnitudes are needed')
         for name in ('motion_range', 'ramp_slope', 'ramp_period', 'largest_speed'):
-            value = getattr(self, name)
-            if (isinstance(value, bool) or not isinstance(value, (int, float))
-                    or not math.isfinite(value) or value <= 0.0):
-                raise InputError(f'{name} must be positive and finite, not {value!r}')
+            check_number(getattr(self, name), name, above=0.0)
         if not self.longest_cycle > 0.0:
             raise InputError(f'longest_cycle must be positive, not {self.longest_cycle!r}')
         for name in ('breakaway_cycles', 'velocity_cycles'):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100_000:
-                raise InputError(f'{name} must be a whole number from 1 to 100000, not {value!r}')
+            check_whole_number(getattr(self, name), name, least=1, most=100_000)
         if speeds[-1] > 1.01 * self.largest_speed:
             raise InputError(
                 f'speeds: {speeds[-1]:g} rad/s is above the limit of {self.largest_speed:g} rad/s')

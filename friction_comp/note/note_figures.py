@@ -15,7 +15,7 @@ _LAWS = (('paper', 'orange', 'printed law'), ('continuous', 'blue', 'continuous 
 
 @styled
 def ramp_figure(outcome):
-    """Fig. 2: current ramp, velocity, and the instants at which the joint brakes free."""
+    """Fig. 2: current ramp, velocity, and the instants at which the joint breaks free."""
     ramps = outcome.ramps
     figure, (upper, lower) = new_figure(2, 1, height=2.1, sharex=True)
     # Velocity as an eye sees it: over 20 ms, not from count to count.

@@ -48,7 +48,7 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
     shown = outcomes[min(1, len(outcomes) - 1)]
     report.figure(ramp_figure(shown), (
         f"Current ramp of Eq. 8 on configuration {shown.experiment.number} (the note's Fig. 2). "
-        'Dashed: the instants at which the joint brakes free. The ramp is cut once it runs.'))
+        'Dashed: the instants at which the joint breaks free. The ramp is cut once it runs.'))
     report.heading('Kinetic friction')
     report.figure(friction_figure(outcomes), (
         "Look-up table, fit of Eq. 6 and breakaway currents (the note's Fig. 4)."))

@@ -9,17 +9,21 @@ a mistake in an argument are answered at once.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from contextlib import contextmanager, suppress
 import json
-import math
 import os
 from pathlib import Path
 import shutil
 import sys
 import tempfile
+from typing import TypeVar
 
+from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
 from friction_comp.files import plain
+
+T = TypeVar('T')
 
 
 class Arguments(argparse.ArgumentParser):
@@ -78,26 +82,25 @@ class Arguments(argparse.ArgumentParser):
 
 def positive(text):
     """Return a positive finite number from an argument."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f'must be a positive number, not {text!r}')
-    return value
+    return _checked(text, float, lambda value: check_number(value, '', above=0.0))
 
 
 def whole_number(least=1):
     """Return a type for an argument that is an integer not below `least`."""
-    def read(text):
-        try:
-            value = int(text)
-        except ValueError:
-            value = least - 1
-        if value < least:
-            raise argparse.ArgumentTypeError(f'must be a whole number from {least}, not {text!r}')
-        return value
+    def read(text: str) -> int:
+        return _checked(text, int, lambda value: check_whole_number(value, '', least=least))
     return read
+
+
+def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) -> T:
+    """Read an argument; argparse puts the argument's name before what an error says."""
+    value: object = text
+    with suppress(ValueError):
+        value = kind(text)
+    try:
+        return check(value)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error).strip()) from None
 
 
 @contextmanager

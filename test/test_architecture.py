@@ -1,0 +1,102 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The code keeps the rules that docs/architecture.md states, and the page states those it keeps."""
+
+import ast
+from collections import Counter, defaultdict
+from pathlib import Path
+import re
+from xml.dom import minidom
+
+from friction_comp.__main__ import NODES, TOOLS
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / 'friction_comp'
+PAGE = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
+MODULES = sorted(PACKAGE.rglob('*.py'))
+# The package's own two doors open on everything.
+DOORS = ('__init__.py', '__main__.py')
+
+
+def declared():
+    """Return what each room may import, in the order of the page's table."""
+    table = {}
+    for room, imports in re.findall(r'^\| (\w+) \|[^|]*\| ?([\w, ]*)\|$', PAGE, re.MULTILINE):
+        if room != 'room':
+            table[room] = {name.strip() for name in imports.split(',') if name.strip()}
+    return table
+
+
+def room_of(path):
+    parts = path.relative_to(PACKAGE).parts
+    return parts[0] if len(parts) > 1 else 'ground'
+
+
+def imported_modules(path):
+    """Give the package's modules that a file imports, at its top or inside functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.ImportFrom) and (node.module or '').startswith('friction_comp.'):
+            yield node.module
+        elif isinstance(node, ast.ImportFrom) and node.module == 'friction_comp':
+            yield from (f'friction_comp.{alias.name}' for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (a.name for a in node.names if a.name.startswith('friction_comp.'))
+
+
+def arrows():
+    """Return the imports from room to room, each with the files that make it."""
+    found = defaultdict(set)
+    for path in MODULES:
+        if path.parent == PACKAGE and path.name in DOORS:
+            continue
+        for module in imported_modules(path):
+            target = module.split('.')[1]
+            if target == '__version__':
+                continue
+            room = target if (PACKAGE / target).is_dir() else 'ground'
+            if room != room_of(path):
+                found[room_of(path), room].add(str(path.relative_to(PACKAGE)))
+    return found
+
+
+def test_every_room_is_in_the_table_and_in_the_drawing():
+    rooms = {path.parent.name for path in PACKAGE.glob('*/__init__.py')}
+    assert set(declared()) == rooms | {'ground'}
+    drawing = minidom.parse(str(ROOT / 'docs' / 'architecture.svg'))
+    names = {text.firstChild.data for text in drawing.getElementsByTagName('text')
+             if text.getAttribute('class') == 'name'}
+    assert names == rooms | {'ground'}
+    assert drawing.getElementsByTagName('title')
+    assert drawing.getElementsByTagName('desc')
+
+
+def test_rooms_import_what_the_table_allows_and_all_of_it():
+    table = declared()
+    made = arrows()
+    strays = {f'{a} -> {b}': sorted(files) for (a, b), files in made.items()
+              if b not in table[a]}
+    assert strays == {}
+    unused = [f'{room} -> {name}' for room, names in table.items() for name in sorted(names)
+              if (room, name) not in made]
+    assert unused == []
+
+
+def test_the_table_only_looks_up():
+    above = []
+    for room, names in declared().items():
+        assert names <= set(above), room
+        above.append(room)
+
+
+def test_procedures_do_not_know_each_other():
+    apart = {'identification', 'compensation', 'refinement', 'recordings'}
+    table = declared()
+    assert all(not table[room] & apart for room in apart)
+
+
+def test_no_two_modules_have_one_name():
+    commands = {*NODES, *TOOLS}
+    names = Counter(
+        path.name for path in MODULES if path.name != '__init__.py'
+        and not (path.parent.name in ('nodes', 'tools') and path.stem in commands))
+    assert [name for name, count in names.items() if count > 1] == []

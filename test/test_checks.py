@@ -1,0 +1,44 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers from outside are taken or refused in one wording."""
+
+import math
+
+from hypothesis import given, strategies as st
+import numpy as np
+import pytest
+
+from friction_comp.checks import check_number, check_whole_number
+from friction_comp.errors import InputError
+from friction_comp.samples import smallest_step
+
+
+@given(st.floats(), st.floats(-10, 10), st.floats(0, 20))
+def test_a_number_is_taken_exactly_when_it_is_finite_and_within_bounds(value, least, width):
+    if math.isfinite(value) and least <= value <= least + width:
+        assert check_number(value, 'x', least=least, most=least + width) == value
+    else:
+        with pytest.raises(InputError, match='^x must be a finite number from '):
+            check_number(value, 'x', least=least, most=least + width)
+
+
+@pytest.mark.parametrize('value', [True, None, '1', math.nan, math.inf, 0.0, [1.0], 1j])
+def test_what_is_no_positive_number(value):
+    with pytest.raises(InputError, match='^limit must be a positive finite number, not '):
+        check_number(value, 'limit', above=0.0)
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert type(check_number(np.float32(0.5), 'x')) is float
+    assert type(check_whole_number(np.int8(3), 'x', least=1, most=3)) is int
+
+
+@pytest.mark.parametrize('value', [0, 1.0, True, '1', 100_001])
+def test_what_is_no_whole_number_in_range(value):
+    with pytest.raises(InputError, match='^n must be a whole number from 1 to 100000, not '):
+        check_whole_number(value, 'n', least=1, most=100_000)
+
+
+def test_the_smallest_step_is_the_encoders_and_zero_without_motion():
+    assert smallest_step(np.array([0.0, 0.0, 0.2, 0.1, 0.1])) == pytest.approx(0.1)
+    assert smallest_step(np.zeros(4)) == smallest_step(np.zeros(0)) == 0.0
