@@ -1,0 +1,88 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""An effect is one file: one that exists only here is found, kept, predicted, fed back, shown."""
+
+import numpy as np
+import pytest
+
+from friction_comp import CompensationLaw, FrictionModel, refine, Samples
+from friction_comp.model.effects import Effect, EFFECTS, register, Search
+from friction_comp.reports.refinement_report import refinement_report
+
+GAIN, REFERENCE = 0.06, 0.35
+
+
+class TightEnd(Effect):
+    """``A·v·exp(q/q_r)``: viscous friction of a joint that gets tighter along its stroke."""
+
+    name = 'tight_end'
+    variable = 'position'
+    signs = (1,)
+    constants = {'reach': Search(1.6)}
+
+    @staticmethod
+    def columns(x, c):
+        return (x.velocity * np.exp(x.position / c.reach),)
+
+    @classmethod
+    def grid(cls, scene):
+        return [{'reach': share * scene.span} for share in (0.1, 0.2, 0.4, 0.8)]
+
+    def describe(self):
+        return 'The joint gets tighter along its stroke'
+
+
+@pytest.fixture
+def own_effect():
+    register(TightEnd)
+    yield TightEnd
+    del EFFECTS[TightEnd.name]
+
+
+def recording(seed, duration=60.0, step=0.01):
+    """A joint under a sum of sines; what drives it is friction, and what gets tighter."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, step)
+    position, velocity = np.zeros_like(time), np.zeros_like(time)
+    for frequency in (0.11, 0.23, 0.37, 0.71):
+        size, phase = 0.3 / (1.0 + 2.0 * frequency), rng.uniform(0.0, 2.0 * np.pi)
+        omega = 2.0 * np.pi * frequency
+        position += size * np.sin(omega * time + phase)
+        velocity += size * omega * np.cos(omega * time + phase)
+    current = (0.1 * np.tanh(velocity / 0.02) + 0.05 * velocity
+               + GAIN * velocity * np.exp(position / REFERENCE))
+    return Samples(time=time, position=position, velocity=velocity,
+                   current=current + 0.002 * rng.standard_normal(time.size))
+
+
+def test_an_effect_that_exists_only_here(own_effect, tmp_path):
+    result = refine([recording(1)])
+    found = result.report['effects'][0]
+    assert found['name'] == 'tight_end'
+    assert found['variable'] == 'position'
+    assert found['parameters']['reach'] == pytest.approx(REFERENCE, rel=0.1)
+    assert found['parameters']['coefficients'][0] == pytest.approx(GAIN, rel=0.1)
+
+    result.model.save(tmp_path / 'model.yaml')
+    model = FrictionModel.load(tmp_path / 'model.yaml')
+    fresh = recording(2)
+    moving = np.abs(fresh.velocity) > 0.05
+    error = (fresh.current - model.predict(fresh))[moving]
+    assert np.sqrt(np.mean(error ** 2)) < 1.3 * 0.002
+
+    tight, loose = (
+        CompensationLaw([model], law='kinetic').update(0.0, [position], [0.5], [0])[0]
+        for position in (0.4, -0.4))
+    expected = GAIN * 0.5 * (np.exp(0.4 / REFERENCE) - np.exp(-0.4 / REFERENCE))
+    assert tight - loose == pytest.approx(expected, rel=0.1)
+
+    page = tmp_path / 'report.html'
+    refinement_report(result, ['fresh']).save(page)
+    assert 'The joint gets tighter along its stroke' in page.read_text(encoding='utf-8')
+
+
+def test_without_it_no_other_name_stands_in():
+    report = refine([recording(1)]).report
+    assert 'tight_end' not in [effect['name'] for effect in report['effects']]
+    assert 'position' in [entry['variable'] for entry in report['unexplained']] + [
+        effect['variable'] for effect in report['effects']]
