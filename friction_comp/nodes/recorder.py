@@ -6,22 +6,26 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
 from functools import partial
 import struct
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.nodes.joint_io import input_qos, NANO
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare
+from friction_comp.nodes.recorded_topic import RecordedTopic
 from friction_comp.recordings.writer import RecordingWriter
 
+NANO = 1_000_000_000
 STATES = 'joint_states'
 # Topic, message class, its name in recordings, and whether its stamp dates it.
 TOPICS = (
@@ -36,15 +40,17 @@ TOPICS = (
 )
 # Joint states that are remembered to date messages without stamp.
 _MEMORY = 20_000
+# Real s between putting what has come onto the disk, and between looks at who publishes.
+_FLUSH, _LOOK = 0.25, 0.1
 _STAMP = struct.Struct('<iI')
 _STAMP_BIG_ENDIAN = struct.Struct('>iI')
 
 
-def stamp_of(cdr):
+def stamp_of(cdr: bytes) -> int:
     """Return the stamp in ns that a serialised message with a header begins with."""
     kind = _STAMP if cdr[1] & 1 else _STAMP_BIG_ENDIAN
     seconds, nanoseconds = kind.unpack_from(cdr, 4)
-    return seconds * NANO + nanoseconds
+    return int(seconds * NANO + nanoseconds)
 
 
 class Dates:
@@ -54,21 +60,21 @@ class Dates:
     time: a command bears the time of the state that it answers, however late either arrived.
     """
 
-    def __init__(self):
-        self._sent = deque(maxlen=_MEMORY)
-        self._stamps = deque(maxlen=_MEMORY)
+    def __init__(self) -> None:
+        self._sent: deque[int] = deque(maxlen=_MEMORY)
+        self._stamps: deque[int] = deque(maxlen=_MEMORY)
 
-    def see(self, sent, stamp):
+    def see(self, sent: int, stamp: int) -> None:
         """Take a joint state: system time at which it was sent, and its stamp, in ns."""
         if not self._sent or sent >= self._sent[-1]:
             self._sent.append(sent)
             self._stamps.append(stamp)
 
-    def known(self, sent):
+    def known(self, sent: int) -> bool:
         """Tell whether joint states up to this system time have come."""
         return bool(self._sent) and self._sent[-1] >= sent
 
-    def at(self, sent):
+    def at(self, sent: int) -> int | None:
         """Return the date in ns of what was sent at this system time; None without any state."""
         if not self._sent:
             return None
@@ -78,14 +84,14 @@ class Dates:
 
 
 class RecorderNode(Node):
-    """Writes every message as it went over the wire; the recording is whole or not there."""
+    """Writes every message as it went over the wire, at once, and counts what was lost."""
 
     finished = False
     fast_timers = ()
     # Nothing waits for a recording: messages are taken in handfuls.
     nap = 0.005
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('recorder')
         output = declare(
             self, 'output', 'recording', 'folder to create', read_only=True)
@@ -93,28 +99,44 @@ class RecorderNode(Node):
             self, 'model_file', '', 'model that is active, noted in the metadata', read_only=True)
         compression = declare(
             self, 'compression', 'none', 'none, message or storage', read_only=True)
-        qos = input_qos(self)
+        size = declare(
+            self, 'max_file_size', 0.0, 'MB after which the next file begins; 0: never',
+            low=0.0, read_only=True)
+        duration = declare(
+            self, 'max_file_duration', 0.0, 's after which the next file begins; 0: never',
+            low=0.0, read_only=True)
         self._dates = Dates()
-        self._undated = deque()
+        self._undated: deque[tuple[int, str, str, bytes]] = deque()
         self._rate = Rate()
         self._counts = dict.fromkeys((topic for topic, *_ in TOPICS), 0)
         self._failed = ''
+        self._lost_before = 0
         data = {'recorded_by': 'friction_comp recorder'}
         if model:
             data['model_file'] = model
-        self._writer = RecordingWriter(output, data, compression)
+        self._writer = RecordingWriter(
+            output, data, compression, split_size=round(1e6 * size), split_duration=duration)
         self._writer.__enter__()
-        for topic, kind, name, stamped in TOPICS:
-            # As it is called here, so that a recording from a namespace or with remapped topics
-            # plays back as it was.
-            resolved = self.resolve_topic_name(topic)
-            self._writer.add_topic(resolved, name)
-            take = self._on_stamped if stamped else self._on_unstamped
-            self.create_subscription(
-                kind, topic, partial(take, topic, resolved, name), qos, raw=True)
+        self._topics = {topic: RecordedTopic(self, kind, topic, partial(
+            self._on_stamped if stamped else self._on_unstamped, topic, name))
+            for topic, kind, name, stamped in TOPICS}
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_FLUSH, self._flush, clock=steady)
+        self.create_timer(_LOOK, self._look, clock=steady)
         Diagnostics(self, self._report, output)
 
-    def _on_stamped(self, topic, resolved, name, cdr, info):
+    def _look(self) -> None:
+        for topic in self._topics.values():
+            topic.look()
+
+    def _flush(self) -> None:
+        try:
+            self._writer.flush()
+        except InputError as error:
+            self._failed = str(error)
+            raise
+
+    def _on_stamped(self, topic: str, name: str, cdr: bytes, info: dict[str, Any]) -> None:
         stamp = stamp_of(cdr)
         sent = info['source_timestamp']
         if topic == STATES:
@@ -122,45 +144,77 @@ class RecorderNode(Node):
                 stamp = sent
             self._dates.see(sent, stamp)
             self._date()
-        self._write(topic, resolved, name, stamp or sent, cdr)
+        self._write(topic, name, stamp or sent, cdr)
 
-    def _on_unstamped(self, topic, resolved, name, cdr, info):
-        self._undated.append((info['source_timestamp'], topic, resolved, name, bytes(cdr)))
+    def _on_unstamped(self, topic: str, name: str, cdr: bytes, info: dict[str, Any]) -> None:
+        self._undated.append((info['source_timestamp'], topic, name, cdr))
         self._date()
 
-    def _date(self, all_of_them=False):
+    def _date(self, all_of_them: bool = False) -> None:
         """Write the messages without stamp for which the joint states around them have come."""
         waiting = self._undated
         while waiting and (all_of_them or self._dates.known(waiting[0][0])):
-            sent, topic, resolved, name, cdr = waiting.popleft()
+            sent, topic, name, cdr = waiting.popleft()
             date = self._dates.at(sent)
-            self._write(topic, resolved, name, sent if date is None else date, cdr)
+            self._write(topic, name, sent if date is None else date, cdr)
 
-    def _write(self, topic, resolved, name, stamp, cdr):
+    def _write(self, topic: str, name: str, stamp: int, cdr: bytes) -> None:
+        heard = self._topics[topic]
+        if not self._counts[topic]:
+            # Now its publishers are known.
+            self._writer.add_topic(heard.name, name, heard.offered())
         self._counts[topic] += 1
         self._rate.tick()
-        self._writer.write(resolved, name, stamp, bytes(cdr))
+        try:
+            # As it is called here, so that a recording from a namespace or with remapped topics
+            # plays back as it was.
+            self._writer.write(heard.name, name, stamp, cdr)
+        except InputError as error:
+            self._failed = str(error)
+            raise
 
-    def _report(self):
-        values = {'messages per second of real time': self._rate.per_second(), **self._counts}
+    def _lost(self) -> str:
+        """Return how many messages of which topics were lost; '' if none."""
+        return ', '.join(f'{topic.lost} {name}' for name, topic in self._topics.items()
+                         if topic.lost)
+
+    def _report(self) -> tuple[Any, str, dict[str, Any]]:
+        lost = sum(topic.lost for topic in self._topics.values())
+        values = {'messages per second of real time': self._rate.per_second(),
+                  'messages lost': lost, **self._counts}
+        if lost > self._lost_before:
+            self.get_logger().warning(f'messages lost so far: {self._lost()}')
+            self._lost_before = lost
         if self._failed:
             return ERROR, self._failed, values
+        if lost:
+            return WARN, f'messages lost: {self._lost()}', values
         if not self._counts[STATES]:
             return WARN, 'no joint_states yet', values
         return OK, 'recording', values
 
-    def leave(self):
-        """Finish the recording."""
+    def leave(self) -> None:
+        """Take what is still waiting and finish the recording."""
+        if self._failed:
+            return
         try:
+            for topic in self._topics.values():
+                topic.drain()
             self._date(all_of_them=True)
+            for topic, _, name, _ in TOPICS:
+                self._writer.add_topic(self._topics[topic].name, name)
+            if self._lost():
+                self._writer.custom_data['messages_lost'] = self._lost()
             self._writer.close()
         except InputError as error:
             self._failed = str(error)
             raise
+        if self._lost():
+            self.get_logger().error(f'{self._writer.path}: messages lost: {self._lost()}')
         self.get_logger().info(f'{self._writer.path}: ' + ', '.join(
             f'{count} {topic}' for topic, count in self._counts.items() if count))
 
 
-def main(argv=None):
+def main(argv: Sequence[str] | None = None) -> int:
     """Start the node and return its exit code."""
     return run('recorder', __doc__, RecorderNode, argv)

@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings in and out: rosbag2 folders and mcap files as samples, and the other way round."""
 
+from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import (
     inspect_recording,
+    read_joints,
     read_recording,
     read_recording_with_info,
     RecordingInfo,
 )
+from friction_comp.recordings.samples_writer import write_samples
 from friction_comp.recordings.scan import find_recordings
-from friction_comp.recordings.writer import RecordingWriter, write_samples
+from friction_comp.recordings.writer import RecordingWriter
 
 __all__ = [
-    'RecordingInfo', 'RecordingWriter', 'find_recordings', 'inspect_recording', 'read_recording',
-    'read_recording_with_info', 'write_samples',
+    'Activity', 'RecordingInfo', 'RecordingWriter', 'find_recordings', 'inspect_recording',
+    'read_joints', 'read_recording', 'read_recording_with_info', 'write_samples',
 ]

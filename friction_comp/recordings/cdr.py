@@ -10,6 +10,7 @@ with another layout form another group, so nothing depends on the layouts being 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 import struct
 
 import numpy as np
@@ -33,36 +34,36 @@ class _Cursor:
         Name to (numpy type, byte position, number of values).
     """
 
-    def __init__(self, data):
+    def __init__(self, data: bytes) -> None:
         if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
             raise ValueError('unknown CDR encapsulation')
         self.data = data
         self.order = '<' if data[1] == 1 else '>'
         self.at = 4
         self.fixed = [0, 1]
-        self.fields = {}
+        self.fields: dict[str, tuple[str, int, int]] = {}
 
-    def _advance(self, size, alignment):
+    def _advance(self, size: int, alignment: int) -> int:
         start = self.at + -(self.at - 4) % alignment
         if start + size > len(self.data):
             raise ValueError('message is shorter than its fields')
         self.at = start + size
         return start
 
-    def count(self):
+    def count(self) -> int:
         """Read a length and pin it."""
         start = self._advance(4, 4)
         self.fixed.extend(range(start, start + 4))
-        return struct.unpack_from(self.order + 'I', self.data, start)[0]
+        return int(struct.unpack_from(self.order + 'I', self.data, start)[0])
 
-    def string(self):
+    def string(self) -> str:
         """Read a string and pin it."""
         size = self.count()
         start = self._advance(size, 1)
         self.fixed.extend(range(start, start + size))
         return self.data[start:start + size].rstrip(b'\0').decode('utf-8', 'replace')
 
-    def values(self, name, code, number=1):
+    def values(self, name: str, code: str, number: int | None = 1) -> None:
         """Note where a field's values are; None reads their number first."""
         if number is None:
             number = self.count()
@@ -71,13 +72,16 @@ class _Cursor:
         self.fields[name] = (self.order + code, start, number)
 
 
-def _header(cursor):
+_Walk = Callable[[_Cursor], tuple[str, ...]]
+
+
+def _header(cursor: _Cursor) -> str:
     cursor.values('sec', 'i4')
     cursor.values('nanosec', 'u4')
     return cursor.string()
 
 
-def _joint_state(cursor):
+def _joint_state(cursor: _Cursor) -> tuple[str, ...]:
     _header(cursor)
     names = tuple(cursor.string() for _ in range(cursor.count()))
     for name in ('position', 'velocity', 'effort'):
@@ -85,8 +89,8 @@ def _joint_state(cursor):
     return names
 
 
-def _multi_array(code):
-    def walk(cursor):
+def _multi_array(code: str) -> _Walk:
+    def walk(cursor: _Cursor) -> tuple[str, ...]:
         for _ in range(cursor.count()):
             cursor.string()
             cursor.values('size', 'u4')
@@ -97,8 +101,8 @@ def _multi_array(code):
     return walk
 
 
-def _stamped(name, number):
-    def walk(cursor):
+def _stamped(name: str, number: int) -> _Walk:
+    def walk(cursor: _Cursor) -> tuple[str, ...]:
         frame = _header(cursor)
         cursor.values(name, 'f8', number)
         return (frame,)
@@ -114,7 +118,8 @@ _WALKS = {
 }
 
 
-def decode(type_name, payloads):
+def decode(type_name: str, payloads: Sequence[bytes]
+           ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
     """Decode serialised messages of one type.
 
     Parameters
@@ -154,7 +159,7 @@ def decode(type_name, payloads):
             index, block = index[~same], block[~same]
 
 
-def _cut(block, fields):
+def _cut(block: np.ndarray, fields: dict[str, tuple[str, int, int]]) -> dict[str, np.ndarray]:
     values = {}
     for name, (code, start, number) in fields.items():
         stop = start + np.dtype(code).itemsize * number

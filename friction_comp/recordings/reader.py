@@ -4,18 +4,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.recordings.scan import find_recordings, scan_recording, signal_of, SIGNALS
+from friction_comp.recordings import clocks
+from friction_comp.recordings.activity import Activity
+from friction_comp.recordings.plausible import check_plausible
+from friction_comp.recordings.scan import (
+    AnyPath,
+    find_recordings,
+    Progress,
+    Scan,
+    scan_recording,
+    signal_of,
+    SIGNALS,
+    Track,
+)
+from friction_comp.recordings.time_base import further_signals, TimeBase
 from friction_comp.samples import Samples
 
-# A clock that starts at zero reaches its second stamp within this time; only then is a leading
-# stamp of zero a time and not an empty field.
-_ZERO_IS_A_TIME = 1_000_000_000
+# Between two messages within this time an angle that jumps by nearly a turn has wrapped around.
+_WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
 
 
 @dataclass
@@ -38,26 +51,33 @@ class RecordingInfo:
     rows : ndarray of int
         Which of those joint states the samples are, shape (N,).
     dropped : dict
-        Why joint states were left out, with their number: 'not finite', 'duplicate stamp'.
+        Why joint states were left out, with their number: 'not finite', 'duplicate stamp', 'stamp
+        far off'.
     notes : list of str
         What a reader of the results should know about the recording, in plain words.
     model : str or None
         Model file that was active, where the recording says.
+    activity : list of (float, Activity)
+        From when on, in s since `start`, the compensator said to be in which state, with which law
+        and model; empty where nothing was recorded of it.
     """
 
     path: Path
     joint: str = ''
-    joints: list = field(default_factory=list)
-    topics: dict = field(default_factory=dict)
+    joints: list[str] = field(default_factory=list)
+    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
     start: float = 0.0
     stamps: np.ndarray | None = None
     rows: np.ndarray | None = None
-    dropped: dict = field(default_factory=dict)
-    notes: list = field(default_factory=list)
+    dropped: dict[str, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     model: str | None = None
+    activity: list[tuple[float, Activity]] = field(default_factory=list)
 
 
-def read_recording(paths, joint=None, torque_constant=1.0, gear_ratio=1.0, progress=None):
+def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
+                   torque_constant: float = 1.0, gear_ratio: float = 1.0,
+                   progress: Progress | None = None) -> list[Samples]:
     """Read recordings of one joint.
 
     Parameters
@@ -86,33 +106,33 @@ def read_recording(paths, joint=None, torque_constant=1.0, gear_ratio=1.0, progr
         paths, joint, torque_constant, gear_ratio, progress=progress)]
 
 
-def read_recording_with_info(paths, joint=None, torque_constant=1.0, gear_ratio=1.0,
-                             signals=tuple(SIGNALS), progress=None):
+def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
+                             torque_constant: float = 1.0, gear_ratio: float = 1.0,
+                             signals: Sequence[str] = tuple(SIGNALS),
+                             progress: Progress | None = None
+                             ) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings as `read_recording` does, each with its `RecordingInfo`.
 
     Parameters
     ----------
     paths, joint, torque_constant, gear_ratio, progress
         As for `read_recording`.
-    signals : tuple of str
+    signals : sequence of str
         Topics to read besides ``joint_states``.
 
     Returns
     -------
     list of (Samples, RecordingInfo)
     """
-    for name, value in (('torque constant', torque_constant), ('gear ratio', gear_ratio)):
-        if not np.isfinite(value) or value <= 0:
-            raise InputError(f'{name} must be a positive number, not {value}')
+    torque_per_current = effort_per_ampere(torque_constant, gear_ratio)
     found = find_recordings(paths)
-    signals = ('joint_states',) + tuple(s for s in signals if s != 'joint_states')
-    results = []
+    results: list[tuple[Samples, RecordingInfo]] = []
     for number, path in enumerate(found):
-        def report(share, number=number):
+        def report(share: float, number: int = number) -> None:
             if progress:
                 progress((number + share) / len(found))
-        scan = scan_recording(path, signals, report)
-        samples, info = _to_samples(scan, joint, torque_constant * gear_ratio)
+        scan = scan_recording(path, with_states(signals), report, joint)
+        samples, info = to_samples(scan, joint, torque_per_current)
         if joint is None and results and info.joint != results[0][1].joint:
             raise InputError(
                 f'{path}: holds joint {info.joint!r}, but {results[0][1].path} holds '
@@ -123,38 +143,148 @@ def read_recording_with_info(paths, joint=None, torque_constant=1.0, gear_ratio=
     return results
 
 
-def _to_samples(scan, joint, torque_per_current):
+def effort_per_ampere(torque_constant: float, gear_ratio: float) -> float:
+    """Return k_t · n in N·m/A; raises InputError unless both are positive numbers."""
+    for name, value in (('torque constant', torque_constant), ('gear ratio', gear_ratio)):
+        if not np.isfinite(value) or value <= 0:
+            raise InputError(f'{name} must be a positive number, not {value}')
+    return torque_constant * gear_ratio
+
+
+def with_states(signals: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of signals, joint states among them."""
+    return ('joint_states', *(name for name in signals if name != 'joint_states'))
+
+
+def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
+                drives: dict[str, tuple[float, float]] | None = None,
+                signals: Sequence[str] = tuple(SIGNALS),
+                progress: Progress | None = None) -> list[Samples]:
+    """Read several joints of one recording on one time base.
+
+    Parameters
+    ----------
+    path : path-like
+        One recording.
+    joints : sequence of str, optional
+        In this order; all that the joint states name when omitted.
+    drives : dict, optional
+        Joint to (k_t in N·m/A, n); (1, 1) where it is not in it.
+    signals : sequence of str
+        Topics to read besides ``joint_states``.
+    progress : callable, optional
+        Called with the share 0..1 that has been read.
+
+    Returns
+    -------
+    list of Samples
+        One per joint, all with the same `time`: the joint states in which every joint is whole.
+
+    Raises
+    ------
+    InputError
+        If the recording or a joint cannot be used.
+    """
+    found = find_recordings(path)
+    if len(found) != 1:
+        raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
+    scan = scan_recording(found[0], with_states(signals), progress)
+    if joints is None:
+        joints = list(dict.fromkeys(n for track in scan.of('joint_states') for n in track.names))
+    if not joints:
+        raise InputError(f'{path}: joint_states names no joint')
+    read = []
+    for joint in joints:
+        constants = (drives or {}).get(joint, (1.0, 1.0))
+        read.append(to_samples(scan, joint, effort_per_ampere(*constants))[0])
+    common = read[0].time
+    for samples in read[1:]:
+        common = np.intersect1d(common, samples.time, assume_unique=True)
+    if not len(common):
+        raise InputError(f'{path}: the joints {", ".join(joints)} never have values together')
+    return [samples.take(np.searchsorted(samples.time, common)) for samples in read]
+
+
+def to_samples(scan: Scan, joint: str | None,
+               torque_per_current: float) -> tuple[Samples, RecordingInfo]:
+    """Bring one joint's signals onto the time base of its joint states.
+
+    Parameters
+    ----------
+    scan : Scan
+    joint : str, optional
+        Needed where the scan has several.
+    torque_per_current : float
+        k_t · n in N·m/A.
+
+    Returns
+    -------
+    Samples, RecordingInfo
+
+    Raises
+    ------
+    InputError
+        If the joint is not there, or its values cannot be.
+    """
     track, joint, joints = _choose(scan, joint)
-    info = RecordingInfo(scan.path, joint, joints, scan.topics, model=scan.model)
-    stamp = _clock(track.receive, track.stamp, info.notes)
+    info = RecordingInfo(scan.path, joint, joints, scan.topics, notes=list(scan.notes),
+                         model=scan.model)
+    stamp = clocks.message_times(track, info.notes)
+    stray = clocks.far_off(stamp)
+    shifts = clocks.set_backs(stamp[~stray], track.order[~stray], track.receive[~stray],
+                              info.notes)
+    stamp = shifts.of(stamp, track.order)
     columns = track.values[joint].T
     position, velocity, effort = columns
-    usable = np.isfinite(position) & np.isfinite(effort)
+    finite = np.isfinite(position) & np.isfinite(effort)
     _need(scan, track.topic, joint, position, effort)
     # Velocity may be left empty; a driver that fills it only now and then is no better.
     has_velocity = np.isfinite(velocity)
-    if has_velocity[usable].mean() < 0.5:
+    if has_velocity[finite].mean() < 0.5:
         velocity = None
     else:
-        usable &= has_velocity
-    order, duplicates = _in_order(stamp, usable, info.notes)
+        finite &= has_velocity
+    order, duplicates = _in_order(stamp, finite & ~stray, info.notes)
     info.dropped = {reason: count for reason, count in (
-        ('not finite', int(np.count_nonzero(~usable))), ('duplicate stamp', duplicates)) if count}
+        ('not finite', int(np.count_nonzero(~finite))), ('duplicate stamp', duplicates),
+        ('stamp far off', int(np.count_nonzero(finite & stray)))) if count}
     for reason, count in info.dropped.items():
         info.notes.append(f'{count} joint states left out: {reason}')
-    origin = int(stamp.min())
+    lost = scan.custom.get('messages_lost', '')
+    if lost:
+        info.notes.append(f'the recorder lost messages: {lost}')
+    clocks.note_gaps(stamp[order], info.notes)
+    origin = int(stamp[~stray].min())
     info.start = origin * 1e-9
     info.stamps = (stamp - origin) * 1e-9
     info.rows = order
+    base = TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
+    info.activity = [(base.moment(activity.time) - info.start, activity)
+                     for activity in scan.activity]
+    time = info.stamps[order]
     samples = Samples(
-        time=info.stamps[order], position=position[order],
+        time=time, position=_unwrapped(time, position[order], info.notes),
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
-    base = _TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()))
-    return samples.with_(**_further(scan, joint, joints, base, info.notes)), info
+    samples = samples.with_(**further_signals(scan, joint, joints, base, info.notes))
+    check_plausible(samples, str(scan.path))
+    return samples, info
 
 
-def _choose(scan, joint):
+def _unwrapped(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Return position in rad without the jumps of an angle that is kept within one turn."""
+    jumps = np.diff(position)
+    size = np.abs(jumps)
+    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < _WRAP_TIME)
+    # A turn in one step is a wrap only where the joint is slow otherwise.
+    if not wraps.any() or np.quantile(size, 0.9) > 0.1 * np.pi:
+        return position
+    notes.append(f'position wraps around {np.count_nonzero(wraps)} times: turns are added')
+    turns = np.concatenate(([0.0], np.cumsum(np.where(wraps, -np.sign(jumps), 0.0))))
+    return position + 2.0 * np.pi * turns
+
+
+def _choose(scan: Scan, joint: str | None) -> tuple[Track, str, list[str]]:
     tracks = scan.of('joint_states')
     if not tracks:
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
@@ -163,7 +293,7 @@ def _choose(scan, joint):
         raise InputError(
             f'{scan.path}: no joint_states of type sensor_msgs/msg/JointState in it (topics: '
             f'{", ".join(sorted(scan.topics)) or "none"})')
-    joints = list(dict.fromkeys(name for track in tracks for name in track.values))
+    joints = list(dict.fromkeys(name for track in tracks for name in track.names))
     if not joints:
         raise InputError(f'{scan.path}: joint_states names no joint')
     listed = ', '.join(repr(name) for name in joints)
@@ -174,17 +304,17 @@ def _choose(scan, joint):
     elif joint not in joints:
         if joints != ['']:
             raise InputError(f'{scan.path}: no joint {joint!r} in it, but {listed}')
-        tracks[0].values[joint] = tracks[0].values.pop('')
-        joints = [joint]
-    holding = [track for track in tracks if joint in track.values]
+        tracks[0].values[joint] = tracks[0].values['']
+        tracks[0].names[:] = joints = [joint]
+    holding = [track for track in tracks if joint in track.names]
     if len(holding) > 1:
         raise InputError(
             f'{scan.path}: joint {joint!r} is in several topics: '
             f'{", ".join(track.topic for track in holding)}')
-    return holding[0], joint, list(holding[0].values)
+    return holding[0], joint, list(holding[0].names)
 
 
-def _need(scan, topic, joint, position, effort):
+def _need(scan: Scan, topic: str, joint: str, position: np.ndarray, effort: np.ndarray) -> None:
     for name, values in (('position', position), ('effort', effort)):
         if not np.isfinite(values).any():
             raise InputError(f'{scan.path}: {topic} holds no finite {name} of joint {joint!r}')
@@ -193,30 +323,8 @@ def _need(scan, topic, joint, position, effort):
             f'{scan.path}: {topic} never holds position and effort of joint {joint!r} together')
 
 
-def _clock(receive, stamp, notes):
-    """Return the time of each message in ns: its stamp, or the receive time where that is zero."""
-    empty = stamp == 0
-    if empty.all():
-        notes.append('stamps are zero: receive times are used')
-        return receive
-    if not empty.any():
-        if len(stamp) > 20 and len(np.unique(stamp)) < len(stamp) // 10:
-            notes.append('stamps hardly change: receive times are used')
-            return receive
-        return stamp
-    filled = np.nonzero(~empty)[0]
-    if filled[0] > 0 and not empty[filled[0]:].any() and stamp[filled[0]] < _ZERO_IS_A_TIME:
-        return stamp
-    # Stamps may follow another clock than the receiver's, so receive times are carried over.
-    notes.append(f'{np.count_nonzero(empty)} stamps are zero: receive times are used for them')
-    offset = stamp[filled] - receive[filled]
-    nearest = np.searchsorted(filled, np.nonzero(empty)[0]).clip(0, len(filled) - 1)
-    repaired = stamp.copy()
-    repaired[empty] = receive[empty] + offset[nearest]
-    return repaired
-
-
-def _in_order(stamp, usable, notes):
+def _in_order(stamp: np.ndarray, usable: np.ndarray,
+              notes: list[str]) -> tuple[np.ndarray, int]:
     """Return the usable rows in time order, the first of each stamp, and the number of others."""
     rows = np.nonzero(usable)[0]
     times = stamp[rows]
@@ -228,112 +336,7 @@ def _in_order(stamp, usable, notes):
     return rows[fresh], int(np.count_nonzero(~fresh))
 
 
-@dataclass
-class _TimeBase:
-    """The joint states' times, to which all other signals are brought."""
-
-    stamp: np.ndarray
-    receive: np.ndarray
-    stamped: bool
-
-    def pair(self, track):
-        """Return the times of the joint states and of another topic on one clock."""
-        if self.stamped and track.stamp.any():
-            return self.stamp, track.stamp
-        return self.receive, track.receive
-
-    def hold(self, track, values, before=0.0):
-        """Return the last value at each joint state; `before` where there was none yet."""
-        times, known = self.pair(track)
-        good = np.isfinite(values)
-        order = np.argsort(known[good], kind='stable')
-        known, values = known[good][order], values[good][order]
-        index = np.searchsorted(known, times, side='right') - 1
-        return np.where(index >= 0, values[index.clip(0)] if len(values) else before, before)
-
-    def interpolate(self, track, values):
-        """Return the signal at each joint state, or None where it covers less than half of them.
-
-        Beyond its ends the nearest value stands.
-        """
-        times, known = self.pair(track)
-        good = np.isfinite(values)
-        if not good.any():
-            return None
-        order = np.argsort(known[good], kind='stable')
-        known, values = known[good][order], values[good][order]
-        origin = times[0]
-        covered = (times >= known[0]) & (times <= known[-1])
-        if len(known) > 1 and covered.mean() < 0.5:
-            return None
-        return np.interp(times - origin, known - origin, values)
-
-
-def _further(scan, joint, joints, base, notes):
-    signals = {}
-    reference = _of_joint(scan.of('reference'), joint, joints, notes)
-    if reference is not None:
-        track, values = reference
-        for column, name in enumerate(('reference_position', 'reference_velocity')):
-            if np.isfinite(values[:, column]).any():
-                _put(signals, name, base.interpolate(track, values[:, column]), track, notes)
-    for topic, name in (('interaction_wrench', 'load'), ('motor_temperature', 'temperature')):
-        found = _of_joint(scan.of(topic), joint, joints, notes)
-        if found is not None:
-            _put(signals, name, base.interpolate(found[0], found[1][:, 0]), found[0], notes)
-    order = _array_order(scan, joints)
-    command = _of_array(scan.of('current_command'), joint, order, notes)
-    if command is not None:
-        signals['command'] = base.hold(*command)
-    direction = _of_array(scan.of('direction'), joint, order, notes)
-    if direction is not None:
-        held = base.hold(*direction)
-        # Anything else counts as 0 for the compensator too.
-        signals['direction'] = np.where(np.isin(held, (-1.0, 1.0)), held, 0.0).astype(int)
-    return signals
-
-
-def _put(signals, name, values, track, notes):
-    if values is None:
-        notes.append(f'{track.topic} covers less than half of the recording: not used')
-    else:
-        signals[name] = values
-
-
-def _of_joint(tracks, joint, joints, notes):
-    """Return the track with a joint's (or frame's) values, or None."""
-    for track in tracks:
-        if joint in track.values:
-            return track, track.values[joint]
-    if len(tracks) == 1 and len(tracks[0].values) == 1 and len(joints) == 1:
-        # One joint and one sensor: they belong together whatever the frame is called.
-        (name, values), = tracks[0].values.items()
-        if name:
-            notes.append(f'{tracks[0].topic} of {name!r} is taken to be that of {joint!r}')
-        return tracks[0], values
-    if tracks:
-        notes.append(f'{tracks[0].topic} says nothing about joint {joint!r}')
-    return None
-
-
-def _array_order(scan, joints):
-    """Return candidate joint orders for arrays without names: the reference's, then the states'."""
-    orders = [list(track.values) for track in scan.of('reference')]
-    orders.append(joints)
-    return orders
-
-
-def _of_array(tracks, joint, orders, notes):
-    for track in tracks:
-        values = track.values['']
-        for order in orders:
-            if joint in order and len(order) == values.shape[1]:
-                return track, values[:, order.index(joint)]
-        notes.append(f'{track.topic} has {values.shape[1]} values, which fits no list of joints')
-    return None
-
-
-def inspect_recording(path):
+def inspect_recording(path: AnyPath) -> RecordingInfo:
     """Return what one recording holds without reading more than its joint states.
 
     Parameters
@@ -346,5 +349,5 @@ def inspect_recording(path):
         With path, joints, topics and model set.
     """
     scan = scan_recording(path, ('joint_states',))
-    joints = list(dict.fromkeys(name for t in scan.of('joint_states') for name in t.values))
-    return RecordingInfo(scan.path, '', joints, scan.topics, model=scan.model)
+    joints = list(dict.fromkeys(name for t in scan.of('joint_states') for name in t.names))
+    return RecordingInfo(scan.path, '', joints, scan.topics, notes=scan.notes, model=scan.model)

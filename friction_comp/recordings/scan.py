@@ -4,18 +4,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
-import re
+from typing import Any
 
 import numpy as np
-from rosbags.rosbag2 import Reader
-from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.errors import InputError
 from friction_comp.recordings import cdr
+from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics
+from friction_comp.recordings.storage import (
+    belongs_to_folder,
+    is_storage,
+    METADATA,
+    Storage,
+    unpack,
+    unreadable,
+)
 
-DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+AnyPath = str | PathLike[str]
+Progress = Callable[[float], None]
+
 # Signal name and topic ending to message type.
 SIGNALS = {
     'joint_states': cdr.JOINT_STATE,
@@ -25,11 +36,10 @@ SIGNALS = {
     'interaction_wrench': cdr.WRENCH,
     'motor_temperature': cdr.TEMPERATURE,
 }
-_STORAGE = ('.mcap', '.db3')
 _BATCH = 20_000
 
 
-def find_recordings(paths):
+def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     """Return the recordings that paths name; folders of recordings are expanded.
 
     Parameters
@@ -47,10 +57,8 @@ def find_recordings(paths):
     InputError
         If a path does not exist or holds no recording.
     """
-    if isinstance(paths, (str, Path)):
-        paths = [paths]
-    found = []
-    for path in map(Path, paths):
+    found: list[Path] = []
+    for path in map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths):
         try:
             if not path.exists():
                 raise InputError(f'{path}: no such file or folder')
@@ -64,17 +72,17 @@ def find_recordings(paths):
         found.extend(recordings)
     if not found:
         raise InputError('no recording given')
-    unique = {}
+    unique: dict[Path, Path] = {}
     for path in found:
         unique.setdefault(path.resolve(), path)
     return list(unique.values())
 
 
-def _expand(path):
+def _expand(path: Path) -> Iterator[Path]:
     if path.is_file():
-        if path.suffix in _STORAGE:
+        if is_storage(path):
             yield path
-    elif (path / 'metadata.yaml').is_file():
+    elif (path / METADATA).is_file() or belongs_to_folder(path):
         yield path
     else:
         for child in sorted(path.iterdir()):
@@ -85,23 +93,29 @@ def _expand(path):
 
 @dataclass
 class Track:
-    """One topic's messages of one layout-independent shape.
+    """One topic's messages in the order of the file.
 
     Attributes
     ----------
     receive, stamp : ndarray of int64
         Nanoseconds; stamp is 0 throughout where the message has none.
+    order : ndarray of int64
+        Number of each message among all that were read.
+    names : list of str
+        Every joint or frame that the messages name.
     values : dict of str to ndarray
         JointState: per joint name an array (N, 3) of position, velocity, effort with NaN where a
         message leaves one empty. Wrench and temperature: per frame an array (N,). Arrays: the key
-        '' and an array (N, J).
+        '' and an array (N, J). Where one joint was asked for, only what may be its own.
     """
 
     topic: str
     signal: str
     receive: np.ndarray
     stamp: np.ndarray
-    values: dict
+    order: np.ndarray
+    names: list[str]
+    values: dict[str, np.ndarray]
 
 
 @dataclass
@@ -109,18 +123,29 @@ class Scan:
     """What one recording holds."""
 
     path: Path
-    tracks: list
-    topics: dict = field(default_factory=dict)
-    model: str | None = None
+    tracks: list[Track]
+    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    custom: dict[str, str] = field(default_factory=dict)
+    activity: list[Activity] = field(default_factory=list)
 
-    def of(self, signal):
+    def of(self, signal: str) -> list[Track]:
         """Return the tracks of a signal; an exact last name goes before a mere ending."""
         tracks = [track for track in self.tracks if track.signal == signal]
         exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
         return exact or tracks
 
+    @property
+    def model(self) -> str | None:
+        """Model file that was active, where the recording says."""
+        for key in ('model_file', 'model_files', 'model'):
+            if self.custom.get(key):
+                return self.custom[key]
+        named = [activity.model for activity in self.activity if activity.model]
+        return named[-1] if named else None
 
-def signal_of(topic, type_name):
+
+def signal_of(topic: str, type_name: str) -> str | None:
     """Return the signal that a topic carries by its type and the ending of its name, or None."""
     for signal, wanted in SIGNALS.items():
         if type_name == wanted and topic.endswith(signal):
@@ -128,17 +153,20 @@ def signal_of(topic, type_name):
     return None
 
 
-def scan_recording(path, signals=tuple(SIGNALS), progress=None):
+def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(SIGNALS),
+                   progress: Progress | None = None, joint: str | None = None) -> Scan:
     """Read the signals of one recording.
 
     Parameters
     ----------
     path : path-like
         One recording, as `find_recordings` returns it.
-    signals : tuple of str
+    signals : sequence of str
         Which to read.
     progress : callable, optional
         Called with the share 0..1 that has been read.
+    joint : str, optional
+        Keep this joint's values only.
 
     Returns
     -------
@@ -150,73 +178,123 @@ def scan_recording(path, signals=tuple(SIGNALS), progress=None):
         If the recording cannot be read; the reason is named.
     """
     path = Path(path)
-    try:
-        with Reader(path) as reader:
-            return _scan(path, reader, signals, progress)
-    except InputError:
-        raise
-    # Broken files fail in many ways inside the storage libraries, by absurd sizes among them: each
-    # is the file's fault.
-    except Exception as error:
-        reason = ' '.join(str(error).split()) or type(error).__name__
-        raise InputError(
-            f'{path}: not a readable recording, perhaps truncated or still being written: '
-            f'{reason}') from None
+    scanner = Scanner(path, signals, joint)
+    for _ in scanner.batches():
+        if progress:
+            progress(scanner.progress)
+    return scanner.finish()
 
 
-def _scan(path, reader, signals, progress):
-    topics, wanted, diagnostics = {}, {}, []
-    for connection in reader.connections:
-        kind, count = topics.get(connection.topic, (connection.msgtype, 0))
-        topics[connection.topic] = (kind, count + connection.msgcount)
-        signal = signal_of(connection.topic, connection.msgtype)
-        if signal in signals:
-            if connection.ext.serialization_format not in ('cdr', ''):
-                raise InputError(f'{path}: {connection.topic} is not serialised as CDR')
-            wanted.setdefault((connection.topic, signal), []).append(connection)
-        elif connection.msgtype == DIAGNOSTICS:
-            diagnostics.append(connection)
-    total = max(sum(topics[topic][1] for topic, _ in wanted), 1)
-    stores = {topic: _Store(topic, signal) for topic, signal in wanted}
-    connections = [c for group in wanted.values() for c in group]
-    done = 0
-    if connections:
-        for connection, receive, raw in reader.messages(connections):
-            if stores[connection.topic].add(receive, raw) and progress:
-                done += _BATCH
-                progress(min(done / total, 1.0))
-    tracks = [track for store in stores.values() if (track := store.finish()) is not None]
-    custom = getattr(reader.storage, 'metadata', None)
-    model = _model_in_custom_data(custom.custom if custom else None)
-    if model is None and diagnostics:
-        model = _model_in_diagnostics(reader, diagnostics)
-    return Scan(path, tracks, topics, model)
+class Scanner:
+    """Reads one recording batch by batch into its tracks.
+
+    Parameters
+    ----------
+    path : Path
+    signals : sequence of str
+    joint : str, optional
+        As for `scan_recording`.
+    """
+
+    def __init__(self, path: Path, signals: Sequence[str] = tuple(SIGNALS),
+                 joint: str | None = None) -> None:
+        self.path = path
+        self.stores: dict[str, Store] = {}
+        self._signals = signals
+        self._joint = joint
+        self._storage: Storage | None = None
+        self._diagnostics: list[tuple[int, bytes]] = []
+
+    @property
+    def progress(self) -> float:
+        """Share of the recording that has been read."""
+        return self._storage.progress if self._storage else 0.0
+
+    def batches(self) -> Iterator[Store]:
+        """Read on, and yield each store when it has decoded another batch."""
+        try:
+            self._storage = Storage(self.path)
+            for number, (topic, kind, receive, raw) in enumerate(
+                    self._storage.messages(self._wanted)):
+                if kind == DIAGNOSTICS:
+                    if b'compensator' in raw:
+                        self._diagnostics.append((receive, raw))
+                    continue
+                store = self.stores.get(topic)
+                if store is None:
+                    signal = signal_of(topic, kind)
+                    assert signal is not None
+                    store = self.stores[topic] = Store(topic, signal, self._joint)
+                if store.add(receive, raw, number):
+                    yield store
+            for store in self.stores.values():
+                store.flush()
+        except InputError:
+            raise
+        # Broken files fail in many ways inside the storage libraries, by absurd sizes among them:
+        # each is the file's fault.
+        except Exception as error:
+            raise unreadable(
+                self.path, ' '.join(str(error).split()) or type(error).__name__) from None
+
+    def _wanted(self, topic: str, kind: str) -> bool:
+        return kind == DIAGNOSTICS or signal_of(topic, kind) in self._signals
+
+    def finish(self) -> Scan:
+        """Return what was read since the beginning, or since tracks were last taken."""
+        assert self._storage is not None
+        tracks = [track for store in self.stores.values() if (track := store.take()) is not None]
+        return Scan(
+            self.path, tracks, self._storage.topics, self._storage.notes, self._storage.custom,
+            from_diagnostics(self._diagnostics))
 
 
-class _Store:
-    """Collects one topic, decoding a batch at a time so that raw messages do not pile up."""
+class Store:
+    """Collects one topic, decoding a batch at a time so that raw messages do not pile up.
 
-    def __init__(self, topic, signal):
+    Parameters
+    ----------
+    topic, signal : str
+    joint : str, optional
+        Keep this joint's values only, where messages name joints.
+    """
+
+    def __init__(self, topic: str, signal: str, joint: str | None = None) -> None:
         self.topic, self.signal = topic, signal
-        self._raw, self._receive = [], []
-        self._receives, self._stamps = [], []
-        self._parts = {}
+        self._joint = joint
+        self._raw: list[bytes] = []
+        self._receive: list[int] = []
+        self._order: list[int] = []
+        self._names: dict[str, None] = {}
+        self._clear()
+
+    def _clear(self) -> None:
+        self._receives: list[np.ndarray] = []
+        self._stamps: list[np.ndarray] = []
+        self._orders: list[np.ndarray] = []
+        self._parts: dict[str, list[tuple[int, np.ndarray]]] = {}
         self._size = 0
 
-    def add(self, receive, raw):
+    def add(self, receive: int, raw: bytes, order: int) -> bool:
+        """Take a message; return whether a batch has been decoded with it."""
         self._raw.append(raw)
         self._receive.append(receive)
+        self._order.append(order)
         if len(self._raw) < _BATCH:
             return False
-        self._flush()
+        self.flush()
         return True
 
-    def _flush(self):
+    def flush(self) -> None:
+        """Decode what has come."""
         size = len(self._raw)
+        if not size:
+            return
         stamps = np.zeros(size, dtype=np.int64)
-        batch = {}
+        batch: dict[str, np.ndarray] = {}
         try:
-            for index, names, fields in cdr.decode(SIGNALS[self.signal], self._raw):
+            for index, names, fields in cdr.decode(
+                    SIGNALS[self.signal], [unpack(raw) for raw in self._raw]):
                 if 'stamp' in fields:
                     stamps[index] = fields['stamp']
                 for key, value in self._columns(names, fields):
@@ -232,30 +310,34 @@ class _Store:
         for key, value in batch.items():
             self._parts.setdefault(key, []).append((self._size, value))
         self._receives.append(np.array(self._receive, dtype=np.int64))
+        self._orders.append(np.array(self._order, dtype=np.int64))
         self._stamps.append(stamps)
         self._size += size
-        self._raw, self._receive = [], []
+        self._raw, self._receive, self._order = [], [], []
 
-    def _columns(self, names, fields):
+    def _columns(self, names: tuple[str, ...], fields: dict[str, Any]
+                 ) -> Iterator[tuple[str, np.ndarray]]:
+        if 'data' in fields:
+            yield '', fields['data'].astype(float)
+            return
         if 'position' in fields:
             # A lone joint may come without a name.
             names = names or ('',) * min(fields['position'].shape[1], 1)
-            for k, name in enumerate(names):
+        self._names.update(dict.fromkeys(names))
+        for k, name in enumerate(names):
+            if 'wrench' in fields:
+                yield name, fields['wrench'][:, 5:6]
+            elif 'temperature' in fields:
+                yield name, fields['temperature'][:, :1]
+            elif self._joint in (None, name) or not name:
                 columns = np.full((len(fields['position']), 3), np.nan)
                 for column, part in enumerate(('position', 'velocity', 'effort')):
                     if k < fields[part].shape[1]:
                         columns[:, column] = fields[part][:, k]
                 yield name, columns
-        elif 'data' in fields:
-            yield '', fields['data'].astype(float)
-        elif 'wrench' in fields:
-            yield names[0], fields['wrench'][:, 5:6]
-        else:
-            yield names[0], fields['temperature'][:, :1]
 
-    def finish(self):
-        if self._raw:
-            self._flush()
+    def take(self) -> Track | None:
+        """Return what has been decoded and forget it; None without any message."""
         if not self._size:
             return None
         values = {}
@@ -266,31 +348,8 @@ class _Store:
                 start, part = parts.pop()
                 full[start:start + len(part), :part.shape[1]] = part
             values[key] = full
-        return Track(self.topic, self.signal, np.concatenate(self._receives),
-                     np.concatenate(self._stamps), values)
-
-
-def _model_in_custom_data(custom):
-    if isinstance(custom, dict):
-        for key in ('model_file', 'model_files', 'model'):
-            if custom.get(key):
-                return str(custom[key])
-    return None
-
-
-def _model_in_diagnostics(reader, connections):
-    """Return the last model file that a compensator reported, or None."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    found = None
-    for _, _, raw in reader.messages(connections):
-        # Most messages are other nodes' and say nothing of a model.
-        if b'model' not in raw:
-            continue
-        for status in store.deserialize_cdr(raw, DIAGNOSTICS).status:
-            if 'compensator' not in f'{status.name} {status.hardware_id}':
-                continue
-            for item in status.values:
-                if item.key in ('model_file', 'model_files', 'model') and item.value.strip('[] '):
-                    # One file a joint comes as a list: its brackets and quotes are no names.
-                    found = re.sub(r"""['"\[\]]""", '', item.value)
-    return found
+        track = Track(self.topic, self.signal, np.concatenate(self._receives),
+                      np.concatenate(self._stamps), np.concatenate(self._orders),
+                      list(self._names), values)
+        self._clear()
+        return track

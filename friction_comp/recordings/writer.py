@@ -4,36 +4,174 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import suppress
 import os
 from pathlib import Path
 import shutil
+import threading
+from types import TracebackType
+from typing import Any, Literal
 
-import numpy as np
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from mcap.writer import CompressionType, Writer
 from rosbags.typesys import get_typestore, Stores
+import yaml
+import zstandard
 
 from friction_comp.errors import InputError
+from friction_comp.recordings.scan import AnyPath
+from friction_comp.recordings.storage import METADATA
 
+Qos = dict[str, Any]
+
+_VERSION = 9
+_CHUNK = 1 << 20
 # What rosbag2 writes for a duration that nobody set.
-_NEVER = QosTime(9223372036, 854775807)
-_DEFAULT_QOS = Qos(
-    QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.VOLATILE, _NEVER, _NEVER,
-    QosLiveliness.AUTOMATIC, _NEVER, False)
+_NEVER = {'sec': 9223372036, 'nsec': 854775807}
+_DEFAULT_QOS: Qos = {
+    'history': 'keep_last', 'depth': 10, 'reliability': 'reliable', 'durability': 'volatile',
+    'deadline': _NEVER, 'lifespan': _NEVER, 'liveliness': 'automatic',
+    'liveliness_lease_duration': _NEVER, 'avoid_ros_namespace_conventions': False,
+}
+_COMPRESSIONS = ('none', 'message', 'storage')
+
+
+def qos_profile(reliability: str = 'reliable', durability: str = 'volatile',
+                depth: int = 10) -> Qos:
+    """Return a publisher's quality of service in the words of rosbag2's metadata."""
+    return {**_DEFAULT_QOS, 'reliability': reliability, 'durability': durability, 'depth': depth}
+
+
+class _SyncedFile:
+    """A file to which whole blocks are appended, and which a thread keeps putting onto the disk.
+
+    What is written gathers in memory until `flush`; then it goes out at once. If that fails, for
+    want of space, the file is cut back to the last whole block.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = path.open('xb', buffering=0)
+        self._pending = bytearray()
+        self._size = 0
+        self._dirty = threading.Event()
+        self._closing = False
+        self._failure: OSError | None = None
+        self._thread = threading.Thread(target=self._sync, name='sync', daemon=True)
+        self._thread.start()
+
+    def write(self, data: bytes) -> int:
+        if len(self._pending) > _CHUNK:
+            self.flush()
+        self._pending += data
+        return len(data)
+
+    def tell(self) -> int:
+        return self._size + len(self._pending)
+
+    def flush(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        block, self._pending = memoryview(self._pending), bytearray()
+        try:
+            done = 0
+            while done < len(block):
+                done += self._file.write(block[done:]) or 0
+        except OSError:
+            self._file.truncate(self._size)
+            self._file.seek(self._size)
+            raise
+        self._size += len(block)
+        self._dirty.set()
+
+    def _sync(self) -> None:
+        while not self._closing:
+            self._dirty.wait()
+            self._dirty.clear()
+            try:
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                self._failure = error
+                return
+
+    def close(self) -> None:
+        """Put everything onto the disk and close the file."""
+        self._closing = True
+        self._dirty.set()
+        self._thread.join()
+        try:
+            if self._failure is None:
+                os.fsync(self._file.fileno())
+        finally:
+            self._file.close()
+
+
+class _Part:
+    """One mcap file of a recording."""
+
+    def __init__(self, path: Path, compressed: bool) -> None:
+        self.path = path
+        self.counts: dict[str, int] = {}
+        self.first: int | None = None
+        self.last: int | None = None
+        self._stream = _SyncedFile(path)
+        self._writer = Writer(
+            self._stream, chunk_size=_CHUNK, enable_data_crcs=True,  # type: ignore[arg-type]
+            compression=CompressionType.ZSTD if compressed else CompressionType.NONE)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._writer.start(profile='ros2', library='friction_comp')
+        self._stream.flush()
+
+    @property
+    def size(self) -> int:
+        return self._stream.tell()
+
+    def declare(self, topic: str, kind: str, definition: str, qos: list[Qos]) -> None:
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(
+                kind, 'ros2msg', definition.encode())
+        self._channels[topic] = self._writer.register_channel(
+            topic, 'cdr', self._schemas[kind],
+            {'offered_qos_profiles': yaml.safe_dump(qos, sort_keys=False).strip()})
+        self.counts[topic] = 0
+
+    def write(self, topic: str, time: int, payload: bytes) -> None:
+        count = self.counts[topic]
+        self._writer.add_message(self._channels[topic], time, payload, time, count)
+        self.counts[topic] = count + 1
+        self.first = time if self.first is None else min(self.first, time)
+        self.last = time if self.last is None else max(self.last, time)
+
+    def flush(self) -> None:
+        self._writer.flush()  # type: ignore[no-untyped-call]
+
+    def finish(self, metadata: str) -> None:
+        try:
+            self.flush()
+            self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._stream.flush()
+        finally:
+            self._stream.close()
+
+    def drop(self) -> None:
+        """Close without an end; what was flushed stays."""
+        with suppress(OSError):
+            self._stream.close()
+
+    def about(self) -> dict[str, Any]:
+        return {'path': self.path.name, **_span(self.first, self.last),
+                'message_count': sum(self.counts.values())}
 
 
 class RecordingWriter:
-    """A rosbag2 folder with mcap storage, complete or not there at all.
+    """A rosbag2 folder with mcap storage that can be read at every moment of its making.
 
-    Messages go into a hidden folder beside the target, which takes the target's name when the
-    recording is closed. After an exception inside the ``with`` block nothing is left.
+    Messages gather in chunks; each chunk has a checksum, is written whole and put onto the disk
+    at once, when it is full or `flush` is called. Whatever ends the process then costs what came
+    since, and a full disk costs nothing that was written. ``metadata.yaml`` is there from the
+    beginning and lists every file.
 
     Parameters
     ----------
@@ -43,6 +181,10 @@ class RecordingWriter:
         Kept in metadata.yaml. ``model_file`` names the model that was active.
     compression : str, optional
         'none', 'message' or 'storage' (chunks inside the mcap file), all with zstd.
+    split_size : int, optional
+        Bytes after which a file ends and the next begins; 0: never.
+    split_duration : float, optional
+        The same in s of the messages' time.
 
     Raises
     ------
@@ -55,59 +197,43 @@ class RecordingWriter:
     ...     recording.write('joint_states', 'sensor_msgs/msg/JointState', stamp_ns, cdr)
     """
 
-    def __init__(self, path, custom_data=None, compression='none'):
+    def __init__(self, path: AnyPath, custom_data: dict[str, str] | None = None,
+                 compression: str = 'none', split_size: int = 0,
+                 split_duration: float = 0.0) -> None:
         self.path = Path(path)
+        if compression not in _COMPRESSIONS:
+            raise InputError(
+                f'compression must be none, message or storage, not {compression!r}')
+        self.custom_data = dict(custom_data or {})
+        self._compression = compression
+        self._split_size = split_size
+        self._split_duration = split_duration * 1e9
+        self._types = get_typestore(Stores.ROS2_JAZZY)
+        self._topics: dict[str, tuple[str, str, list[Qos]]] = {}
+        self._finished: list[_Part] = []
+        self._part: _Part | None = None
+        self.message_count = 0
         if self.path.exists():
             raise InputError(f'{self.path}: exists already, a recording needs a new folder')
-        # The writer names its file after its folder, hence a folder of the right name in a
-        # hidden one.
-        self._room = self.path.parent / f'.{self.path.name}.{os.getpid()}.unfinished'
-        self._writer = Writer(
-            self._room / self.path.name, version=Writer.VERSION_LATEST,
-            storage_plugin=StoragePlugin.MCAP)
-        try:
-            mode = {'none': CompressionMode.NONE, 'message': CompressionMode.MESSAGE,
-                    'storage': CompressionMode.STORAGE}[compression]
-        except KeyError:
-            raise InputError(
-                f'compression must be none, message or storage, not {compression!r}') from None
-        self._writer.set_compression(mode, CompressionFormat.ZSTD)
-        for key, value in (custom_data or {}).items():
-            self._writer.set_custom_data(key, value)
-        self._types = get_typestore(Stores.ROS2_JAZZY)
-        self._connections = {}
-        self._open = False
-        self.message_count = 0
 
-    def __enter__(self):
+    def __enter__(self) -> RecordingWriter:
         try:
-            self._writer.open()
+            self.path.mkdir(parents=True)
+            self._part = self._begin()
         except OSError as error:
-            shutil.rmtree(self._room, ignore_errors=True)
-            raise InputError(
-                f'{self.path}: cannot be written: {error.strerror or error}') from None
-        self._open = True
+            raise self._failed(error) from None
         return self
 
-    def __exit__(self, kind, value, traceback):
-        if kind is None:
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
+                 traceback: TracebackType | None) -> Literal[False]:
+        if kind is None or self.message_count:
             self.close()
         else:
             self.abort()
         return False
 
-    def add_topic(self, topic, type_name):
-        """Declare a topic, so that it is listed even where no message follows."""
-        name = topic if topic.startswith('/') else f'/{topic}'
-        if name not in self._connections:
-            if type_name not in self._types.fielddefs:
-                raise InputError(f'{type_name}: not a message type of ROS 2 Jazzy')
-            self._connections[name] = self._writer.add_connection(
-                name, type_name, typestore=self._types, offered_qos_profiles=[_DEFAULT_QOS])
-        return self._connections[name]
-
-    def write(self, topic, type_name, stamp_ns, cdr):
-        """Append one serialised message.
+    def add_topic(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> str:
+        """Declare a topic, so that it is listed even where no message follows; return its name.
 
         Parameters
         ----------
@@ -115,146 +241,171 @@ class RecordingWriter:
             A relative name becomes absolute.
         type_name : str
             For instance 'sensor_msgs/msg/JointState'.
+        qos : sequence of dict, optional
+            What its publishers offer, as `qos_profile` returns it; rosbag2's default when empty.
+
+        Raises
+        ------
+        InputError
+            If the type is none of ROS 2 Jazzy's.
+        """
+        name = topic if topic.startswith('/') else f'/{topic}'
+        if name not in self._topics:
+            if type_name not in self._types.fielddefs:
+                raise InputError(f'{type_name}: not a message type of ROS 2 Jazzy')
+            definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
+            self._topics[name] = type_name, definition, list(qos) or [_DEFAULT_QOS]
+            if self._part is not None:
+                self._part.declare(name, *self._topics[name])
+        return name
+
+    def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
+        """Append one serialised message.
+
+        Parameters
+        ----------
+        topic, type_name : str
+            As for `add_topic`.
         stamp_ns : int
             Receive time in nanoseconds.
         cdr : bytes
             The message as it went over the wire, with its encapsulation header.
+
+        Raises
+        ------
+        InputError
+            If the disk takes no more; the recording is then closed, and what was written before
+            can be read.
         """
-        self._writer.write(self.add_topic(topic, type_name), int(stamp_ns), cdr)
+        name = self.add_topic(topic, type_name)
+        if self._part is None:
+            raise InputError(f'{self.path}: the recording is closed')
+        if self._compression == 'message':
+            cdr = zstandard.compress(cdr)
+        try:
+            if self._full(stamp_ns):
+                self._split()
+            self._part.write(name, int(stamp_ns), cdr)
+        except OSError as error:
+            raise self._failed(error) from None
         self.message_count += 1
 
-    def close(self):
-        """Finish the recording and give it its name."""
-        if not self._open:
+    def flush(self) -> None:
+        """Put onto the disk what has been written so far.
+
+        Raises
+        ------
+        InputError
+            As for `write`.
+        """
+        if self._part is not None:
+            try:
+                self._part.flush()
+            except OSError as error:
+                raise self._failed(error) from None
+
+    def close(self) -> None:
+        """Finish the recording.
+
+        Raises
+        ------
+        InputError
+            If nothing was recorded (then nothing is left behind), or the disk is full.
+        """
+        if self._part is None:
             return
         if not self.message_count:
             self.abort()
             raise InputError(f'{self.path}: nothing was recorded, so nothing is written')
-        self._open = False
         try:
-            self._writer.close()
-            (self._room / self.path.name).rename(self.path)
+            self._end_part()
+            self._save_metadata()
         except OSError as error:
-            raise InputError(
-                f'{self.path}: cannot be written: {error.strerror or error}') from None
-        finally:
-            shutil.rmtree(self._room, ignore_errors=True)
+            raise self._failed(error) from None
 
-    def abort(self):
+    def abort(self) -> None:
         """Give up and leave nothing behind."""
-        if self._open:
-            self._open = False
-            self._writer.abort()
-        shutil.rmtree(self._room, ignore_errors=True)
+        if self._part is not None:
+            self._part.drop()
+            self._part = None
+        shutil.rmtree(self.path, ignore_errors=True)
+
+    def _begin(self) -> _Part:
+        number = len(self._finished)
+        part = _Part(self.path / f'{self.path.name}_{number}.mcap',
+                     self._compression == 'storage')
+        for topic, about in self._topics.items():
+            part.declare(topic, *about)
+        self._save_metadata(part)
+        return part
+
+    def _full(self, time: int) -> bool:
+        assert self._part is not None
+        if self._part.first is None:
+            return False
+        return bool((self._split_size and self._part.size >= self._split_size)
+                    or (self._split_duration and time - self._part.first >= self._split_duration))
+
+    def _split(self) -> None:
+        self._end_part()
+        self._part = self._begin()
+
+    def _end_part(self) -> None:
+        part, self._part = self._part, None
+        assert part is not None
+        self._finished.append(part)
+        part.finish(self._metadata([part]))
+
+    def _failed(self, error: OSError) -> InputError:
+        """Close what there is and return the error that says so."""
+        if self._part is not None:
+            self._part.drop()
+            self._part = None
+        kept = ''
+        if self.message_count:
+            kept = '; what was written before can be read'
+        else:
+            shutil.rmtree(self.path, ignore_errors=True)
+        return InputError(f'{self.path}: cannot be written: {error.strerror or error}{kept}')
+
+    def _metadata(self, parts: list[_Part]) -> str:
+        first = [part.first for part in parts if part.first is not None]
+        last = [part.last for part in parts if part.last is not None]
+        counts = {topic: sum(part.counts.get(topic, 0) for part in parts) for topic in self._topics}
+        compressed = self._compression == 'message'
+        return yaml.safe_dump({
+            'version': _VERSION, 'storage_identifier': 'mcap',
+            'relative_file_paths': [part.path.name for part in parts],
+            **_span(min(first, default=None), max(last, default=None)),
+            'message_count': sum(counts.values()),
+            'topics_with_message_count': [{
+                'topic_metadata': {
+                    'name': topic, 'type': kind, 'serialization_format': 'cdr',
+                    'offered_qos_profiles': qos,
+                    'type_description_hash': self._types.hash_rihs01(kind)},
+                'message_count': counts[topic]} for topic, (kind, _, qos) in self._topics.items()],
+            'compression_format': 'zstd' if compressed else '',
+            'compression_mode': 'message' if compressed else '',
+            'files': [part.about() for part in parts],
+            'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
+        }, sort_keys=False, allow_unicode=True)
+
+    def _save_metadata(self, part: _Part | None = None) -> None:
+        parts = self._finished + ([part] if part is not None else [])
+        text = 'rosbag2_bagfile_information:\n' + ''.join(
+            f'  {line}\n' for line in self._metadata(parts).splitlines())
+        draft = self.path / f'{METADATA}.new'
+        try:
+            with draft.open('w', encoding='utf-8') as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            draft.replace(self.path / METADATA)
+        finally:
+            draft.unlink(missing_ok=True)
 
 
-def write_samples(path, samples, torque_constant=1.0, gear_ratio=1.0, joint=None, namespace='',
-                  start_ns=1_000_000_000, custom_data=None, compression='none'):
-    """Turn samples into a recording as the nodes would have left it.
-
-    Parameters
-    ----------
-    path : path-like
-        Folder to create.
-    samples : Samples or list of Samples
-        One stretch per joint; several joints must share their time base. Effort is
-        current · k_t · n. Signals that are None are not recorded.
-    torque_constant, gear_ratio : float
-        k_t in N·m/A and n.
-    joint : str, optional
-        Joint name where the samples carry none.
-    namespace : str
-        Put before every topic.
-    start_ns : int
-        Stamp of time zero.
-    custom_data, compression
-        As for `RecordingWriter`.
-    """
-    joints = samples if isinstance(samples, (list, tuple)) else [samples]
-    first = joints[0]
-    for other in joints[1:]:
-        if not np.array_equal(other.time, first.time):
-            raise InputError('samples: the joints of one recording must share their time base')
-    names = [one.joint or joint or f'joint_{k + 1}' for k, one in enumerate(joints)]
-    store = get_typestore(Stores.ROS2_JAZZY)
-    messages = _Messages(store, names, joints, torque_constant * gear_ratio)
-    prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
-    with RecordingWriter(path, custom_data, compression) as recording:
-        for k, time in enumerate(np.asarray(first.time, dtype=float)):
-            stamp = start_ns + round(time * 1e9)
-            for topic, type_name, message in messages.at(k, stamp):
-                recording.write(f'{prefix}/{topic}', type_name, stamp,
-                                bytes(store.serialize_cdr(message, type_name)))
-
-
-class _Messages:
-    """The messages of one instant, built from samples."""
-
-    def __init__(self, store, names, joints, torque_per_current):
-        self._types = store.types
-        self._names = names
-        self._joints = joints
-        self._gain = torque_per_current
-
-    def _make(self, type_name, *fields):
-        return self._types[type_name](*fields)
-
-    def _header(self, stamp, frame=''):
-        seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-        return self._make(
-            'std_msgs/msg/Header',
-            self._make('builtin_interfaces/msg/Time', seconds, nanoseconds), frame)
-
-    def _column(self, name, k, gain=1.0):
-        values = [getattr(one, name) for one in self._joints]
-        if any(value is None for value in values):
-            return np.zeros(0)
-        return np.array([gain * float(value[k]) for value in values])
-
-    def _joint_state(self, stamp, position, velocity, effort):
-        kind = 'sensor_msgs/msg/JointState'
-        return kind, self._make(
-            kind, self._header(stamp), list(self._names), position, velocity, effort)
-
-    def _array(self, kind, data):
-        layout = self._make('std_msgs/msg/MultiArrayLayout', [], 0)
-        return kind, self._make(kind, layout, data)
-
-    def at(self, k, stamp):
-        """Yield (topic, type, message) of sample number k; joint states come last."""
-        # A command, direction or reference that belongs to a joint state is there before it.
-        command = self._column('command', k)
-        if command.size:
-            yield 'current_command', *self._array('std_msgs/msg/Float64MultiArray', command)
-        direction = self._column('direction', k)
-        if direction.size and self._changed('direction', k):
-            yield 'direction', *self._array(
-                'std_msgs/msg/Int8MultiArray', direction.astype(np.int8))
-        reference = self._column('reference_position', k)
-        if reference.size:
-            yield 'reference', *self._joint_state(
-                stamp, reference, self._column('reference_velocity', k), np.zeros(0))
-        yield from self._by_frame(k, stamp)
-        yield 'joint_states', *self._joint_state(
-            stamp, self._column('position', k), self._column('velocity', k),
-            self._column('current', k, self._gain))
-
-    def _changed(self, name, k):
-        # Directions are sent at 100 Hz or so; sending each change and one in ten keeps files small.
-        return k % 10 == 0 or any(
-            getattr(one, name)[k] != getattr(one, name)[k - 1] for one in self._joints)
-
-    def _by_frame(self, k, stamp):
-        vector = 'geometry_msgs/msg/Vector3'
-        for name, one in zip(self._names, self._joints):
-            if one.load is not None:
-                kind = 'geometry_msgs/msg/WrenchStamped'
-                wrench = self._make(
-                    'geometry_msgs/msg/Wrench', self._make(vector, 0.0, 0.0, 0.0),
-                    self._make(vector, 0.0, 0.0, float(one.load[k])))
-                yield 'interaction_wrench', kind, self._make(
-                    kind, self._header(stamp, name), wrench)
-            if one.temperature is not None and k % 100 == 0:
-                kind = 'sensor_msgs/msg/Temperature'
-                yield 'motor_temperature', kind, self._make(
-                    kind, self._header(stamp, name), float(one.temperature[k]), 0.0)
+def _span(first: int | None, last: int | None) -> dict[str, Any]:
+    duration = 0 if first is None or last is None else last - first
+    return {'starting_time': {'nanoseconds_since_epoch': first or 0},
+            'duration': {'nanoseconds': duration}}

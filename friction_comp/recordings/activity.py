@@ -1,0 +1,70 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What was active while a recording was made: what the compensator said of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import re
+from typing import Any
+
+from rosbags.typesys import get_typestore, Stores
+
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+
+
+@dataclass(frozen=True)
+class Activity:
+    """What a compensator reported from one moment on.
+
+    Attributes
+    ----------
+    time : int
+        Receive time in ns.
+    state : str
+        Its lifecycle state, for instance 'active'; '' where it did not say.
+    law, model : str
+        Compensation law and model file; '' where it did not say.
+    """
+
+    time: int
+    state: str
+    law: str
+    model: str
+
+
+def from_diagnostics(messages: Sequence[tuple[int, bytes]]) -> list[Activity]:
+    """Return what changed, in order of time.
+
+    Parameters
+    ----------
+    messages : sequence of (int, bytes)
+        Receive time in ns and serialised DiagnosticArray.
+
+    Returns
+    -------
+    list of Activity
+        Each differs from the one before in more than its time.
+    """
+    store = get_typestore(Stores.ROS2_JAZZY)
+    found: list[Activity] = []
+    for time, raw in sorted(messages):
+        try:
+            message: Any = store.deserialize_cdr(raw, DIAGNOSTICS)
+        # A message that breaks off costs itself.
+        except Exception:
+            continue
+        for status in message.status:
+            if 'compensator' not in f'{status.name} {status.hardware_id}':
+                continue
+            values = {item.key: item.value for item in status.values}
+            model = next((values[key] for key in ('model_file', 'model_files', 'model')
+                          if values.get(key, '').strip('[] ')), '')
+            # One file a joint comes as a list: its brackets and quotes are no names.
+            now = Activity(time, values.get('state', ''), values.get('law', ''),
+                           re.sub(r"""['"\[\]]""", '', model))
+            if not found or (found[-1].state, found[-1].law, found[-1].model) != (
+                    now.state, now.law, now.model):
+                found.append(now)
+    return found

@@ -1,0 +1,167 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Refuses measured values that no joint can have, and signals that contradict each other.
+
+Whatever is computed from such a recording would look like a result. The limits lie far beyond any
+geared drive, so that they catch broken files, units and signs, never an unusual machine.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.samples import Samples
+
+# Signal: largest magnitude, unit. A turn a second for four hours is 1e5 rad; the fastest motors
+# turn at 1e4 rad/s, and no joint follows them; a wind turbine's shaft carries 1e7 N·m.
+_LIMITS = {
+    'position': (1e5, 'rad'), 'velocity': (1e4, 'rad/s'), 'current': (1e5, 'A'),
+    'command': (1e5, 'A'), 'load': (1e7, 'N·m'), 'temperature': (1e3, '°C'),
+    'reference_position': (1e5, 'rad'), 'reference_velocity': (1e4, 'rad/s'),
+}
+# Stretches over which position and velocity are compared, s.
+_STRETCH = 0.1
+# How well and over how many stretches signals must follow each other before their ratio counts.
+_FOLLOWS, _ENOUGH = 0.9, 30
+# Velocity and rate of position may differ by this factor: a smoothed or late velocity does.
+_SCALE = 3.0
+_BINS, _PER_BIN, _OCCUPIED = 20, 20, 5
+_AGREEING = 0.8
+
+
+def check_plausible(samples: Samples, name: str) -> None:
+    """Refuse samples that cannot be true.
+
+    Parameters
+    ----------
+    samples : Samples
+    name : str
+        What to call the recording.
+
+    Raises
+    ------
+    InputError
+        If a value is beyond what any joint can have, the position moves faster than any joint,
+        velocity contradicts position, or the effort has the wrong sign; the text names signal,
+        value and time.
+    """
+    if not len(samples):
+        return
+    where = f'{name}: joint {samples.joint!r}'
+    _check_limits(samples, where)
+    _check_rate(samples, where)
+    if samples.velocity is not None:
+        _check_velocity(samples, where)
+    _check_command(samples, where)
+    _check_power(samples, where)
+
+
+def _check_limits(samples: Samples, where: str) -> None:
+    for signal, (limit, unit) in _LIMITS.items():
+        values = getattr(samples, signal)
+        if values is None:
+            continue
+        size = np.abs(np.nan_to_num(values, nan=0.0, posinf=np.inf, neginf=-np.inf))
+        worst = int(np.argmax(size))
+        if size[worst] > limit:
+            raise InputError(
+                f'{where}: {signal.replace("_", " ")} of {values[worst]:.4g} {unit} at '
+                f'{samples.time[worst]:.3f} s cannot be ({np.count_nonzero(size > limit)} of '
+                f'{len(size)} values beyond {limit:.0e} {unit})')
+
+
+def _check_rate(samples: Samples, where: str) -> None:
+    limit = _LIMITS['velocity'][0]
+    step = np.diff(samples.time)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        rate = np.abs(np.where(step > 0, np.diff(samples.position) / step, 0.0))
+    if len(rate) and rate.max() > limit:
+        worst = int(np.argmax(rate))
+        raise InputError(
+            f'{where}: position jumps from {samples.position[worst]:.4g} to '
+            f'{samples.position[worst + 1]:.4g} rad within {step[worst]:.3g} s at '
+            f'{samples.time[worst]:.3f} s, which cannot be (unit of position or of the stamps?)')
+
+
+def _check_velocity(samples: Samples, where: str) -> None:
+    assert samples.velocity is not None
+    time = samples.time
+    width = max(round(_STRETCH / max(samples.sample_time, 1e-6)), 2)
+    way, integral = [], []
+    for part in samples.segments():
+        edges = np.arange(part.start, part.stop, width)
+        if len(edges) < 2:
+            continue
+        mean = 0.5 * (samples.velocity[1:] + samples.velocity[:-1]) * np.diff(time)
+        sums = np.concatenate(([0.0], np.cumsum(mean[part.start:part.stop - 1])))
+        way.append(np.diff(samples.position[edges]))
+        integral.append(np.diff(sums[edges - part.start]))
+    if not way:
+        return
+    a, b = np.concatenate(way), np.concatenate(integral)
+    if len(a) < _ENOUGH or not a.any() or not b.any():
+        return
+    alike = float(a @ b / np.sqrt((a @ a) * (b @ b)))
+    if alike < -_FOLLOWS:
+        raise InputError(f'{where}: velocity has the opposite sign of the way the position goes')
+    scale = float(b @ a / (a @ a))
+    if alike > _FOLLOWS and not 1.0 / _SCALE < scale < _SCALE:
+        raise InputError(f'{where}: velocity is {scale:.3g} times the rate of position: one of '
+                         'them is not in rad and rad/s')
+
+
+def _check_command(samples: Samples, where: str) -> None:
+    command = samples.command
+    if command is None or len(samples) < 200 or not command.any() or not samples.current.any():
+        return
+    alike = float(command @ samples.current / np.sqrt(
+        (command @ command) * (samples.current @ samples.current)))
+    if alike < -_FOLLOWS:
+        raise InputError(f'{where}: effort runs against the commanded current: one of them has '
+                         'the wrong sign')
+
+
+def _check_power(samples: Samples, where: str) -> None:
+    """Refuse an effort that goes with the motion the way only a reversed one does.
+
+    At one position, gravity is the same both ways, and friction asks for more torque along the
+    motion than against it. Where a command or the person's torque is known, this is no sign of an
+    error: the motor may have been told to brake, or be driven.
+    """
+    if samples.load is not None or (samples.command is not None and samples.command.any()):
+        return
+    velocity = samples.velocity if samples.velocity is not None else _rate(samples)
+    fast = np.abs(velocity) > 0.2 * np.quantile(np.abs(velocity), 0.95)
+    if not fast.any() or np.ptp(samples.position[fast]) == 0.0:
+        return
+    position, current, way = samples.position[fast], samples.current[fast], velocity[fast] > 0
+    edges = np.linspace(position.min(), position.max(), _BINS + 1)
+    cell = 2 * np.clip(np.digitize(position, edges) - 1, 0, _BINS - 1) + way
+    count = np.bincount(cell, minlength=2 * _BINS).astype(float)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        mean = np.bincount(cell, current, 2 * _BINS) / count
+        spread = np.bincount(cell, current ** 2, 2 * _BINS) / count - mean ** 2
+    both = np.minimum(count[0::2], count[1::2])
+    used = both >= _PER_BIN
+    if np.count_nonzero(used) < _OCCUPIED:
+        return
+    weight = both[used] / both[used].sum()
+    gap = (mean[1::2] - mean[0::2])[used]
+    scatter = np.sqrt(max(float(weight @ (0.5 * (spread[0::2] + spread[1::2])[used])), 0.0))
+    if weight @ gap < -scatter and weight[gap < 0].sum() > _AGREEING:
+        raise InputError(
+            f'{where}: the motor takes power out of the motion ({float(weight @ gap):.3g} A '
+            'between its two ways): effort has the wrong sign, or something else drives it '
+            'and no current_command or interaction_wrench says so')
+
+
+def _rate(samples: Samples) -> np.ndarray:
+    """Return the rate of position over 20 ms, shape (N,)."""
+    half = max(round(0.01 / max(samples.sample_time, 1e-6)), 1)
+    index = np.arange(len(samples))
+    later, earlier = np.minimum(index + half, len(index) - 1), np.maximum(index - half, 0)
+    step = samples.time[later] - samples.time[earlier]
+    rate: np.ndarray = np.divide(samples.position[later] - samples.position[earlier], step,
+                                 out=np.zeros(len(index)), where=step > 0)
+    return rate

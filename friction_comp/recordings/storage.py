@@ -1,0 +1,192 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What files a recording consists of, and the stream of their messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path, PurePath
+import re
+import shutil
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+import zstandard
+
+from friction_comp.errors import InputError
+from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message
+from friction_comp.recordings.sqlite_file import SqliteFile
+
+SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
+METADATA = 'metadata.yaml'
+_ZSTD = b'\x28\xb5\x2f\xfd'
+
+
+def is_storage(path: Path) -> bool:
+    """Tell whether a file is, by its name, one that holds messages."""
+    return path.name.endswith(SUFFIXES)
+
+
+def belongs_to_folder(folder: Path) -> bool:
+    """Tell whether a folder's storage files are parts of one recording that lacks its metadata.
+
+    rosbag2 calls them after the folder, with a number.
+    """
+    pattern = re.compile(re.escape(folder.name) + r'_\d+\.(mcap|db3)(\.zstd)?')
+    files = [path.name for path in folder.iterdir() if is_storage(path)]
+    return bool(files) and all(pattern.fullmatch(name) for name in files)
+
+
+class Storage:
+    """The messages of one recording, whatever files it consists of.
+
+    Parameters
+    ----------
+    path : Path
+        A rosbag2 folder or a single file.
+
+    Attributes
+    ----------
+    topics : dict
+        Topic to (message type, number of messages), complete after `messages` has ended.
+    encodings : dict
+        Topic to serialisation, likewise.
+    notes : list of str
+        What is missing or damaged, in plain words, likewise.
+    custom : dict
+        The ``custom_data`` of the recording's metadata.
+
+    Raises
+    ------
+    InputError
+        If nothing of it can be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.topics: dict[str, tuple[str, int]] = {}
+        self.encodings: dict[str, str] = {}
+        self.notes: list[str] = []
+        self.custom: dict[str, str] = {}
+        self.progress = 0.0
+        self.files = [path] if path.is_file() else self._listed()
+
+    def messages(self, wanted: Callable[[str, str], bool]) -> Iterator[Message]:
+        """Yield (topic, type, receive time in ns, payload) of all files in their order.
+
+        Parameters
+        ----------
+        wanted : callable
+            Given topic and type, says whether its messages are asked for; all are counted.
+
+        Raises
+        ------
+        InputError
+            If none of the files can be read.
+        """
+        reasons = []
+        for number, file in enumerate(self.files):
+            try:
+                with TemporaryDirectory() as room, _open(file, Path(room)) as opened:
+                    for message in opened.messages(self._checked(opened, wanted)):
+                        self.progress = (number + opened.progress) / len(self.files)
+                        yield message
+                    self._add(file, opened)
+            except DamagedError as error:
+                reasons.append(f'{file.name}: {error}')
+            except OSError as error:
+                reasons.append(f'{file.name}: {error.strerror or error}')
+        if len(reasons) == len(self.files):
+            reason = '; '.join(reasons) if len(self.files) > 1 else reasons[0].split(': ', 1)[1]
+            raise unreadable(self.path, reason)
+        self.notes.extend(f'{reason}: this file is missing' for reason in reasons)
+
+    def _checked(self, opened: McapFile | SqliteFile,
+                 wanted: Callable[[str, str], bool]) -> Callable[[str, str], bool]:
+        def check(topic: str, kind: str) -> bool:
+            if not wanted(topic, kind):
+                return False
+            if opened.encodings.get(topic) not in ('cdr', '', None):
+                raise InputError(f'{self.path}: {topic} is not serialised as CDR')
+            return True
+        return check
+
+    def _add(self, file: Path, opened: McapFile | SqliteFile) -> None:
+        several = len(self.files) > 1
+        self.notes.extend(f'{file.name}: {note}' if several else note for note in opened.notes)
+        self.encodings.update(opened.encodings)
+        for topic, (kind, count) in opened.topics.items():
+            before = self.topics.get(topic, (kind, 0))[1]
+            self.topics[topic] = kind, before + count
+        for key, value in opened.custom.items():
+            self.custom.setdefault(key, value)
+
+    def _listed(self) -> list[Path]:
+        """Return the files that the metadata list, or else those that are there."""
+        here = sorted((path for path in self.path.iterdir() if is_storage(path)), key=_natural)
+        if not (self.path / METADATA).is_file():
+            self.notes.append(f'{METADATA} is missing: the files are taken as they are called')
+            return here
+        try:
+            listed = self._read_metadata()
+        except InputError:
+            if not here:
+                raise
+            self.notes.append(f'{METADATA} is damaged: the files are taken as they are called')
+            return here
+        missing = [path.name for path in listed if not path.is_file()]
+        if missing and len(missing) == len(listed):
+            raise unreadable(self.path, f'{METADATA} lists {", ".join(missing)}, which is not here')
+        if missing:
+            self.notes.append(f'{len(missing)} of its {len(listed)} files are missing: '
+                              f'{", ".join(missing)}')
+        return [path for path in listed if path.is_file()]
+
+    def _read_metadata(self) -> list[Path]:
+        try:
+            text = (self.path / METADATA).read_text(encoding='utf-8')
+            about: Any = yaml.safe_load(text)['rosbag2_bagfile_information']
+            # Only names in this folder: a listing must not lead anywhere else.
+            files = [self.path / PurePath(name).name for name in about['relative_file_paths']]
+            custom = about.get('custom_data') or {}
+            self.custom = {str(key): str(value) for key, value in custom.items()}
+        except OSError as error:
+            raise unreadable(self.path, f'{METADATA}: {error.strerror or error}') from None
+        except Exception as error:
+            reason = ' '.join(str(error).split()) or type(error).__name__
+            raise unreadable(self.path, f'{METADATA}: {reason}') from None
+        if not files:
+            raise unreadable(self.path, f'{METADATA} lists no file')
+        return files
+
+
+def unreadable(path: Path, reason: str) -> InputError:
+    """Return the error for a recording of which nothing can be read."""
+    return InputError(f'{path}: not a readable recording: {reason}')
+
+
+def unpack(payload: bytes) -> bytes:
+    """Return a message that rosbag2 compressed on its own as it was, others as they are."""
+    if payload[:4] != _ZSTD:
+        return payload
+    return zstandard.ZstdDecompressor().decompressobj().decompress(payload)
+
+
+def _natural(path: Path) -> list[str | int]:
+    return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
+
+
+def _open(file: Path, room: Path) -> McapFile | SqliteFile:
+    if file.suffix == '.zstd':
+        plain = room / file.stem
+        with file.open('rb') as packed, plain.open('wb') as stream:
+            try:
+                with zstandard.ZstdDecompressor().stream_reader(
+                        packed, read_across_frames=True) as source:
+                    shutil.copyfileobj(source, stream)
+            except zstandard.ZstdError as error:
+                if not stream.tell():
+                    raise DamagedError(f'not compressed with zstd: {error}') from None
+        file = plain
+    return McapFile(file) if file.suffix == '.mcap' else SqliteFile(file)

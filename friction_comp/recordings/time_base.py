@@ -1,0 +1,142 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Signals of other topics on the time base of the joint states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from friction_comp.recordings.clocks import Shifts
+from friction_comp.recordings.scan import Scan, Track
+
+
+@dataclass
+class TimeBase:
+    """The joint states' times, to which all other signals are brought."""
+
+    stamp: np.ndarray
+    receive: np.ndarray
+    stamped: bool
+    shifts: Shifts
+
+    def pair(self, track: Track) -> tuple[np.ndarray, np.ndarray]:
+        """Return the times of the joint states and of another topic on one clock."""
+        if self.stamped and track.stamp.any():
+            return self.stamp, self.shifts.of(track.stamp, track.order)
+        return self.receive, track.receive
+
+    def moment(self, receive: int) -> float:
+        """Return the time in s of the joint states' clock at a receive time in ns."""
+        return float(np.interp(receive, self.receive, self.stamp)) * 1e-9
+
+    def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
+        """Return the last value at each joint state; `before` where there was none yet."""
+        times, known = self.pair(track)
+        good = np.isfinite(values)
+        order = np.argsort(known[good], kind='stable')
+        known, values = known[good][order], values[good][order]
+        index = np.searchsorted(known, times, side='right') - 1
+        held: np.ndarray = np.where(
+            index >= 0, values[index.clip(0)] if len(values) else before, before)
+        return held
+
+    def interpolate(self, track: Track, values: np.ndarray) -> np.ndarray | None:
+        """Return the signal at each joint state, or None where it covers less than half of them.
+
+        Beyond its ends the nearest value stands.
+        """
+        times, known = self.pair(track)
+        good = np.isfinite(values)
+        if not good.any():
+            return None
+        order = np.argsort(known[good], kind='stable')
+        known, values = known[good][order], values[good][order]
+        origin = times[0]
+        covered = (times >= known[0]) & (times <= known[-1])
+        if len(known) > 1 and covered.mean() < 0.5:
+            return None
+        interpolated: np.ndarray = np.interp(times - origin, known - origin, values)
+        return interpolated
+
+
+def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
+                    notes: list[str]) -> dict[str, Any]:
+    """Return the signals of other topics, each shape (N,), by the names `Samples` gives them.
+
+    Parameters
+    ----------
+    scan : Scan
+    joint : str
+    joints : list of str
+        All that its joint states name, in their order.
+    base : TimeBase
+    notes : list of str
+        Gets a line for each signal that is there and cannot be used.
+    """
+    signals: dict[str, Any] = {}
+    reference = _of_joint(scan.of('reference'), joint, joints, notes)
+    if reference is not None:
+        track, values = reference
+        for column, name in enumerate(('reference_position', 'reference_velocity')):
+            if np.isfinite(values[:, column]).any():
+                _put(signals, name, base.interpolate(track, values[:, column]), track, notes)
+    for topic, name in (('interaction_wrench', 'load'), ('motor_temperature', 'temperature')):
+        found = _of_joint(scan.of(topic), joint, joints, notes)
+        if found is not None:
+            _put(signals, name, base.interpolate(found[0], found[1][:, 0]), found[0], notes)
+    order = _array_order(scan, joints)
+    command = _of_array(scan.of('current_command'), joint, order, notes)
+    if command is not None:
+        signals['command'] = base.hold(*command)
+    direction = _of_array(scan.of('direction'), joint, order, notes)
+    if direction is not None:
+        held = base.hold(*direction)
+        # Anything else counts as 0 for the compensator too.
+        signals['direction'] = np.where(np.isin(held, (-1.0, 1.0)), held, 0.0).astype(int)
+    return signals
+
+
+def _put(signals: dict[str, Any], name: str, values: np.ndarray | None, track: Track,
+         notes: list[str]) -> None:
+    if values is None:
+        notes.append(f'{track.topic} covers less than half of the recording: not used')
+    else:
+        signals[name] = values
+
+
+def _of_joint(tracks: list[Track], joint: str, joints: list[str],
+              notes: list[str]) -> tuple[Track, np.ndarray] | None:
+    """Return the track with a joint's (or frame's) values, or None."""
+    for track in tracks:
+        if joint in track.values:
+            return track, track.values[joint]
+    if len(tracks) == 1 and len(tracks[0].values) == len(tracks[0].names) == len(joints) == 1:
+        # One joint and one sensor: they belong together whatever the frame is called.
+        (name, values), = tracks[0].values.items()
+        if name:
+            notes.append(f'{tracks[0].topic} of {name!r} is taken to be that of {joint!r}')
+        return tracks[0], values
+    if tracks:
+        notes.append(f'{tracks[0].topic} says nothing about joint {joint!r}')
+    return None
+
+
+def _array_order(scan: Scan, joints: list[str]) -> list[list[str]]:
+    """Return candidate joint orders for arrays without names: the reference's, then the states'."""
+    orders = [track.names for track in scan.of('reference')]
+    orders.append(joints)
+    return orders
+
+
+def _of_array(tracks: list[Track], joint: str, orders: list[list[str]],
+              notes: list[str]) -> tuple[Track, np.ndarray] | None:
+    for track in tracks:
+        values = track.values['']
+        for order in orders:
+            if joint in order and len(order) == values.shape[1]:
+                return track, values[:, order.index(joint)]
+        notes.append(f'{track.topic} has {values.shape[1]} values, which fits no list of joints')
+    return None
