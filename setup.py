@@ -56,7 +56,8 @@ setup(
     # ROS 2 itself is not listed: it is sourced, or its wheels are in requirements/ros.txt.
     install_requires=[
         'numpy>=1.24', 'scipy>=1.10', 'numba>=0.58', 'matplotlib>=3.6', 'PyYAML>=6',
-        'rich>=12', 'rosbags>=0.11',
+        'rich>=12', 'rosbags>=0.11', 'mcap>=1.5',
+        'zstandard>=0.18',
     ],
     # colcon runs the tests with pytest where it finds it asked for here.
     # Pinocchio reads URDF files for `refine --urdf`.

@@ -99,7 +99,8 @@ def test_package_xml_names_what_the_modules_import():
     for path in MODULES + LAUNCH_FILES:
         for name in imported(path) - set(sys.stdlib_module_names):
             # Pinocchio is optional: an extra for pip, a dependency of the tests for rosdep.
-            if name not in ('friction_comp', INTERFACES, 'rosbags', 'pinocchio'):
+            if name not in ('friction_comp', INTERFACES, 'rosbags', 'mcap', 'zstandard',
+                                'pinocchio'):
                 needed.add(ROSDEP_KEYS.get(name, name))
     assert needed - declared == set()
 

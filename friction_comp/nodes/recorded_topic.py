@@ -119,7 +119,9 @@ class RecordedTopic:
             self._drain(offer)
 
     def _drain(self, offer: Offer) -> None:
-        subscription = self._subscriptions[offer]
+        subscription = self._subscriptions.get(offer)
+        if subscription is None:
+            return
         with subscription.handle:
             for _ in range(DEPTH):
                 found = subscription.handle.take_message(self._kind, True)

@@ -293,7 +293,9 @@ class McapFile:
         fits = self._record_at(begin)
         if fits is None or fits[0] != Opcode.FOOTER:
             return None
-        return Footer.read(ReadDataStream(BytesIO(self._data[begin + 9:fits[1]])))
+        footer: Footer = Footer.read(
+            ReadDataStream(BytesIO(self._data[begin + 9:fits[1]])))
+        return footer
 
     def _read_summary(self) -> int | None:
         """Take topics from the summary and return the number of messages it promises."""

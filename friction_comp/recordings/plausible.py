@@ -136,6 +136,9 @@ def _check_power(samples: Samples, where: str) -> None:
     if not fast.any() or np.ptp(samples.position[fast]) == 0.0:
         return
     position, current, way = samples.position[fast], samples.current[fast], velocity[fast] > 0
+    if np.ptp(position) > 4.0 * np.pi:
+        # Whatever gravity does, it does again after a turn.
+        position = np.mod(position, 2.0 * np.pi)
     edges = np.linspace(position.min(), position.max(), _BINS + 1)
     cell = 2 * np.clip(np.digitize(position, edges) - 1, 0, _BINS - 1) + way
     count = np.bincount(cell, minlength=2 * _BINS).astype(float)

@@ -5,27 +5,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 import os
 from pathlib import Path
 import shutil
-import threading
 from types import TracebackType
-from typing import Any, Literal
+from typing import Literal
 
-from mcap.writer import CompressionType, Writer
 from rosbags.typesys import get_typestore, Stores
 import yaml
 import zstandard
 
 from friction_comp.errors import InputError
+from friction_comp.recordings.mcap_part import McapPart, Qos, span
 from friction_comp.recordings.scan import AnyPath
 from friction_comp.recordings.storage import METADATA
 
-Qos = dict[str, Any]
-
 _VERSION = 9
-_CHUNK = 1 << 20
 # What rosbag2 writes for a duration that nobody set.
 _NEVER = {'sec': 9223372036, 'nsec': 854775807}
 _DEFAULT_QOS: Qos = {
@@ -40,129 +35,6 @@ def qos_profile(reliability: str = 'reliable', durability: str = 'volatile',
                 depth: int = 10) -> Qos:
     """Return a publisher's quality of service in the words of rosbag2's metadata."""
     return {**_DEFAULT_QOS, 'reliability': reliability, 'durability': durability, 'depth': depth}
-
-
-class _SyncedFile:
-    """A file to which whole blocks are appended, and which a thread keeps putting onto the disk.
-
-    What is written gathers in memory until `flush`; then it goes out at once. If that fails, for
-    want of space, the file is cut back to the last whole block.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._file = path.open('xb', buffering=0)
-        self._pending = bytearray()
-        self._size = 0
-        self._dirty = threading.Event()
-        self._closing = False
-        self._failure: OSError | None = None
-        self._thread = threading.Thread(target=self._sync, name='sync', daemon=True)
-        self._thread.start()
-
-    def write(self, data: bytes) -> int:
-        if len(self._pending) > _CHUNK:
-            self.flush()
-        self._pending += data
-        return len(data)
-
-    def tell(self) -> int:
-        return self._size + len(self._pending)
-
-    def flush(self) -> None:
-        if self._failure is not None:
-            raise self._failure
-        block, self._pending = memoryview(self._pending), bytearray()
-        try:
-            done = 0
-            while done < len(block):
-                done += self._file.write(block[done:]) or 0
-        except OSError:
-            self._file.truncate(self._size)
-            self._file.seek(self._size)
-            raise
-        self._size += len(block)
-        self._dirty.set()
-
-    def _sync(self) -> None:
-        while not self._closing:
-            self._dirty.wait()
-            self._dirty.clear()
-            try:
-                os.fsync(self._file.fileno())
-            except OSError as error:
-                self._failure = error
-                return
-
-    def close(self) -> None:
-        """Put everything onto the disk and close the file."""
-        self._closing = True
-        self._dirty.set()
-        self._thread.join()
-        try:
-            if self._failure is None:
-                os.fsync(self._file.fileno())
-        finally:
-            self._file.close()
-
-
-class _Part:
-    """One mcap file of a recording."""
-
-    def __init__(self, path: Path, compressed: bool) -> None:
-        self.path = path
-        self.counts: dict[str, int] = {}
-        self.first: int | None = None
-        self.last: int | None = None
-        self._stream = _SyncedFile(path)
-        self._writer = Writer(
-            self._stream, chunk_size=_CHUNK, enable_data_crcs=True,  # type: ignore[arg-type]
-            compression=CompressionType.ZSTD if compressed else CompressionType.NONE)
-        self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
-        self._writer.start(profile='ros2', library='friction_comp')
-        self._stream.flush()
-
-    @property
-    def size(self) -> int:
-        return self._stream.tell()
-
-    def declare(self, topic: str, kind: str, definition: str, qos: list[Qos]) -> None:
-        if kind not in self._schemas:
-            self._schemas[kind] = self._writer.register_schema(
-                kind, 'ros2msg', definition.encode())
-        self._channels[topic] = self._writer.register_channel(
-            topic, 'cdr', self._schemas[kind],
-            {'offered_qos_profiles': yaml.safe_dump(qos, sort_keys=False).strip()})
-        self.counts[topic] = 0
-
-    def write(self, topic: str, time: int, payload: bytes) -> None:
-        count = self.counts[topic]
-        self._writer.add_message(self._channels[topic], time, payload, time, count)
-        self.counts[topic] = count + 1
-        self.first = time if self.first is None else min(self.first, time)
-        self.last = time if self.last is None else max(self.last, time)
-
-    def flush(self) -> None:
-        self._writer.flush()  # type: ignore[no-untyped-call]
-
-    def finish(self, metadata: str) -> None:
-        try:
-            self.flush()
-            self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._stream.flush()
-        finally:
-            self._stream.close()
-
-    def drop(self) -> None:
-        """Close without an end; what was flushed stays."""
-        with suppress(OSError):
-            self._stream.close()
-
-    def about(self) -> dict[str, Any]:
-        return {'path': self.path.name, **_span(self.first, self.last),
-                'message_count': sum(self.counts.values())}
 
 
 class RecordingWriter:
@@ -210,8 +82,8 @@ class RecordingWriter:
         self._split_duration = split_duration * 1e9
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, tuple[str, str, list[Qos]]] = {}
-        self._finished: list[_Part] = []
-        self._part: _Part | None = None
+        self._finished: list[McapPart] = []
+        self._part: McapPart | None = None
         self.message_count = 0
         if self.path.exists():
             raise InputError(f'{self.path}: exists already, a recording needs a new folder')
@@ -330,9 +202,9 @@ class RecordingWriter:
             self._part = None
         shutil.rmtree(self.path, ignore_errors=True)
 
-    def _begin(self) -> _Part:
+    def _begin(self) -> McapPart:
         number = len(self._finished)
-        part = _Part(self.path / f'{self.path.name}_{number}.mcap',
+        part = McapPart(self.path / f'{self.path.name}_{number}.mcap',
                      self._compression == 'storage')
         for topic, about in self._topics.items():
             part.declare(topic, *about)
@@ -368,7 +240,7 @@ class RecordingWriter:
             shutil.rmtree(self.path, ignore_errors=True)
         return InputError(f'{self.path}: cannot be written: {error.strerror or error}{kept}')
 
-    def _metadata(self, parts: list[_Part]) -> str:
+    def _metadata(self, parts: list[McapPart]) -> str:
         first = [part.first for part in parts if part.first is not None]
         last = [part.last for part in parts if part.last is not None]
         counts = {topic: sum(part.counts.get(topic, 0) for part in parts) for topic in self._topics}
@@ -376,7 +248,7 @@ class RecordingWriter:
         return yaml.safe_dump({
             'version': _VERSION, 'storage_identifier': 'mcap',
             'relative_file_paths': [part.path.name for part in parts],
-            **_span(min(first, default=None), max(last, default=None)),
+            **span(min(first, default=None), max(last, default=None)),
             'message_count': sum(counts.values()),
             'topics_with_message_count': [{
                 'topic_metadata': {
@@ -390,7 +262,7 @@ class RecordingWriter:
             'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
         }, sort_keys=False, allow_unicode=True)
 
-    def _save_metadata(self, part: _Part | None = None) -> None:
+    def _save_metadata(self, part: McapPart | None = None) -> None:
         parts = self._finished + ([part] if part is not None else [])
         text = 'rosbag2_bagfile_information:\n' + ''.join(
             f'  {line}\n' for line in self._metadata(parts).splitlines())
@@ -403,9 +275,3 @@ class RecordingWriter:
             draft.replace(self.path / METADATA)
         finally:
             draft.unlink(missing_ok=True)
-
-
-def _span(first: int | None, last: int | None) -> dict[str, Any]:
-    duration = 0 if first is None or last is None else last - first
-    return {'starting_time': {'nanoseconds_since_epoch': first or 0},
-            'duration': {'nanoseconds': duration}}
