@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -150,7 +151,7 @@ class Samples:
     def __len__(self):
         return len(self.time)
 
-    def take(self, index):
+    def take(self, index: slice | np.ndarray) -> Samples:
         """Return the samples that a slice, mask or index array selects."""
         changes = {}
         for name in ('time', 'position', 'current', 'recording') + _OPTIONAL:
@@ -161,7 +162,7 @@ class Samples:
             changes['arm'] = self.arm.take(index)
         return replace(self, **changes)
 
-    def with_(self, **changes):
+    def with_(self, **changes: Any) -> Samples:
         """Return a copy with some signals replaced."""
         return replace(self, **changes)
 
@@ -177,7 +178,7 @@ class Samples:
         """Smallest step in rad that the position makes, 0 where it never moves: the encoder's."""
         return smallest_step(self.position)
 
-    def segments(self, largest_gap=5.0):
+    def segments(self, largest_gap: float = 5.0) -> list[slice]:
         """Return slices of unbroken data.
 
         Parameters

@@ -8,16 +8,18 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from friction_comp.nodes.losses import Losses
 from friction_comp.recordings.writer import qos_profile
 
 # Seconds of a topic at a kilohertz that may wait to be taken.
 DEPTH = 10_000
 # Messages remembered to know what came twice.
 _REMEMBERED = 2 * DEPTH
+# ns after which nothing comes twice any more.
+_OVERLAP = 10_000_000_000
 
 Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
 _BEST_EFFORT: Offer = (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
@@ -45,47 +47,46 @@ class RecordedTopic:
     ----------
     name : str
         Topic as it is called on the wire.
-    lost : int
-        Messages that were published and never arrived.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str,
                  take: Callable[[bytes, dict[str, Any]], None]) -> None:
         self.name = node.resolve_topic_name(topic)
-        self.lost = 0
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._subscriptions: dict[Offer, Any] = {}
         self._seen: dict[tuple[int, int], None] = {}
-        self._last = 0
+        self._losses = Losses()
         self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
-        self._single = True
         for offer in (_RELIABLE, _BEST_EFFORT):
             self._subscribe(offer)
 
     def _subscribe(self, offer: Offer) -> None:
         profile = QoSProfile(depth=DEPTH, reliability=offer[0], durability=offer[1])
         self._subscriptions[offer] = self._node.create_subscription(
-            self._kind, self._topic, partial(self._on_message, offer), profile, raw=True,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost))
+            self._kind, self._topic, partial(self._on_message, offer), profile, raw=True)
+
+    @property
+    def lost(self) -> int:
+        """Messages that were published and never arrived."""
+        return self._losses.count
 
     def look(self) -> None:
         """Look who publishes, and hear them as they are heard best."""
-        found = self._node.get_publishers_info_by_topic(self.name)
-        if found:
-            publishers = frozenset(
-                (bytes(info.endpoint_gid),
-                 (info.qos_profile.reliability, info.qos_profile.durability)) for info in found)
-            if publishers != self._publishers:
-                self._publishers = publishers
-                self._single = len(publishers) == 1
-                best = self._best()
-                if best not in self._subscriptions:
-                    self._subscribe(best)
-        if self._publishers and len(self._subscriptions) > 1:
+        publishers = frozenset(
+            (bytes(info.endpoint_gid),
+             (info.qos_profile.reliability, info.qos_profile.durability))
+            for info in self._node.get_publishers_info_by_topic(self.name))
+        self._losses.look(publishers != self._publishers)
+        if publishers and publishers != self._publishers:
+            best = self._best(publishers)
+            if best not in self._subscriptions:
+                self._subscribe(best)
+        self._publishers = publishers
+        if publishers and len(self._subscriptions) > 1:
             self._settle()
 
-    def _best(self) -> Offer:
-        offers = [offer for _, offer in self._publishers]
+    def _best(self, publishers: frozenset[tuple[bytes, Offer]]) -> Offer:
+        offers = [offer for _, offer in publishers]
         if any(reliability != ReliabilityPolicy.RELIABLE for reliability, _ in offers):
             return _BEST_EFFORT
         lasting = all(durability == DurabilityPolicy.TRANSIENT_LOCAL for _, durability in offers)
@@ -93,7 +94,7 @@ class RecordedTopic:
 
     def _settle(self) -> None:
         """Give up the other subscriptions once the best one is connected to all."""
-        best = self._best()
+        best = self._best(self._publishers)
         if self._subscriptions[best].get_publisher_count() < len(self._publishers):
             return
         for offer in [offer for offer in self._subscriptions if offer != best]:
@@ -131,27 +132,17 @@ class RecordedTopic:
 
     def _hear(self, message: bytes, info: dict[str, Any]) -> None:
         number = info['publication_sequence_number'] or 0
-        if len(self._subscriptions) > 1:
+        # What the subscription that is left had still waiting may have come by the other.
+        if len(self._subscriptions) > 1 or self._seen:
             key = info['source_timestamp'], number
             if key in self._seen:
                 return
-            self._seen[key] = None
-            if len(self._seen) > _REMEMBERED:
-                self._seen.pop(next(iter(self._seen)))
-        elif self._seen:
-            # What the subscription that is left had still waiting may have come by the other.
-            if (info['source_timestamp'], number) in self._seen:
-                return
-            if number > self._last:
+            if len(self._subscriptions) > 1:
+                self._seen[key] = None
+                if len(self._seen) > _REMEMBERED:
+                    self._seen.pop(next(iter(self._seen)))
+            elif info['source_timestamp'] > next(reversed(self._seen))[0] + _OVERLAP:
                 self._seen.clear()
-        if self._single and number:
-            # A publisher's numbers grow by one; smaller ones are a new publisher's.
-            if 0 < self._last < number - 1 and len(self._subscriptions) == 1:
-                self.lost += number - self._last - 1
-            self._last = number
+        if number:
+            self._losses.see(number)
         self._take(message, info)
-
-    def _on_lost(self, event: Any) -> None:
-        # With several publishers nobody says whose number it is; then the middleware's count does.
-        if not self._single and len(self._subscriptions) == 1:
-            self.lost += event.total_count_change

@@ -130,6 +130,8 @@ class RecorderNode(Node):
             topic.look()
 
     def _flush(self) -> None:
+        if self._failed:
+            return
         try:
             self._writer.flush()
         except InputError as error:
@@ -159,6 +161,9 @@ class RecorderNode(Node):
             self._write(topic, name, sent if date is None else date, cdr)
 
     def _write(self, topic: str, name: str, stamp: int, cdr: bytes) -> None:
+        if self._failed:
+            # The node is about to leave; what comes until then has no place any more.
+            return
         heard = self._topics[topic]
         if not self._counts[topic]:
             # Now its publishers are known.

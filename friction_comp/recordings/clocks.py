@@ -20,7 +20,8 @@ _SET_BACK = 20
 # A stamp further than this from both its neighbours belongs to neither.
 _FAR_OFF = _SECOND
 # Steps of time that make a gap: so many usual ones, and at least so long.
-_GAP_STEPS, _GAP = 5.0, _SECOND // 50
+_GAP_STEPS, _GAP = 5.0, 0.02
+GAPS = ' gaps in the joint states'
 
 
 @dataclass
@@ -114,14 +115,18 @@ def set_backs(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
     return shifts
 
 
+def gap_length(steps: np.ndarray) -> float:
+    """Return how long a step of time in s, shape (N,), is no usual one any more."""
+    return max(_GAP_STEPS * float(np.median(steps)), _GAP)
+
+
 def note_gaps(times: np.ndarray, notes: list[str]) -> None:
-    """Say where joint states are missing; times in ns, ascending, shape (N,)."""
+    """Say where joint states are missing; times in s, ascending, shape (N,)."""
     steps = np.diff(times)
     if not len(steps):
         return
-    gaps = np.nonzero(steps > max(_GAP_STEPS * float(np.median(steps)), _GAP))[0]
+    gaps = np.nonzero(steps > gap_length(steps))[0]
     if len(gaps):
         longest = gaps[np.argmax(steps[gaps])]
-        notes.append(
-            f'{len(gaps)} gaps in the joint states, the longest of {steps[longest] / _SECOND:.3g} s'
-            f' after {(times[longest] - times[0]) / _SECOND:.3f} s')
+        notes.append(f'{len(gaps)}{GAPS}, the longest of {steps[longest]:.3g} s after '
+                     f'{times[longest] - times[0]:.3f} s')

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from contextlib import suppress
 import os
 from pathlib import Path
@@ -15,6 +16,8 @@ import yaml
 
 Qos = dict[str, Any]
 _CHUNK = 1 << 20
+# Bytes that may wait for a slow disk before whoever writes has to wait, too.
+_MOST_WAITING = 1 << 28
 
 
 def span(first: int | None, last: int | None) -> dict[str, Any]:
@@ -25,10 +28,17 @@ def span(first: int | None, last: int | None) -> dict[str, Any]:
 
 
 class SyncedFile:
-    """A file to which whole blocks are appended, and which a thread keeps putting onto the disk.
+    """A file to which whole blocks are appended, and which is put onto the disk as it grows.
 
-    What is written gathers in memory until `flush`; then it goes out at once. If that fails, for
-    want of space, the file is cut back to the last whole block.
+    What is written gathers in memory until `flush`. Then one thread writes it and another puts it
+    onto the disk, so that a disk that hangs for seconds holds nobody up, and whoever ends the
+    process leaves what the system already has. Where a block cannot be written, for want of space,
+    the file is cut back to the blocks before it.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist.
     """
 
     def __init__(self, path: Path) -> None:
@@ -36,11 +46,15 @@ class SyncedFile:
         self._file = path.open('xb', buffering=0)
         self._pending = bytearray()
         self._size = 0
-        self._dirty = threading.Event()
-        self._closing = False
+        self._written = 0
+        self._change = threading.Condition()
+        self._blocks: deque[bytes] = deque()
         self._failure: OSError | None = None
-        self._thread = threading.Thread(target=self._sync, name='sync', daemon=True)
-        self._thread.start()
+        self._closing = False
+        self._threads = [threading.Thread(target=work, name=f'{name} {path.name}', daemon=True)
+                         for name, work in (('write', self._write), ('sync', self._sync))]
+        for thread in self._threads:
+            thread.start()
 
     def write(self, data: bytes) -> int:
         """Take part of a block."""
@@ -54,41 +68,87 @@ class SyncedFile:
         return self._size + len(self._pending)
 
     def flush(self) -> None:
-        """Write the block; raises OSError, and leaves what was there, if it cannot."""
-        if self._failure is not None:
-            raise self._failure
-        block, self._pending = memoryview(self._pending), bytearray()
-        try:
-            done = 0
-            while done < len(block):
-                done += self._file.write(block[done:]) or 0
-        except OSError:
-            self._file.truncate(self._size)
-            self._file.seek(self._size)
-            raise
-        self._size += len(block)
-        self._dirty.set()
+        """End the block and let it be written; raises OSError if one before could not be."""
+        block, self._pending = bytes(self._pending), bytearray()
+        with self._change:
+            self._raise_failure()
+            self._size += len(block)
+            self._blocks.append(block)
+            self._change.notify_all()
+            while self._size - self._written > _MOST_WAITING and self._failure is None:
+                self._change.wait()
 
-    def _sync(self) -> None:
-        while not self._closing:
-            self._dirty.wait()
-            self._dirty.clear()
-            try:
-                os.fsync(self._file.fileno())
-            except OSError as error:
-                self._failure = error
-                return
+    def wait(self) -> None:
+        """Wait until all blocks are written; raises OSError if one could not be."""
+        with self._change:
+            while self._written < self._size and self._failure is None:
+                self._change.wait()
+            self._raise_failure()
 
     def close(self) -> None:
-        """Put everything onto the disk and close the file."""
-        self._closing = True
-        self._dirty.set()
-        self._thread.join()
-        try:
-            if self._failure is None:
-                os.fsync(self._file.fileno())
-        finally:
-            self._file.close()
+        """Let what is left be written and the file be closed; `join` waits for it."""
+        with self._change:
+            self._closing = True
+            self._change.notify_all()
+
+    def join(self) -> None:
+        """Wait until all is on the disk; raises OSError if it could not be."""
+        for thread in self._threads:
+            thread.join()
+        self._raise_failure()
+
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+
+    def _write(self) -> None:
+        while True:
+            with self._change:
+                while not self._blocks and not self._closing:
+                    self._change.wait()
+                if not self._blocks:
+                    return
+                block = memoryview(self._blocks.popleft())
+            try:
+                done = 0
+                while done < len(block):
+                    done += self._file.write(block[done:]) or 0
+            except OSError as error:
+                self._file.truncate(self._written)
+                self._fail(error)
+                return
+            with self._change:
+                self._written += len(block)
+                self._change.notify_all()
+
+    def _sync(self) -> None:
+        synced = 0
+        while True:
+            with self._change:
+                while self._written == synced and not self._closing and self._failure is None:
+                    self._change.wait()
+                target = self._written
+                ended = self._failure is not None or (self._closing and not self._blocks
+                                                      and target == self._size)
+            if target > synced:
+                try:
+                    os.fsync(self._file.fileno())
+                except OSError as error:
+                    self._fail(error)
+                synced = target
+            elif not ended:
+                # Closing, with the last blocks still under way.
+                with self._change:
+                    self._change.wait(0.1)
+            if ended and target == synced:
+                break
+        self._threads[0].join()
+        self._file.close()
+
+    def _fail(self, error: OSError) -> None:
+        with self._change:
+            self._failure = self._failure or error
+            self._change.notify_all()
 
 
 class McapPart:
@@ -135,8 +195,12 @@ class McapPart:
         """End the chunk and write it."""
         self._writer.flush()  # type: ignore[no-untyped-call]
 
+    def wait(self) -> None:
+        """Wait until what was flushed is in the system's hands."""
+        self._stream.wait()
+
     def finish(self, metadata: str) -> None:
-        """End the file with an index and rosbag2's metadata."""
+        """End the file with an index and rosbag2's metadata; `join` waits until it is there."""
         try:
             self.flush()
             self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
@@ -145,10 +209,15 @@ class McapPart:
         finally:
             self._stream.close()
 
+    def join(self) -> None:
+        """Wait until all is on the disk."""
+        self._stream.join()
+
     def drop(self) -> None:
         """Close without an end; what was flushed stays."""
+        self._stream.close()
         with suppress(OSError):
-            self._stream.close()
+            self._stream.join()
 
     def about(self) -> dict[str, Any]:
         """Return what metadata.yaml says of the file."""

@@ -253,11 +253,11 @@ def to_samples(scan: Scan, joint: str | None,
     lost = scan.custom.get('messages_lost', '')
     if lost:
         info.notes.append(f'the recorder lost messages: {lost}')
-    clocks.note_gaps(stamp[order], info.notes)
     origin = int(stamp[~stray].min())
     info.start = origin * 1e-9
     info.stamps = (stamp - origin) * 1e-9
     info.rows = order
+    clocks.note_gaps(info.stamps[order], info.notes)
     base = TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
     info.activity = [(base.moment(activity.time) - info.start, activity)
                      for activity in scan.activity]

@@ -162,8 +162,13 @@ class RecordingWriter:
             raise self._failed(error) from None
         self.message_count += 1
 
-    def flush(self) -> None:
-        """Put onto the disk what has been written so far.
+    def flush(self, wait: bool = False) -> None:
+        """End the chunk in the making and have it put onto the disk.
+
+        Parameters
+        ----------
+        wait : bool
+            Until the system has it, so that the end of this process cannot harm it.
 
         Raises
         ------
@@ -173,6 +178,8 @@ class RecordingWriter:
         if self._part is not None:
             try:
                 self._part.flush()
+                if wait:
+                    self._part.wait()
             except OSError as error:
                 raise self._failed(error) from None
 
@@ -191,6 +198,8 @@ class RecordingWriter:
             raise InputError(f'{self.path}: nothing was recorded, so nothing is written')
         try:
             self._end_part()
+            for part in self._finished:
+                part.join()
             self._save_metadata()
         except OSError as error:
             raise self._failed(error) from None
@@ -230,9 +239,9 @@ class RecordingWriter:
 
     def _failed(self, error: OSError) -> InputError:
         """Close what there is and return the error that says so."""
-        if self._part is not None:
-            self._part.drop()
-            self._part = None
+        for part in self._finished if self._part is None else [*self._finished, self._part]:
+            part.drop()
+        self._part = None
         kept = ''
         if self.message_count:
             kept = '; what was written before can be read'
@@ -271,7 +280,9 @@ class RecordingWriter:
             with draft.open('w', encoding='utf-8') as stream:
                 stream.write(text)
                 stream.flush()
-                os.fsync(stream.fileno())
+                if part is None:
+                    # A recording that goes on does not wait for the disk.
+                    os.fsync(stream.fileno())
             draft.replace(self.path / METADATA)
         finally:
             draft.unlink(missing_ok=True)

@@ -1,0 +1,151 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The recorder loses nothing: not by how it ends, nor by what its publishers offer."""
+
+from pathlib import Path
+import random
+import resource
+import signal
+
+from hypothesis import given, strategies as st
+import numpy as np
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros_system import joint_state, own_domain, probe_node, Process
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
+import yaml
+
+from friction_comp.nodes.losses import Losses
+from friction_comp.recordings import find_recordings, read_recording_with_info
+
+
+def talk_until(probe, publisher, condition, what):
+    """Publish numbered states until a condition holds; return how many there were."""
+    count = 0
+
+    def publish():
+        nonlocal count
+        for _ in range(10):
+            publisher.publish(joint_state(
+                1_000_000_000 + count * 1_000_000, ['elbow'], [1e-3 * count],
+                effort=[float(count)]))
+            count += 1
+        probe.spin_for(0.01)
+        return condition(count)
+    probe.until(publish, what)
+    return count
+
+
+def on_disk(folder):
+    """Return the states that whoever looks at the disk now can read."""
+    try:
+        (samples, info), = read_recording_with_info(find_recordings(folder))
+    except Exception:
+        return np.zeros(0), None
+    return samples.current, info
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_what_was_recorded_survives_the_recorder(tmp_path, seed):
+    folder = tmp_path / 'r'
+    # Some while into the recording, at no moment in particular.
+    wanted = random.Random(seed).randrange(300, 1500)
+    with own_domain(), probe_node() as probe:
+        states = probe.talk(JointState, 'joint_states')
+        with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
+            probe.matched(states)
+            talk_until(probe, states, lambda n: n >= wanted and len(on_disk(folder)[0]) > 100,
+                       'states on the disk')
+            before = on_disk(folder)[0]
+            recorder.send(signal.SIGKILL)
+            recorder.wait()
+    current, info = on_disk(folder)
+    assert len(current) >= len(before) > 100
+    np.testing.assert_array_equal(np.diff(current), 1.0)
+    assert any('not finished' in note for note in info.notes)
+
+
+def test_every_publisher_is_heard_from_its_first_message(tmp_path):
+    folder = tmp_path / 'r'
+    with own_domain(), probe_node() as probe:
+        lasting = probe.talk(Int8MultiArray, 'direction', QoSProfile(
+            depth=1, reliability=ReliabilityPolicy.RELIABLE,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        # Said once, before anybody records.
+        lasting.publish(Int8MultiArray(data=[1]))
+        loose = probe.talk(Float64MultiArray, 'current_command', QoSProfile(
+            depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
+        states = probe.talk(JointState, 'joint_states')
+        with Process(tmp_path / 'log', 'recorder', {
+                'output': str(folder), 'max_file_duration': 0.5}) as recorder:
+            probe.until(lambda: states.get_subscription_count() >= 1
+                        and loose.get_subscription_count() >= 1, 'the recorder')
+            commands = 0
+
+            def both(count):
+                nonlocal commands
+                loose.publish(Float64MultiArray(data=[0.5]))
+                commands += 1
+                return count >= 1500
+            count = talk_until(probe, states, both, 'states')
+            probe.status_of('recorder', lambda status: {
+                item.key: item.value for item in status.values}.get(
+                    'joint_states') == str(count))
+            recorder.send()
+            assert recorder.wait() == 0
+    (samples, info), = read_recording_with_info(folder)
+    np.testing.assert_array_equal(samples.current, np.arange(float(count)))
+    assert info.topics['/current_command'][1] == commands
+    assert (samples.direction == 1).all()
+    assert not any('lost' in note for note in info.notes)
+    assert len(list(folder.glob('*.mcap'))) >= 3
+    about = yaml.safe_load((folder / 'metadata.yaml').read_text())[
+        'rosbag2_bagfile_information']
+    offered = {topic['topic_metadata']['name']: topic['topic_metadata']['offered_qos_profiles'][0]
+               for topic in about['topics_with_message_count']}
+    assert offered['/direction']['durability'] == 'transient_local'
+    assert offered['/current_command']['reliability'] == 'best_effort'
+
+
+def test_a_full_disk_ends_the_recorder_with_a_word_and_a_recording(tmp_path):
+    folder = tmp_path / 'r'
+    with own_domain(), probe_node() as probe:
+        states = probe.talk(JointState, 'joint_states')
+        with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
+            probe.matched(states)
+            talk_until(probe, states, lambda n: len(on_disk(folder)[0]) > 100, 'states')
+            limit = sum(path.stat().st_size for path in Path(folder).glob('*.mcap')) + 50_000
+            resource.prlimit(recorder._process.pid, resource.RLIMIT_FSIZE, (limit, limit))
+            talk_until(probe, states, lambda n: not recorder.running, 'the end of the recorder')
+            assert recorder.wait() == 2
+            lines = [line for line in recorder.text.splitlines() if 'cannot be written' in line]
+            assert len(lines) == 1
+            assert 'what was written before can be read' in lines[0]
+    current, _ = on_disk(folder)
+    assert len(current) > 100
+    np.testing.assert_array_equal(np.diff(current), 1.0)
+
+
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=3),
+       st.lists(st.tuples(st.integers(0, 2), st.integers(0, 5)), max_size=60))
+def test_losses_are_counted_and_other_publishers_are_not_taken_for_them(starts, steps):
+    numbers = [start * 1000 for start in starts]
+    losses, lost = Losses(), 0
+    for k in range(len(numbers)):
+        losses.see(numbers[k])
+    losses.look(changed=True)
+    for who, missing in steps:
+        who %= len(numbers)
+        for k in range(len(numbers)):
+            gone = missing if k == who else 0
+            numbers[k] += 1 + gone
+            lost += gone
+            losses.see(numbers[k])
+        for _ in range(3):
+            losses.look(changed=False)
+            for k in range(len(numbers)):
+                numbers[k] += 1
+                losses.see(numbers[k])
+    if len(set(starts)) == len(starts):
+        assert losses.count == lost

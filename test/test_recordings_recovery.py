@@ -1,0 +1,339 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What breaks off, is damaged or was never finished is read as far as it is whole, and says so."""
+
+import os
+from pathlib import Path
+import random
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+
+from hypothesis import given, HealthCheck, settings, strategies as st
+from mcap.reader import make_reader
+import numpy as np
+import pytest
+from recording_maker import array, joint_state, record, states, STORE
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+import zstandard
+
+from friction_comp.errors import InputError
+from friction_comp.recordings import (
+    find_recordings,
+    read_joints,
+    read_recording,
+    read_recording_with_info,
+    RecordingWriter,
+    stream_recording,
+)
+
+ROOT = Path(__file__).resolve().parent.parent
+KIND, BATCH, BATCHES = 'sensor_msgs/msg/JointState', 20, 30
+
+
+def raw_state(k, names=('elbow',)):
+    kind, message = joint_state(
+        1_000_000_000 + k * 1_000_000, names, [1e-3 * k] * len(names), [],
+        [float(k)] * len(names))
+    return bytes(STORE.serialize_cdr(message, kind))
+
+
+def write_states(recording, numbers, names=('elbow',)):
+    for k in numbers:
+        recording.write('joint_states', KIND, 1_000_000_000 + k * 1_000_000, raw_state(k, names))
+        if k % BATCH == BATCH - 1:
+            recording.flush(wait=True)
+
+
+@pytest.fixture(scope='module')
+def whole(tmp_path_factory):
+    """Make a file of many chunks; return its bytes and where each chunk ends."""
+    folder = tmp_path_factory.mktemp('whole') / 'trial'
+    with RecordingWriter(folder) as recording:
+        write_states(recording, range(BATCH * BATCHES))
+    with (folder / 'trial_0.mcap').open('rb') as stream:
+        indexes = make_reader(stream).get_summary().chunk_indexes
+    ends = [index.chunk_start_offset + index.chunk_length for index in indexes]
+    assert len(ends) == BATCHES
+    return (folder / 'trial_0.mcap').read_bytes(), ends
+
+
+@settings(max_examples=80, deadline=None,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.floats(0.0, 1.0, exclude_max=True))
+def test_a_file_cut_anywhere_gives_every_whole_chunk(whole, tmp_path, share):
+    content, ends = whole
+    cut = int(share * len(content))
+    path = tmp_path / 'cut.mcap'
+    path.write_bytes(content[:cut])
+    expected = BATCH * sum(end <= cut for end in ends)
+    if not expected:
+        with pytest.raises(InputError, match=r'cut\.mcap: not a readable recording'):
+            read_recording(path)
+        return
+    (samples, info), = read_recording_with_info(path)
+    np.testing.assert_array_equal(samples.current, np.arange(float(expected)))
+    assert info.notes
+
+
+@pytest.mark.parametrize('finished', [True, False])
+def test_a_zeroed_block_never_loses_anything_without_a_word(whole, tmp_path, finished):
+    content, ends = whole
+    if not finished:
+        content = content[:ends[-1]]
+    draw = random.Random(5)
+    kept = []
+    for _ in range(40):
+        begin, size = draw.randrange(len(content)), draw.choice([16, 512, 4096])
+        block = content[begin:begin + size]
+        damaged = content[:begin] + bytes(len(block)) + content[begin + len(block):]
+        if damaged == content:
+            continue
+        path = tmp_path / 'zeroed.mcap'
+        path.write_bytes(damaged)
+        try:
+            (samples, info), = read_recording_with_info(path)
+        except InputError:
+            kept.append(0)
+            continue
+        assert [note for note in info.notes if 'gaps' not in note], (begin, size)
+        # What is left is true, and at most the chunks that the block touches are gone.
+        np.testing.assert_allclose(samples.position, 1e-3 * samples.current)
+        touched = sum(end >= begin and end - len(content) // BATCHES <= begin + size
+                      for end in ends)
+        assert len(samples) >= BATCH * (BATCHES - touched - 2)
+        kept.append(len(samples))
+    assert np.median(kept) >= BATCH * (BATCHES - 6)
+
+
+def test_one_flipped_bit_costs_its_chunk_and_is_told(whole, tmp_path):
+    content, ends = whole
+    damaged = bytearray(content)
+    damaged[ends[9] - 400] ^= 0x10
+    path = tmp_path / 'flipped.mcap'
+    path.write_bytes(damaged)
+    (samples, info), = read_recording_with_info(path)
+    assert len(samples) == BATCH * (BATCHES - 1)
+    assert any('1 damaged chunks left out (checksum, 20 messages)' in note for note in info.notes)
+
+
+WRITER = """
+import sys
+sys.path[:0] = [{root!r}, {tests!r}]
+from test_recordings_recovery import *
+if len(sys.argv) > 2:
+    import resource
+    limit = int(sys.argv[2])
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+with RecordingWriter(sys.argv[1]) as recording:
+    for k in range(0, 10 ** 7, BATCH):
+        write_states(recording, range(k, k + BATCH))
+        print(k + BATCH, flush=True)
+"""
+
+
+def start_writer(folder, *arguments):
+    code = WRITER.format(root=str(ROOT), tests=str(ROOT / 'test'))
+    return subprocess.Popen([sys.executable, '-c', code, str(folder), *map(str, arguments)],
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            env=dict(os.environ, PYTHONDONTWRITEBYTECODE='1'))
+
+
+def test_eight_of_eight_killed_writers_leave_all_they_had_flushed(tmp_path):
+    draw = random.Random(3)
+    for k in range(8):
+        writer = start_writer(tmp_path / f'r{k}')
+        flushed = 0
+        for _ in range(draw.randrange(1, 400)):
+            flushed = int(writer.stdout.readline())
+        writer.send_signal(signal.SIGKILL)
+        writer.communicate()
+        samples, = read_recording(tmp_path / f'r{k}')
+        assert len(samples) >= flushed
+        np.testing.assert_array_equal(samples.current, np.arange(float(len(samples))))
+
+
+def test_a_full_disk_costs_nothing_that_was_written(tmp_path):
+    writer = start_writer(tmp_path / 'r', 100_000)
+    output, error = writer.communicate(timeout=60)
+    assert writer.returncode == 1
+    assert 'cannot be written: File too large; what was written before can be read' in error
+    flushed = int(output.split()[-1])
+    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    assert len(samples) == flushed > 100
+    assert any('was not finished' in note for note in info.notes)
+
+
+def test_split_recordings_are_one_and_say_what_is_missing(tmp_path):
+    with RecordingWriter(tmp_path / 'r', split_duration=0.1) as recording:
+        write_states(recording, range(350))
+    files = sorted(path.name for path in (tmp_path / 'r').glob('*.mcap'))
+    assert files == ['r_0.mcap', 'r_1.mcap', 'r_2.mcap', 'r_3.mcap']
+    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    assert len(samples) == 350
+    assert info.notes == []
+    (tmp_path / 'r' / 'r_1.mcap').rename(tmp_path / 'gone')
+    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    assert len(samples) == 250
+    assert '1 of its 4 files are missing: r_1.mcap' in info.notes
+    for text in (None, '', '[', 'rosbag2_bagfile_information: 3'):
+        (tmp_path / 'r' / 'metadata.yaml').unlink(missing_ok=True)
+        if text is not None:
+            (tmp_path / 'r' / 'metadata.yaml').write_text(text)
+        assert find_recordings(tmp_path) == [tmp_path / 'r']
+        (samples, info), = read_recording_with_info(tmp_path)
+        assert len(samples) == 250
+        assert 'metadata.yaml' in info.notes[0]
+    with RecordingWriter(tmp_path / 's', split_size=20_000) as recording:
+        write_states(recording, range(1000))
+    sizes = [path.stat().st_size for path in (tmp_path / 's').glob('*.mcap')]
+    assert 5 < len(sizes) < 20
+    assert max(sizes) < 40_000
+
+
+def test_a_listing_leads_nowhere_else(tmp_path):
+    record(tmp_path / 'secret', states())
+    (tmp_path / 'r').mkdir()
+    text = (tmp_path / 'secret' / 'metadata.yaml').read_text()
+    (tmp_path / 'r' / 'metadata.yaml').write_text(
+        text.replace('secret.mcap', '../secret/secret.mcap'))
+    with pytest.raises(InputError, match='which is not here'):
+        read_recording(tmp_path / 'r')
+
+
+@pytest.mark.parametrize('plugin', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_a_compressed_file_alone_is_read(tmp_path, plugin):
+    folder = record(tmp_path / 'r', states(), plugin)
+    suffix = 'mcap' if plugin == StoragePlugin.MCAP else 'db3'
+    plain = (folder / f'r.{suffix}').read_bytes()
+    path = tmp_path / f'alone.{suffix}.zstd'
+    path.write_bytes(zstandard.compress(plain))
+    samples, = read_recording(path)
+    assert len(samples) == 50
+    path.write_bytes(b'not compressed at all')
+    with pytest.raises(InputError, match='not compressed with zstd'):
+        read_recording(path)
+
+
+def test_the_text_of_qos_may_be_anything(tmp_path):
+    folder = record(tmp_path / 'r', states(), StoragePlugin.SQLITE3)
+    database = sqlite3.connect(folder / 'r.db3')
+    database.execute("UPDATE topics SET offered_qos_profiles = '- history: 42\n  depth: [so'")
+    database.commit()
+    database.close()
+    assert len(read_recording(folder)[0]) == 50
+    metadata = (folder / 'metadata.yaml').read_text()
+    (folder / 'metadata.yaml').write_text(metadata.replace('volatile', 'whatever'))
+    assert len(read_recording(folder)[0]) == 50
+
+
+def test_a_damaged_database_gives_what_is_whole(tmp_path):
+    folder = record(tmp_path / 'r', states(4000), StoragePlugin.SQLITE3)
+    content = bytearray((folder / 'r.db3').read_bytes())
+    half = len(content) // 2 // 4096 * 4096
+    content[half:half + 8 * 4096] = b'\xff' * (8 * 4096)
+    (folder / 'r.db3').write_bytes(content)
+    (samples, info), = read_recording_with_info(folder)
+    assert 500 < len(samples) < 4000
+    assert any('database is damaged' in note for note in info.notes)
+
+
+def test_a_clock_set_back_mixes_nothing(tmp_path):
+    def stamp(k):
+        return 100_000_000_000 + k * 1_000_000 - (3_000_000_000 if k >= 600 else 0)
+    record(tmp_path / 'r', states(1000, stamp=stamp))
+    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    np.testing.assert_array_equal(samples.position, np.arange(1000.0))
+    # The receive times went on, so nothing is missing in between.
+    np.testing.assert_allclose(np.diff(samples.time), 1e-3, atol=1e-9)
+    assert any('set back by 3 s after 0.599 s' in note for note in info.notes)
+
+
+def test_single_stamps_far_off_are_left_out(tmp_path):
+    def stamp(k):
+        return 100_000_000_000 + k * 1_000_000 + {70: 10**13, 200: -10**10}.get(k, 0)
+    record(tmp_path / 'r', states(400, stamp=stamp))
+    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    np.testing.assert_array_equal(samples.position, np.delete(np.arange(400.0), [70, 200]))
+    assert info.dropped == {'stamp far off': 2}
+
+
+def test_gaps_and_wraps_are_told(tmp_path):
+    messages = []
+    for k in range(3000):
+        time = 1_000_000_000 + (k + (500 if k >= 1200 else 0)) * 1_000_000
+        angle = (0.004 * k + np.pi) % (2.0 * np.pi) - np.pi
+        messages.append(('/joint_states', time, joint_state(time, ['elbow'], [angle], [], [1.0])))
+    record(tmp_path / 'r', messages)
+    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    np.testing.assert_allclose(samples.position, 0.004 * np.arange(3000), atol=1e-9)
+    assert '1 gaps in the joint states, the longest of 0.501 s after 1.199 s' in info.notes
+    assert 'position wraps around 2 times: turns are added' in info.notes
+
+
+def test_joints_are_read_together(tmp_path):
+    messages = []
+    for k in range(100):
+        time = 1_000_000_000 + k * 1_000_000
+        values = [float(k), np.nan if k == 40 else -float(k)]
+        messages.append(('/joint_states', time, joint_state(
+            time, ['a', 'b'], [1e-3 * v for v in values], [], values)))
+    record(tmp_path / 'r', messages)
+    first, second = read_joints(tmp_path / 'r', drives={'b': (0.1, 100.0)})
+    np.testing.assert_array_equal(first.time, second.time)
+    np.testing.assert_array_equal(first.current, np.delete(np.arange(100.0), 40))
+    np.testing.assert_allclose(second.current, -first.current / 10.0)
+    assert [s.joint for s in read_joints(tmp_path / 'r', ['b', 'a'])] == ['b', 'a']
+    with pytest.raises(InputError, match="no joint 'c'"):
+        read_joints(tmp_path / 'r', ['a', 'c'])
+
+
+@settings(max_examples=15, deadline=None,
+          suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.floats(0.5, 30.0), st.integers(1, 3))
+def test_a_stream_is_the_recording_in_stretches(long_recording, seconds, files):
+    folder = long_recording[files]
+    expected, = read_recording(folder, 'b')
+    notes = []
+    parts = list(stream_recording(folder, 'b', seconds=seconds, notes=notes))
+    assert notes == []
+    assert max(part.time[-1] - part.time[0] for part in parts) < 25.0
+    for name in ('time', 'position', 'current', 'direction', 'reference_position'):
+        np.testing.assert_allclose(
+            np.concatenate([getattr(part, name) for part in parts]), getattr(expected, name),
+            atol=2e-7, err_msg=name)
+
+
+@pytest.fixture(scope='module')
+def long_recording(tmp_path_factory):
+    """Make the same 20 s in one, two and three files."""
+    folders = {}
+    for files in (1, 2, 3):
+        folder = tmp_path_factory.mktemp('long') / 'r'
+        folders[files] = folder
+        messages = []
+        for k in range(4000):
+            time = 1_000_000_000 + k * 5_000_000
+            values = [np.sin(0.01 * k), np.cos(0.01 * k)]
+            messages.append((time, '/joint_states', joint_state(time, ['a', 'b'], values, [],
+                                                                values)))
+            if k % 2 == 0:
+                messages.append((time, '/reference', joint_state(
+                    time, ['a', 'b'], values, [], [])))
+            if k % 50 == 0:
+                messages.append((time, '/direction', array(
+                    'std_msgs/msg/Int8MultiArray', [0, k // 50 % 3 - 1])))
+        with RecordingWriter(folder, split_duration=20.0 / files + 0.01) as recording:
+            for time, topic, (kind, message) in messages:
+                recording.write(topic, kind, time, bytes(STORE.serialize_cdr(message, kind)))
+    return folders
+
+
+def test_compressed_by_message_inside_a_damaged_file(tmp_path):
+    folder = record(tmp_path / 'r', states(), compression=CompressionMode.MESSAGE)
+    shutil.copy(folder / 'r.mcap', tmp_path / 'alone.mcap')
+    content = (tmp_path / 'alone.mcap').read_bytes()
+    (tmp_path / 'alone.mcap').write_bytes(content[:-200])
+    assert len(read_recording(tmp_path / 'alone.mcap')[0]) == 50
