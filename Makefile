@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 #   make demo    the whole loop over ROS 2 on this machine, with a report at the end
-#   make test    the style check and every test
+#   make test    the checks of style and types, and every test
 #   make setup   only the environment in .venv/, which the others make by themselves
-#   make lint    only the style check
+#   make lint    only the checks of style and types
 #   make bench   what the package takes, in time
 #   make clean   removes the environment and all builds
 #
@@ -48,6 +48,7 @@ demo: setup
 
 lint: setup
 	@$(BIN)/python -m ruff check .
+	@$(BIN)/python -m mypy
 
 test: lint
 	@$(BIN)/python -m pytest -n 2 --dist loadgroup $(TESTS)

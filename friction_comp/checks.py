@@ -30,7 +30,7 @@ def check_number(value: Any, name: str, *, above: float = -math.inf, least: floa
         If it is no number, not finite, or out of bounds.
     """
     if (isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
-            and value > above and least <= value <= most):
+            and above < float(value) and least <= float(value) <= most):
         return float(value)
     raise InputError(
         f'{name} must be a {_wanted("finite number", above, least, most)}, not {value!r}')
@@ -39,7 +39,7 @@ def check_number(value: Any, name: str, *, above: float = -math.inf, least: floa
 def check_whole_number(value: Any, name: str, *, least: float = -math.inf,
                        most: float = math.inf) -> int:
     """Return a whole number from outside; parameters and errors are those of `check_number`."""
-    if (isinstance(value, Integral) and not isinstance(value, bool) and least <= value <= most):
+    if isinstance(value, Integral) and not isinstance(value, bool) and least <= int(value) <= most:
         return int(value)
     raise InputError(
         f'{name} must be a {_wanted("whole number", -math.inf, least, most)}, not {value!r}')

@@ -36,18 +36,18 @@ class Drive:
     encoder_counts: int | None = None
     current_limit: float = 3.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'):
             if name != 'encoder_counts' or self.encoder_counts is not None:
                 check_number(getattr(self, name), f'drive.{name}', above=0.0)
 
     @property
-    def torque_per_current(self):
+    def torque_per_current(self) -> float:
         """Joint torque per motor current, k_t · n, in N·m/A."""
         return self.torque_constant * self.gear_ratio
 
     @property
-    def position_resolution(self):
+    def position_resolution(self) -> float | None:
         """Joint angle of one encoder count in rad; None where the encoder is unknown."""
         if self.encoder_counts is None:
             return None

@@ -8,13 +8,14 @@ import math
 import os
 from pathlib import Path
 import tempfile
+from typing import Any
 
 import yaml
 
 from friction_comp.errors import InputError
 
 
-def read_yaml(path):
+def read_yaml(path: str | Path) -> Any:
     """Return the plain values of a YAML document.
 
     Raises
@@ -32,7 +33,7 @@ def read_yaml(path):
         raise InputError(f'{path}: not a YAML document: {reason}') from None
 
 
-def write_atomically(path, content):
+def write_atomically(path: str | Path, content: str | bytes) -> None:
     """Write text or bytes to a file by way of a temporary file beside it.
 
     Raises
@@ -60,7 +61,7 @@ def write_atomically(path, content):
         raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
 
 
-def plain(value, not_finite=math.nan):
+def plain(value: Any, not_finite: float | None = math.nan) -> Any:
     """Turn numpy values, tuples and paths into what YAML and JSON can write.
 
     Parameters
@@ -85,7 +86,7 @@ def plain(value, not_finite=math.nan):
     return value
 
 
-def _umask():
+def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -36,7 +36,7 @@ class JointStates:
     position: np.ndarray
     velocity: np.ndarray | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('position', 'velocity'):
             value = getattr(self, name)
             if value is not None and (np.ndim(value) != 2 or value.shape[1] != len(self.joints)):
@@ -130,10 +130,10 @@ class Samples:
     rigid_body: np.ndarray | None = None
     coupling: np.ndarray | None = None
     arm: JointStates | None = None
-    recording: np.ndarray | None = None
+    recording: np.ndarray = None  # type: ignore[assignment] # zeros once it is made
     joint: str = ''
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         size = np.shape(self.time)
         if len(size) != 1:
             raise InputError(f'samples.time must have one axis, not shape {size}')
@@ -148,7 +148,7 @@ class Samples:
             raise InputError(f'samples.arm holds {len(self.arm.position)} samples, but time has '
                              f'{size[0]}')
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.time)
 
     def take(self, index: slice | np.ndarray) -> Samples:
@@ -167,7 +167,7 @@ class Samples:
         return replace(self, **changes)
 
     @cached_property
-    def sample_time(self):
+    def sample_time(self) -> float:
         """Median time step within recordings in s."""
         steps = np.diff(self.time)[np.diff(self.recording) == 0]
         steps = steps[steps > 0]
@@ -196,10 +196,10 @@ class Samples:
         return list(self._cuts[largest_gap])
 
     @cached_property
-    def _cuts(self):
+    def _cuts(self) -> dict[float, list[slice]]:
         return {}
 
-    def _cut(self, largest_gap):
+    def _cut(self, largest_gap: float) -> list[slice]:
         if len(self) == 0:
             return []
         step = np.diff(self.time)
@@ -209,7 +209,7 @@ class Samples:
         return [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:])]
 
     @staticmethod
-    def concatenate(parts):
+    def concatenate(parts: Iterable[Samples]) -> Samples:
         """Join stretches of one joint; each keeps or gets its own recording number.
 
         Signals that not every part has are dropped.
@@ -217,14 +217,16 @@ class Samples:
         parts = list(parts)
         if not parts:
             raise InputError('no samples to join')
-        signals = {}
+        signals: dict[str, Any] = {}
         for name in ('time', 'position', 'current') + _OPTIONAL:
             values = [getattr(part, name) for part in parts]
             if all(value is not None for value in values):
                 signals[name] = np.concatenate(values)
         if all(part.arm is not None for part in parts):
-            signals['arm'] = JointStates.concatenate([part.arm for part in parts])
-        numbers, offset = [], 0
+            signals['arm'] = JointStates.concatenate(
+                [part.arm for part in parts if part.arm is not None])
+        numbers: list[np.ndarray] = []
+        offset = 0
         for part in parts:
             numbers.append(part.recording + offset)
             offset = int(numbers[-1].max(initial=offset - 1)) + 1

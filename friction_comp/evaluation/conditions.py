@@ -9,11 +9,16 @@ announced direction d and the way the movement goes.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.evaluation.movements import find_movements
+
+if TYPE_CHECKING:
+    from friction_comp.evaluation.movements import Movement
+    from friction_comp.samples import Samples
 
 # s before a movement that the figure shows, and that count for its peak.
 _LEAD, _PEAK_LEAD = 1.0, 0.5
@@ -74,11 +79,11 @@ class Condition:
     reference: np.ndarray | None = None
 
     @property
-    def assisted(self):
+    def assisted(self) -> bool:
         """True where the direction announced is that of the movement."""
         return self.direction == (1 if self.movement == 'positive' else -1)
 
-    def as_dict(self):
+    def as_dict(self) -> dict[str, Any]:
         """Return the figures without the curves."""
         return {name: getattr(self, name) for name in (
             'direction', 'movement', 'repetitions', 'peak_torque', 'peak_torque_std',
@@ -98,11 +103,11 @@ class Evaluation:
     """
 
     joint: str
-    conditions: list
+    conditions: list[Condition]
     model: str | None = None
-    notes: list = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
-    def compared(self, name):
+    def compared(self, name: str) -> tuple[float, float] | None:
         """Return a figure with d = 0 and with d = ±1, or None where nothing can be compared.
 
         Parameters
@@ -124,23 +129,24 @@ class Evaluation:
                 pairs.append((plain[0], assisted[0]))
         if not pairs:
             return None
-        return tuple(float(value) for value in np.mean(pairs, axis=0))
+        plain_mean, assisted_mean = np.mean(pairs, axis=0)
+        return float(plain_mean), float(assisted_mean)
 
-    def _reduction(self, name):
+    def _reduction(self, name: str) -> float | None:
         pair = self.compared(name)
         return 1.0 - pair[1] / pair[0] if pair and pair[0] > 0 else None
 
     @property
-    def peak_reduction(self):
+    def peak_reduction(self) -> float | None:
         """Share by which the peak torque is smaller with d = ±1."""
         return self._reduction('peak_torque')
 
     @property
-    def rms_reduction(self):
+    def rms_reduction(self) -> float | None:
         """Share by which the RMS torque is smaller with d = ±1."""
         return self._reduction('rms_torque')
 
-    def as_dict(self):
+    def as_dict(self) -> dict[str, Any]:
         """Return the content of report.json."""
         return {
             'joint': self.joint, 'conditions': [c.as_dict() for c in self.conditions],
@@ -149,7 +155,8 @@ class Evaluation:
         }
 
 
-def evaluate(recordings, names=None, model=None):
+def evaluate(recordings: list[Samples], names: list[str] | None = None,
+             model: str | None = None) -> Evaluation:
     """Evaluate trials of one joint.
 
     Parameters
@@ -174,7 +181,7 @@ def evaluate(recordings, names=None, model=None):
     if not recordings:
         raise InputError('no recording to evaluate')
     evaluation = Evaluation(recordings[0].joint, [], model)
-    groups = {}
+    groups: dict[tuple[int, int, int], list[tuple[Samples, Movement]]] = {}
     for samples, name in zip(recordings, names):
         if samples.load is None:
             raise InputError(
@@ -199,7 +206,7 @@ def evaluate(recordings, names=None, model=None):
     return evaluation
 
 
-def _condition(repetitions, notes):
+def _condition(repetitions: list[tuple[Samples, Movement]], notes: list[str]) -> Condition:
     durations = np.array([m.end - m.begin for _, m in repetitions])
     usual = float(np.median(durations))
     kept = [r for r, d in zip(repetitions, durations) if abs(d - usual) <= 0.25 * usual]
@@ -243,7 +250,8 @@ def _condition(repetitions, notes):
         reference=reference)
 
 
-def _ensemble(repetitions, name, time):
+def _ensemble(repetitions: list[tuple[Samples, Movement]], name: str,
+              time: np.ndarray) -> np.ndarray:
     """Return a signal of every repetition on one time base, shape (R, N); NaN where it has none."""
     rows = []
     for samples, movement in repetitions:
@@ -253,12 +261,12 @@ def _ensemble(repetitions, name, time):
     return np.array(rows)
 
 
-def _mean_and_std(values):
+def _mean_and_std(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     spread = np.nanstd(values, axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])
     return np.nanmean(values, axis=0), np.nan_to_num(spread)
 
 
-def _restless(samples, movement):
+def _restless(samples: Samples, movement: Movement) -> bool:
     """Return whether the joint kept moving to and fro right before the movement."""
     first, last = np.searchsorted(
         samples.time, [max(movement.begin - _PEAK_LEAD, movement.rest_begin), movement.begin])
@@ -266,7 +274,7 @@ def _restless(samples, movement):
     return bool(travelled > 2.0 * _STARTED * movement.travel)
 
 
-def _started_by_itself(samples, movement, peak):
+def _started_by_itself(samples: Samples, movement: Movement, peak: float) -> bool:
     """Return whether the joint set out during the standstill although nobody pushed it."""
     settled = 0.5 * (movement.rest_begin + movement.begin)
     begin = max(settled, movement.begin - _LEAD)
@@ -282,5 +290,6 @@ def _started_by_itself(samples, movement, peak):
         return False
     onset = first + gone[0]
     before = np.searchsorted(samples.time, samples.time[onset] - 0.1)
+    assert samples.load is not None, 'recordings without it were refused'
     push = np.mean(samples.load[before:onset + 1]) * np.sign(way[gone[0]])
     return bool(push < _PUSHED * peak)

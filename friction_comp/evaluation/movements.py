@@ -4,10 +4,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from friction_comp.samples import Samples
 
 # Share of the top speed above which the reference counts as moving, and as moving constantly.
 _MOVING, _CONSTANT = 0.01, 0.95
@@ -51,7 +56,7 @@ class Movement:
     travel: float
 
 
-def find_movements(samples):
+def find_movements(samples: Samples) -> list[Movement]:
     """Return the movements of one recording in their order.
 
     Parameters
@@ -90,7 +95,7 @@ def find_movements(samples):
     return movements
 
 
-def _shown(samples):
+def _shown(samples: Samples) -> np.ndarray | None:
     """Return the velocity of the reference, or None where none was recorded."""
     if samples.reference_velocity is not None:
         return samples.reference_velocity
@@ -99,7 +104,7 @@ def _shown(samples):
     return np.gradient(samples.reference_position, samples.time)
 
 
-def _measured(samples):
+def _measured(samples: Samples) -> np.ndarray:
     """Return velocity in rad/s by a zero-phase mean over a short window, shape (N,)."""
     width = max(round(_SMOOTHING / max(samples.sample_time, 1e-6)), 1)
     kernel = np.ones(width) / width
@@ -109,7 +114,7 @@ def _measured(samples):
     return np.gradient(smooth, time)
 
 
-def _runs(values):
+def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:
     """Yield (start, stop) of the stretches over which non-zero values stay the same."""
     edges = np.concatenate(([0], np.nonzero(np.diff(values))[0] + 1, [len(values)]))
     for start, stop in pairwise(edges):
@@ -117,7 +122,7 @@ def _runs(values):
             yield int(start), int(stop)
 
 
-def _announced(samples, start, stop):
+def _announced(samples: Samples, start: int, stop: int) -> int:
     """Return the direction that stood for most of the acceleration."""
     if samples.direction is None:
         return 0

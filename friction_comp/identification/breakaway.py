@@ -12,8 +12,10 @@ that instant is a local mean of the measured current, corrected for the ramp's s
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 import math
+from typing import TYPE_CHECKING
 
 from numba import njit
 import numpy as np
@@ -21,6 +23,9 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import Breakaway
 from friction_comp.samples import smallest_step
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 RUNAWAY_SPEED = 0.02
 """Speed in rad/s that no presliding creep reaches: ramp slope times k_t·n over a geared joint's
@@ -66,16 +71,16 @@ class BreakawayRecords:
     temperature: np.ndarray
     slope: np.ndarray
     cycle: np.ndarray
-    unresolved: list = field(default_factory=list)
+    unresolved: list[tuple[float, int, float]] = field(default_factory=list)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.time)
 
-    def currents(self, direction):
+    def currents(self, direction: int) -> np.ndarray:
         """Return the currents of one direction in A, signed."""
         return self.current[self.direction == direction]
 
-    def statistics(self):
+    def statistics(self) -> Breakaway:
         """Return means, standard deviations and places over the cycles as a `Breakaway`.
 
         Raises
@@ -93,7 +98,7 @@ class BreakawayRecords:
             values[f'{name}_position'] = float(np.mean(self.position[self.direction == direction]))
         return Breakaway(**values)
 
-    def to_dict(self):
+    def to_dict(self) -> dict[str, list[float | None]]:
         """Return the columns as lists, NaN as None, for reports and model files."""
         table = {}
         for item in fields(self):
@@ -103,7 +108,7 @@ class BreakawayRecords:
         return table
 
     @staticmethod
-    def join(parts):
+    def join(parts: Iterable[BreakawayRecords]) -> BreakawayRecords:
         """Join records; cycles are numbered on where a part's own numbers begin again."""
         parts = list(parts)
         names = [item.name for item in fields(BreakawayRecords) if item.name != 'unresolved']
@@ -113,8 +118,10 @@ class BreakawayRecords:
             **columns, unresolved=[item for part in parts for item in part.unresolved])
 
 
-def breakaway_currents(time, position, current, command=None, temperature=None, resolution=None,
-                       runaway_speed=RUNAWAY_SPEED):
+def breakaway_currents(time: ArrayLike, position: ArrayLike, current: ArrayLike,
+                       command: ArrayLike | None = None, temperature: ArrayLike | None = None,
+                       resolution: float | None = None,
+                       runaway_speed: float = RUNAWAY_SPEED) -> BreakawayRecords:
     """Find every breakaway in a recording of current ramps.
 
     The ramps may go on after the joint broke free, as Eq. 8 does, or be cut; they may differ in
@@ -183,7 +190,8 @@ def breakaway_currents(time, position, current, command=None, temperature=None, 
         cycle=columns[7].astype(int), unresolved=unresolved)
 
 
-def find_ramps(time, current, exact=False):
+def find_ramps(time: np.ndarray, current: np.ndarray,
+               exact: bool = False) -> list[tuple[int, int, int]]:
     """Find the ramps of Eq. 8: stretches in which the current keeps a sign and grows.
 
     Parameters
@@ -223,13 +231,14 @@ def find_ramps(time, current, exact=False):
     return ramps
 
 
-def _slope(time, current, begin, end, sign):
+def _slope(time: np.ndarray, current: np.ndarray, begin: int, end: int, sign: int) -> float:
     """The ramp's gradient in A/s, positive, by least squares."""
     t = time[begin:end] - np.mean(time[begin:end])
     return float(sign * np.dot(t, current[begin:end]) / np.dot(t, t))
 
 
-def _current_at(time, current, instant, begin, end, gradient):
+def _current_at(time: np.ndarray, current: np.ndarray, instant: float, begin: int, end: int,
+                gradient: float) -> float:
     """The current in A at an instant on the ramp, its noise averaged out."""
     reach = min(_CURRENT_WINDOW, max(time[end - 1] - instant, 0.01))
     a, b = np.searchsorted(time, (instant - reach, instant + reach))
@@ -238,7 +247,8 @@ def _current_at(time, current, instant, begin, end, gradient):
 
 
 @njit(cache=True)
-def _slide_begin(time, position, begin, end, sign, resolution, runaway_speed):
+def _slide_begin(time: np.ndarray, position: np.ndarray, begin: int, end: int, sign: float,
+                 resolution: float, runaway_speed: float) -> tuple[float, float]:
     """Return when the joint began to slide, NaN where it did not, and its rest time before."""
     still = 2.5 * resolution + 1e-12
     last = begin
@@ -271,7 +281,8 @@ def _slide_begin(time, position, begin, end, sign, resolution, runaway_speed):
 
 
 @njit(cache=True)
-def _hinge(time, position, first, last, sign, resolution):
+def _hinge(time: np.ndarray, position: np.ndarray, first: int, last: int, sign: float,
+           resolution: float) -> float:
     """Least-squares instant at which creep turns into a slide.
 
     Creep is a parabola; the slide adds to it a jump in speed, an acceleration and a growing one,
@@ -308,7 +319,7 @@ def _hinge(time, position, first, last, sign, resolution):
 
 
 @njit(cache=True)
-def _hinge_error(t, x, weight, knee):
+def _hinge_error(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knee: float) -> float:
     """Weighted sum of squares left by a parabola and the powers 1 to 3 of (t - knee)₊."""
     design = np.empty((t.size, 6))
     for k in range(t.size):
@@ -335,7 +346,7 @@ def _hinge_error(t, x, weight, knee):
 
 
 @njit(cache=True)
-def _least_squares(design, target):
+def _least_squares(design: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray]:
     """Sum of squares and coefficients, by Gram-Schmidt."""
     count, size = design.shape
     basis = design.copy()

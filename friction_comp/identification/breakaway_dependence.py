@@ -6,11 +6,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
 
 from friction_comp.errors import InputError
+
+if TYPE_CHECKING:
+    from friction_comp.identification.breakaway import BreakawayRecords
 
 VARIABLES = {
     'position': 'rad', 'rest_time': 's', 'temperature': 'degrees Celsius', 'slope': 'A/s',
@@ -65,16 +69,16 @@ class ScatterReport:
         tell which of the two it is.
     """
 
-    dependences: list
-    constant: list = field(default_factory=list)
-    confounded: list = field(default_factory=list)
+    dependences: list[BreakawayDependence]
+    constant: list[str] = field(default_factory=list)
+    confounded: list[tuple[str, str]] = field(default_factory=list)
 
     @property
-    def significant(self):
+    def significant(self) -> list[BreakawayDependence]:
         """The dependences that are not chance."""
         return [item for item in self.dependences if item.significant]
 
-    def sentences(self):
+    def sentences(self) -> list[str]:
         """Return the report in plain sentences."""
         side = {1: ' in the positive direction', -1: ' in the negative direction', 0: ''}
         lines = []
@@ -97,7 +101,8 @@ class ScatterReport:
         return lines
 
 
-def scatter_report(records, level=LEVEL):
+def scatter_report(records: BreakawayRecords | dict[str, Any],
+                   level: float = LEVEL) -> ScatterReport:
     """Test the breakaway level against everything recorded with it.
 
     Parameters
@@ -158,7 +163,7 @@ def scatter_report(records, level=LEVEL):
     return ScatterReport(dependences, [name for name in columns if name not in varied], confounded)
 
 
-def read_breakaway_table(paths):
+def read_breakaway_table(paths: str | Path | list[str | Path]) -> dict[str, np.ndarray]:
     """Read tables of breakaway level and ramp rate, two columns of numbers per line.
 
     Parameters
@@ -178,7 +183,8 @@ def read_breakaway_table(paths):
         Naming the file, and the line where one is wrong.
     """
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
-    columns = {'level': [], 'ramp_rate': [], 'cycle': [], 'session': []}
+    columns: dict[str, list[float]] = {
+        'level': [], 'ramp_rate': [], 'cycle': [], 'session': []}
     for session, path in enumerate(paths):
         try:
             lines = Path(path).read_text(encoding='utf-8').splitlines()
@@ -204,18 +210,18 @@ def read_breakaway_table(paths):
     return {name: np.array(values, dtype=float) for name, values in columns.items()}
 
 
-def _word(variable):
+def _word(variable: str) -> str:
     return {'rest_time': 'rest time', 'slope': 'ramp slope', 'cycle': 'cycle number',
             'ramp_rate': 'ramp rate', 'temperature': 'motor temperature'}.get(variable, variable)
 
 
-def _varies(values):
+def _varies(values: np.ndarray) -> bool:
     """Whether a variable varied by more than rounding and a per mil of its size."""
     spread = float(np.max(values) - np.min(values))
     return spread > 1e-3 * float(np.max(np.abs(values))) and spread > 1e-9
 
 
-def _test(variable, magnitude):
+def _test(variable: np.ndarray, magnitude: np.ndarray) -> tuple[float, float, float]:
     """Rank correlation, its probability by chance, and the gradient."""
     x = stats.rankdata(variable)
     y = stats.rankdata(magnitude)
@@ -236,13 +242,13 @@ def _test(variable, magnitude):
     return rho, p_value, gradient
 
 
-def _lag_one(values):
+def _lag_one(values: np.ndarray) -> float:
     values = values - values.mean()
     total = float(np.dot(values, values))
     return float(np.dot(values[1:], values[:-1])) / total if total > 0.0 else 0.0
 
 
-def _holm(p_values):
+def _holm(p_values: list[float]) -> list[float]:
     """Raise probabilities for the number of tests made."""
     order = np.argsort(p_values)
     adjusted, largest = np.ones(len(p_values)), 0.0

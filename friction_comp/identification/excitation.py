@@ -9,18 +9,22 @@ may be called from other compiled code; the public functions apply them to array
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from numba import njit, vectorize
 import numpy as np
 
 from friction_comp.errors import InputError
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
 LARGEST_SPEED = math.radians(100.0)
 """Bound on |ω_c| in Eq. 5, rad/s."""
 
 
 @njit(cache=True)
-def at_velocity(time, speed, cycle_time):
+def at_velocity(time: float, speed: float, cycle_time: float) -> float:
     """Reference velocity of Eq. 3 in rad/s at one time; zero outside the cycle."""
     share = time / cycle_time
     if share <= 0.0 or share >= 1.0:
@@ -37,7 +41,7 @@ def at_velocity(time, speed, cycle_time):
 
 
 @njit(cache=True)
-def at_position(time, speed, cycle_time):
+def at_position(time: float, speed: float, cycle_time: float) -> float:
     """Integral of Eq. 3 in rad, from the cycle's beginning; zero outside the cycle."""
     share = time / cycle_time
     if share <= 0.0 or share >= 1.0:
@@ -56,7 +60,7 @@ def at_position(time, speed, cycle_time):
 
 
 @njit(cache=True)
-def at_ramp(time, slope, period):
+def at_ramp(time: float, slope: float, period: float) -> float:
     """Motor current of Eq. 8 in A at one time; zero outside the period."""
     share = time / period
     if 0.0 < share <= 0.4:
@@ -67,7 +71,7 @@ def at_ramp(time, slope, period):
 
 
 @njit(cache=True)
-def at_travel(time, distance, duration):
+def at_travel(time: float, distance: float, duration: float) -> tuple[float, float]:
     """Position in rad and velocity in rad/s of a smooth move that starts and ends at rest.
 
     A quintic: velocity and acceleration are zero at both ends, the largest velocity is
@@ -80,21 +84,22 @@ def at_travel(time, distance, duration):
 
 
 @vectorize(cache=True)
-def _velocities(time, speed, cycle_time):
+def _velocities(time: float, speed: float, cycle_time: float) -> float:
     return at_velocity(time, speed, cycle_time)
 
 
 @vectorize(cache=True)
-def _positions(time, speed, cycle_time):
+def _positions(time: float, speed: float, cycle_time: float) -> float:
     return at_position(time, speed, cycle_time)
 
 
 @vectorize(cache=True)
-def _ramps(time, slope, period):
+def _ramps(time: float, slope: float, period: float) -> float:
     return at_ramp(time, slope, period)
 
 
-def velocity_reference(time, speed, cycle_time):
+def velocity_reference(time: ArrayLike, speed: ArrayLike,
+                       cycle_time: ArrayLike) -> float | np.ndarray:
     """Return the reference velocity ω_ref of Eq. 3.
 
     The fifth phase is taken to begin at 0.9 T, as the phases before it do; the note prints
@@ -123,7 +128,8 @@ def velocity_reference(time, speed, cycle_time):
     return _velocities(time, speed, cycle_time)
 
 
-def position_reference(time, speed, cycle_time):
+def position_reference(time: ArrayLike, speed: ArrayLike,
+                       cycle_time: ArrayLike) -> float | np.ndarray:
     """Return the integral of Eq. 3 in rad, counted from where the cycle begins.
 
     Parameters and errors are those of `velocity_reference`. The cycle ends where it began, and
@@ -133,7 +139,8 @@ def position_reference(time, speed, cycle_time):
     return _positions(time, speed, cycle_time)
 
 
-def cycle_time(motion_range, speed, largest_speed=LARGEST_SPEED):
+def cycle_time(motion_range: ArrayLike, speed: ArrayLike,
+               largest_speed: float = LARGEST_SPEED) -> float | np.ndarray:
     """Return the cycle duration T in s that uses the motion range fully (Eq. 5).
 
     Parameters
@@ -161,7 +168,9 @@ def cycle_time(motion_range, speed, largest_speed=LARGEST_SPEED):
     return float(duration) if duration.ndim == 0 else duration
 
 
-def constant_velocity_windows(cycle_time, settling=0.0):
+def constant_velocity_windows(cycle_time: float,
+                              settling: float = 0.0) -> tuple[tuple[float, float],
+                                                                      tuple[float, float]]:
     """Return begin and end in s of the two constant-velocity phases of Eq. 3.
 
     Parameters
@@ -182,7 +191,7 @@ def constant_velocity_windows(cycle_time, settling=0.0):
             (0.6 * cycle_time + skipped, 0.9 * cycle_time))
 
 
-def current_ramp(time, slope, period):
+def current_ramp(time: ArrayLike, slope: ArrayLike, period: ArrayLike) -> float | np.ndarray:
     """Return the motor current of Eq. 8.
 
     The note prints the left side as a derivative, but Fig. 2 shows that the right side is the
@@ -211,12 +220,12 @@ def current_ramp(time, slope, period):
     return _ramps(time, slope, period)
 
 
-def ramp_peak(slope, period):
+def ramp_peak(slope: float, period: float) -> float:
     """Return the largest current in A that the ramps of Eq. 8 reach, 0.4·s·T."""
     return 0.4 * slope * period
 
 
-def _check_positive(value, name):
+def _check_positive(value: ArrayLike, name: str) -> None:
     values = np.asarray(value, dtype=float)
     if not np.all(np.isfinite(values)) or np.any(values <= 0.0):
         raise InputError(f'{name} must be positive and finite, not {value!r}')

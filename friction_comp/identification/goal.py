@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +18,11 @@ from friction_comp.identification.breakaway_dependence import scatter_report
 from friction_comp.identification.excitation import LARGEST_SPEED, ramp_peak
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+    from friction_comp.identification.breakaway_dependence import ScatterReport
+    from friction_comp.identification.kinetic import KineticPoint
 
 USED_SHARE = 0.9
 """Share of the motion range that the profiles use; the rest is for the controller's errors."""
@@ -56,7 +63,7 @@ class IdentificationGoal:
         Naming the entry and what is wrong with it.
     """
 
-    speeds: tuple
+    speeds: Sequence[float]
     motion_range: float = 1.0
     ramp_slope: float = 0.1
     ramp_period: float = 10.0
@@ -65,7 +72,7 @@ class IdentificationGoal:
     largest_speed: float = LARGEST_SPEED
     longest_cycle: float = 20.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         try:
             speeds = [abs(float(speed)) for speed in self.speeds]
         except (TypeError, ValueError):
@@ -93,17 +100,17 @@ class IdentificationGoal:
                 f'motion_range: {self.motion_range:g} rad leaves {shortest:.2g} s of constant '
                 f'velocity at {speeds[-1]:g} rad/s, 0.12 s are needed')
 
-    def cycle(self, speed):
+    def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""
         width = min(USED_SHARE * self.motion_range, 0.4 * speed * self.longest_cycle)
         return 2.5 * width / speed, width
 
     @property
-    def ramp_peak(self):
+    def ramp_peak(self) -> float:
         """Largest current in A that the ramps reach."""
         return ramp_peak(self.ramp_slope, self.ramp_period)
 
-    def check(self, drive):
+    def check(self, drive: Drive) -> None:
         """Raise InputError where the drive cannot do what is asked."""
         if self.ramp_peak > drive.current_limit:
             raise InputError(
@@ -132,45 +139,45 @@ class IdentificationResult:
     warnings : list of str
     """
 
-    points: list
+    points: list[KineticPoint]
     sigmoid: Sigmoid
     sigmoid_error: float
     breakaway: Breakaway
     records: BreakawayRecords
     acceleration_per_current: float
     goal: IdentificationGoal
-    warnings: list = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
     @property
-    def speeds(self):
+    def speeds(self) -> np.ndarray:
         """Speeds of the look-up table, rad/s, shape (N,)."""
         return np.array([point.speed for point in self.points])
 
     @property
-    def currents(self):
+    def currents(self) -> np.ndarray:
         """Mean currents of the look-up table, A, shape (N,)."""
         return np.array([point.current for point in self.points])
 
     @property
-    def standard_deviations(self):
+    def standard_deviations(self) -> np.ndarray:
         """Standard deviations of the current, A, shape (N,)."""
         return np.array([point.standard_deviation for point in self.points])
 
     @property
-    def coefficients(self):
+    def coefficients(self) -> tuple[float, ...]:
         """c1..c6 of Eq. 6 with velocity in rad/s."""
         return self.sigmoid.coefficients()
 
-    def lookup_table(self):
+    def lookup_table(self) -> dict[str, list[float]]:
         """Return the look-up table as the model file holds it."""
         return {'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
                 'standard_deviations': self.standard_deviations.tolist()}
 
-    def scatter(self):
+    def scatter(self) -> ScatterReport:
         """Return what the breakaway currents' scatter depends on, a `ScatterReport`."""
         return scatter_report(self.records)
 
-    def model(self, drive, joint=''):
+    def model(self, drive: Drive, joint: str = '') -> FrictionModel:
         """Return the `FrictionModel` of the drive; the caller saves it."""
         return FrictionModel(
             drive=drive, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,

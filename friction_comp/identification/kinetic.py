@@ -4,12 +4,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.identification.excitation import constant_velocity_windows
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SETTLING = 0.25
 """Time in s that a constant-velocity phase is given to settle; at most 60 % of the phase."""
@@ -43,8 +48,10 @@ class KineticPoint:
     samples: int
 
 
-def constant_velocity_currents(time, position, current, speed, cycle_time,
-                               acceleration_per_current=None, settling=SETTLING):
+def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: ArrayLike,
+                               speed: float, cycle_time: float,
+                               acceleration_per_current: float | None = None,
+                               settling: float = SETTLING) -> tuple[KineticPoint, KineticPoint]:
     """Average the current over the two constant-velocity phases of one cycle of Eq. 3.
 
     Parameters
@@ -93,10 +100,10 @@ def constant_velocity_currents(time, position, current, speed, cycle_time,
             speed=sign * speed, current=mean, standard_deviation=float(np.std(i)),
             actual_speed=float(slope), unsteadiness=float(np.max(np.abs(straight)) / way),
             samples=count))
-    return tuple(points)
+    return points[0], points[1]
 
 
-def merge_points(points):
+def merge_points(points: Iterable[KineticPoint]) -> list[KineticPoint]:
     """Average repeated speeds and sort: the look-up table's entries in ascending speed.
 
     Parameters
@@ -107,7 +114,7 @@ def merge_points(points):
     -------
     list of KineticPoint
     """
-    groups = {}
+    groups: dict[float, list[KineticPoint]] = {}
     for point in points:
         groups.setdefault(round(point.speed, 9), []).append(point)
     merged = []

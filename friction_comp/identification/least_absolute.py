@@ -15,7 +15,7 @@ import numpy as np
 
 
 @njit(cache=True)
-def _invert(matrix, inverse):
+def _invert(matrix: np.ndarray, inverse: np.ndarray) -> bool:
     """Gauss-Jordan with partial pivoting; false where the matrix is singular."""
     size = matrix.shape[0]
     work = matrix.copy()
@@ -49,7 +49,7 @@ def _invert(matrix, inverse):
 
 
 @njit(cache=True)
-def independent_rows(design, basis):
+def independent_rows(design: np.ndarray, basis: np.ndarray) -> int:
     """Fill `basis` with rows that span the columns, spread by pivoting; return how many exist."""
     count, size = design.shape
     work = design.copy()
@@ -84,7 +84,8 @@ def independent_rows(design, basis):
 
 
 @njit(cache=True)
-def least_absolute(design, target, basis, coefficients):
+def least_absolute(design: np.ndarray, target: np.ndarray, basis: np.ndarray,
+                   coefficients: np.ndarray) -> float:
     """Minimise ``Σ |target - design @ coefficients|``.
 
     Parameters

@@ -4,14 +4,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from friction_comp.identification.script import Sample
 
 _TRANSIENT = 2.5e-3  # s after a step of current that are left to the current controller
 
 
-def acceleration_of_push(pushed, coasted, strength, sign):
+def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], strength: float,
+                         sign: int) -> float:
     """Estimate k_t·n/J from a push at constant current and the coasting after it.
 
     Friction is much the same in both, so that the difference between the two accelerations is
@@ -50,7 +56,7 @@ def acceleration_of_push(pushed, coasted, strength, sign):
     return rate if math.isfinite(rate) and rate > 0.0 else math.nan
 
 
-def _acceleration(samples, sign):
+def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
     """Acceleration and final speed of a parabola through the samples, in the push's direction."""
     time = np.array([sample[0] for sample in samples])
     position = sign * np.array([sample[1] for sample in samples])

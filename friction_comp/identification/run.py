@@ -3,13 +3,14 @@
 """Identification of a drive, sample by sample (note, sections 2.3 and 2.4).
 
 Whatever calls `IdentificationRun.update` once a sample runs the procedure, be it a ROS node or a
-plain loop. The procedure itself is `identification_script.Script`; here are the safety about it,
+plain loop. The procedure itself is `script.Script`; here are the safety about it,
 its progress, and the evaluation of what it measured.
 """
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from friction_comp.identification.goal import (
 from friction_comp.identification.kinetic import merge_points
 from friction_comp.identification.script import Sample, Script
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
 
 __all__ = ['IdentificationError', 'IdentificationGoal', 'IdentificationResult',
            'IdentificationRun']
@@ -59,25 +63,29 @@ class IdentificationRun:
         If the drive cannot do what the goal asks for.
     """
 
-    def __init__(self, goal, drive):
+    def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
         goal.check(drive)
         self.goal, self.drive = goal, drive
         self.error, self.finished = '', False
         self.progress, self.remaining = 0.0, math.nan
-        self.warnings = []
+        self.warnings: list[str] = []
         self._script = Script(goal, drive)
         self._steps = self._script.run()
         next(self._steps)
-        self._begin, self._last, self._command, self._result = None, None, 0.0, None
+        self._begin: float | None = None
+        self._last: float | None = None
+        self._estimated, self._command = -math.inf, 0.0
+        self._result: IdentificationResult | None = None
 
     @property
-    def phase(self):
+    def phase(self) -> str:
         """What the run is doing."""
         if self.error:
             return 'failed'
         return 'done' if self.finished else self._script.phase
 
-    def update(self, time, position, velocity=None, current=0.0, temperature=None):
+    def update(self, time: float, position: float, velocity: float | None = None,
+               current: float = 0.0, temperature: float | None = None) -> float:
         """Take one sample of the joint and return the current to apply.
 
         Parameters
@@ -122,18 +130,18 @@ class IdentificationRun:
             self.abort(str(error))
             raise
         self._last = float(time)
-        self._estimate()
+        self._estimate(self._last)
         limit = self.drive.current_limit
         self._command = min(max(command, -limit), limit)
         return self._command
 
-    def abort(self, reason='cancelled'):
+    def abort(self, reason: str = 'cancelled') -> None:
         """End the run: every later `update` returns zero current."""
         if not self.finished:
             self.error, self._command, self.remaining = reason or 'cancelled', 0.0, 0.0
             self._steps.close()
 
-    def result(self):
+    def result(self) -> IdentificationResult:
         """Fit the curve of Eq. 6, evaluate the ramps and return an `IdentificationResult`.
 
         Raises
@@ -156,7 +164,7 @@ class IdentificationRun:
                 warnings=list(self.warnings))
         return self._result
 
-    def _check(self, time, position):
+    def _check(self, time: float, position: float) -> None:
         if not math.isfinite(time):
             raise IdentificationError('the time of a sample is not finite')
         if not math.isfinite(position):
@@ -165,24 +173,24 @@ class IdentificationRun:
             what = 'no sample for' if time > self._last else 'time went back by'
             raise IdentificationError(
                 f'{what} {abs(time - self._last):.2g} s; {LONGEST_GAP} s are tolerated')
-        centre = self._script.centre
-        if centre is not None and abs(position - centre) > 0.5 * self.goal.motion_range:
+        # Before the first sample the centre is NaN, and nothing is too far from it.
+        if abs(position - self._script.centre) > 0.5 * self.goal.motion_range:
             raise IdentificationError(
                 f'the joint left its motion range of {self.goal.motion_range:g} rad')
 
-    def _estimate(self):
+    def _estimate(self, now: float) -> None:
         """Renew `remaining` and `progress`, ten times a second of the joint's time."""
         if self._begin is None:
-            self._begin = self._estimated = self._last
-        elif self._last - self._estimated < 0.1:
+            self._begin = now
+        elif now - self._estimated < 0.1:
             return
-        self._estimated = self._last
-        elapsed = self._last - self._begin
+        self._estimated = now
+        elapsed = now - self._begin
         self.remaining = self._script.remaining()
         share = elapsed / max(elapsed + self.remaining, 1e-9)
         self.progress = max(self.progress, min(0.999, share))
 
-    def _records(self):
+    def _records(self) -> BreakawayRecords:
         """Evaluate the ramps."""
         resolution = self.drive.position_resolution
         parts, lost = [], 0

@@ -8,8 +8,10 @@ steps. Each ``yield`` is one sample of the joint. What is measured is left in at
 
 from __future__ import annotations
 
-from collections import deque, namedtuple
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
 import math
+from typing import NamedTuple, NoReturn, TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +28,11 @@ from friction_comp.identification.velocity_control import (
     velocity_controller_step,
 )
 
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+    from friction_comp.identification.goal import IdentificationGoal
+    from friction_comp.identification.kinetic import KineticPoint
+
 STILL_TIME = 0.2        # s of standstill asked for before each ramp
 STILL_PATIENCE = 10.0   # s to come to rest
 CUT_SPEED = 0.05        # rad/s at which a ramp is cut: well beyond the run-away that is looked for
@@ -34,7 +41,14 @@ PUSH_SPEED = 0.3        # rad/s that the inertia's short push aims at
 GAIN_LADDER = (1.0, 1.7, 0.3)
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
 
-Sample = namedtuple('Sample', 'time position current temperature')
+
+class Sample(NamedTuple):
+    """What the script is handed: s, rad, A and degrees Celsius, the last two NaN where unknown."""
+
+    time: float
+    position: float
+    current: float
+    temperature: float
 
 
 class Script:
@@ -49,10 +63,10 @@ class Script:
     ----------
     phase : str
         What is being done.
-    sample : Sample or None
-        The latest sample handed to the script.
-    centre : float or None
-        Position at the start in rad; the motion range lies about it.
+    sample : Sample
+        The latest sample handed to the script; NaN before the first.
+    centre : float
+        Position at the start in rad, NaN before; the motion range lies about it.
     acceleration : float
         k_t·n/J in rad/s² per A as found by the push; NaN before.
     points : list of KineticPoint
@@ -61,18 +75,21 @@ class Script:
     warnings : list of str
     """
 
-    def __init__(self, goal, drive):
+    def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
         self.goal, self.drive = goal, drive
-        self.phase, self.warnings = 'standstill', []
-        self.sample, self.centre, self.acceleration = None, None, math.nan
-        self.points, self.ramps = [], []
+        self.phase = 'standstill'
+        self.warnings: list[str] = []
+        self.sample = Sample(math.nan, math.nan, math.nan, math.nan)
+        self.centre, self.acceleration = math.nan, math.nan
+        self.points: list[KineticPoint] = []
+        self.ramps: list[tuple[int, int, float, np.ndarray]] = []
         self._resolution = drive.position_resolution or 1e-6
         self._push = {1: 0.0, -1: 0.0}     # current that overcomes friction, per direction
         self._reached = {1: 0.5, -1: 0.5}  # share of the ramp at which the joint broke free
         self._speeds_done = 0
         _compile()
 
-    def remaining(self):
+    def remaining(self) -> float:
         """Return the estimated time to the end in s."""
         goal, left = self.goal, 0.0
         for speed in goal.speeds[self._speeds_done:]:
@@ -83,7 +100,7 @@ class Script:
         share = 0.5 * (self._reached[1] + self._reached[-1])
         return left + ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
 
-    def run(self):
+    def run(self) -> Generator[float, Sample, None]:
         """Yield currents, be handed samples; the whole of sections 2.3 and 2.4 in order."""
         sample = yield 0.0
         self.centre, self.sample = sample.position, sample
@@ -108,13 +125,13 @@ class Script:
                 yield from self._ramp(sign, cycle)
         yield from self._standstill(STILL_TIME)
 
-    def _step(self, command):
+    def _step(self, command: float) -> Generator[float, Sample, Sample]:
         """Apply a current and return the next sample."""
         sample = yield command
         self.sample = sample
         return sample
 
-    def _standstill(self, duration):
+    def _standstill(self, duration: float) -> Generator[float, Sample, float]:
         """Wait at zero current until the joint has stood for `duration`; return for how long."""
         sample = self.sample
         begin, still_since, place = sample.time, sample.time, sample.position
@@ -128,7 +145,7 @@ class Script:
                 still_since, place = sample.time, sample.position
         return sample.time - still_since
 
-    def _short_push(self, sign):
+    def _short_push(self, sign: int) -> Generator[float, Sample, float]:
         """Break the joint free, push it a little, let it coast; return k_t·n/J or NaN."""
         peak = self.goal.ramp_peak
         slope = peak / 3.0
@@ -162,7 +179,7 @@ class Script:
         yield from self._standstill(STILL_TIME)
         return acceleration_of_push(pushed, coasted, strong, sign)
 
-    def _combine(self, rates):
+    def _combine(self, rates: list[float]) -> float:
         """The larger of the two estimates; from the breakaway current alone where both failed."""
         # A joint that its own breakaway torque accelerates at 10 rad/s² is typical.
         typical = 10.0 / max(self._push[1], -self._push[-1])
@@ -172,7 +189,7 @@ class Script:
             return typical
         return max(rates)
 
-    def _check_accelerations(self):
+    def _check_accelerations(self) -> None:
         push = max(self._push[1], -self._push[-1])
         for speed in self.goal.speeds:
             needed = push + 10.0 * speed / self.goal.cycle(speed)[0] / self.acceleration
@@ -182,7 +199,7 @@ class Script:
                     f'{needed:.2g} A to accelerate, the current limit is '
                     f'{self.drive.current_limit:g} A: lower the speed or widen the range')
 
-    def _controller(self, bandwidth, speed):
+    def _controller(self, bandwidth: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
         # The encoder's single counts must not make the current rattle by more than friction.
         push = min(self._push[1], -self._push[-1])
         quiet = math.sqrt(0.06 * push * self.acceleration / self._resolution)
@@ -191,7 +208,9 @@ class Script:
             self._expected(1, speed), self._expected(-1, speed),
             bandwidth=max(min(bandwidth, quiet), 5.0)), velocity_controller_state()
 
-    def _follow(self, reference, duration, allowance, speed, factor=1.0):
+    def _follow(self, reference: Callable[[float], tuple[float, float]], duration: float,
+                allowance: float, speed: float,
+                factor: float = 1.0) -> Generator[float, Sample, tuple[float, list[Sample]]]:
         """Follow reference(t) -> (position, velocity) and return the samples, times from zero."""
         parameters, state = self._controller(factor * BANDWIDTH, speed)
         begin, last = self.sample.time, self.sample.time - 1e-3
@@ -210,7 +229,7 @@ class Script:
             samples.append(sample)
         return begin, samples
 
-    def _travel(self, target):
+    def _travel(self, target: float) -> Generator[float, Sample, None]:
         """Go to a position and stand still there."""
         start = self.sample.position
         distance = target - start
@@ -218,7 +237,7 @@ class Script:
             self.phase = 'travel'
             duration = self._travel_time(distance)
 
-            def reference(t):
+            def reference(t: float) -> tuple[float, float]:
                 position, velocity = at_travel(t, distance, duration)
                 return start + position, velocity
 
@@ -227,10 +246,10 @@ class Script:
                 speed=0.5 * self.goal.speeds[0])
         yield from self._standstill(STILL_TIME)
 
-    def _travel_time(self, distance):
+    def _travel_time(self, distance: float) -> float:
         return max(1.875 * abs(distance) / min(0.5, self.goal.speeds[-1]), 0.5)
 
-    def _constant_velocity(self, speed):
+    def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
         """Drive the cycles of Eq. 3 at one speed and average over the constant phases."""
         for _ in range(self.goal.velocity_cycles):
             points = None
@@ -244,7 +263,7 @@ class Script:
                 return
             self.points.extend(points)
 
-    def _expected(self, sign, speed):
+    def _expected(self, sign: int, speed: float) -> float:
         """Current that friction will ask for at a speed, by the table so far."""
         known = [point for point in self.points if point.speed * sign > 0.0][-2:]
         if not known:
@@ -255,14 +274,15 @@ class Script:
             current += max(rise, 0.0) * (sign * speed - last.speed)
         return current if current * sign > 0.0 else self._push[sign]
 
-    def _one_cycle(self, speed, factor):
+    def _one_cycle(self, speed: float,
+                   factor: float) -> Generator[float, Sample, tuple[KineticPoint, ...] | None]:
         """Drive one cycle of Eq. 3; return its table entries, None where the speed swung."""
         duration, width = self.goal.cycle(speed)
         yield from self._travel(self.centre - 0.5 * width)
         self.phase = 'velocity'
         start = self.sample.position
 
-        def reference(t):
+        def reference(t: float) -> tuple[float, float]:
             return start + at_position(t, speed, duration), at_velocity(t, speed, duration)
 
         begin, samples = yield from self._follow(
@@ -270,7 +290,8 @@ class Script:
         columns = np.array([sample[:3] for sample in samples]).T
         return self._evaluate(columns, begin, speed, duration)
 
-    def _evaluate(self, columns, begin, speed, duration):
+    def _evaluate(self, columns: np.ndarray, begin: float, speed: float,
+                  duration: float) -> tuple[KineticPoint, ...] | None:
         """Return the two table entries, None where the speed was not held."""
         time, position, current = columns[0] - begin, columns[1], columns[2]
         good = np.isfinite(current)
@@ -287,7 +308,7 @@ class Script:
                 return None
         return points
 
-    def _ramp(self, sign, cycle):
+    def _ramp(self, sign: int, cycle: int) -> Generator[float, Sample, None]:
         """Raise the current along Eq. 8 until the joint runs away, then let it come to rest."""
         goal = self.goal
         rest = yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
@@ -310,14 +331,14 @@ class Script:
         self._reached[sign] = min(1.0, elapsed / (0.4 * goal.ramp_period))
         self.ramps.append((sign, cycle, rest, np.array(samples)))
 
-    def _never_free(self, sign, reached):
+    def _never_free(self, sign: int, reached: float) -> NoReturn:
         side = 'positive' if sign > 0 else 'negative'
         raise IdentificationError(
             f'the joint did not break free in the {side} direction up to {reached:.3g} A: ask for '
             'a steeper ramp_slope or a longer ramp_period')
 
 
-def _speed(samples, sign, window):
+def _speed(samples: Sequence[Sample], sign: int, window: float) -> float:
     """Speed in the direction `sign` over the last `window` seconds; 0 while they are too few."""
     last = samples[-1]
     for k in range(len(samples) - 2, -1, -1):
@@ -327,7 +348,7 @@ def _speed(samples, sign, window):
     return 0.0
 
 
-def _compile():
+def _compile() -> None:
     """Have every kernel of the control loop compiled before the first sample comes."""
     at_position(0.1, 1.0, 1.0), at_velocity(0.1, 1.0, 1.0), at_ramp(0.1, 1.0, 1.0)
     at_travel(0.1, 1.0, 1.0)

@@ -14,6 +14,7 @@ data show.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from numba import njit
 import numpy as np
@@ -21,6 +22,9 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.identification.least_absolute import independent_rows, least_absolute
 from friction_comp.model.sigmoid import Sigmoid
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 TOLERANCE = 3e-4
 """Share by which the error may rise for the sake of a well-behaved transition."""
@@ -33,7 +37,7 @@ _FAR = (-1.5, 1.5)
 
 
 @njit(cache=True)
-def _fill(speeds, steepness, shift, design):
+def _fill(speeds: np.ndarray, steepness: float, shift: float, design: np.ndarray) -> None:
     """Fill the columns 1, share, speed; the share is scaled about its own middle."""
     for i in range(speeds.size):
         argument = 0.5 * steepness * (speeds[i] - shift)
@@ -43,7 +47,8 @@ def _fill(speeds, steepness, shift, design):
 
 
 @njit(cache=True)
-def _error(speeds, currents, steepness, shift, basis, coefficients):
+def _error(speeds: np.ndarray, currents: np.ndarray, steepness: float, shift: float,
+           basis: np.ndarray, coefficients: np.ndarray) -> float:
     """E of Eq. 7 at a given transition, the linear coefficients being the best ones."""
     design = np.empty((speeds.size, 3))
     _fill(speeds, steepness, shift, design)
@@ -51,7 +56,8 @@ def _error(speeds, currents, steepness, shift, basis, coefficients):
 
 
 @njit(cache=True)
-def _descend(speeds, currents, transition, steepest, gentlest, rounds):
+def _descend(speeds: np.ndarray, currents: np.ndarray, transition: np.ndarray, steepest: float,
+             gentlest: float, rounds: int) -> float:
     """Improve (steepness, shift) in place: linearised L1 steps, then a shrinking search."""
     count = speeds.size
     basis = np.arange(3)
@@ -127,7 +133,8 @@ def _descend(speeds, currents, transition, steepest, gentlest, rounds):
 
 
 @njit(cache=True)
-def _scan(speeds, currents, steepnesses, shifts, errors):
+def _scan(speeds: np.ndarray, currents: np.ndarray, steepnesses: np.ndarray, shifts: np.ndarray,
+          errors: np.ndarray) -> None:
     basis = np.arange(3)
     coefficients = np.empty(3)
     design = np.empty((speeds.size, 3))
@@ -140,7 +147,8 @@ def _scan(speeds, currents, steepnesses, shifts, errors):
 
 
 @njit(cache=True)
-def _gentlest_within(speeds, currents, shift, steepnesses, bound, least_viscous):
+def _gentlest_within(speeds: np.ndarray, currents: np.ndarray, shift: float,
+                     steepnesses: np.ndarray, bound: float, least_viscous: float) -> float:
     """The smallest of ascending steepnesses whose error is within the bound; NaN if none is.
 
     A gentle transition must not live off a falling line under it, so the viscous share has a
@@ -155,7 +163,7 @@ def _gentlest_within(speeds, currents, shift, steepnesses, bound, least_viscous)
     return np.nan
 
 
-def fit_sigmoid(speeds, currents):
+def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]:
     """Fit the sigmoid of Eq. 6 to a look-up table with the least L1 error of Eq. 7.
 
     Parameters
@@ -212,15 +220,16 @@ def fit_sigmoid(speeds, currents):
     return sigmoid, sigmoid_error(sigmoid, speeds, currents)
 
 
-def sigmoid_error(sigmoid, speeds, currents):
+def sigmoid_error(sigmoid: Sigmoid, speeds: ArrayLike, currents: ArrayLike) -> float:
     """Return E of Eq. 7 in A: the sum of absolute deviations over the look-up table."""
     return float(np.sum(np.abs(np.asarray(currents) - sigmoid(speeds))))
 
 
-def _search(x, y, values, gentlest, steepest):
+def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray, gentlest: float,
+            steepest: float) -> tuple[float, float, float]:
     """Return steepness, shift and error of the best transition; speeds are scaled to [-1, 1]."""
     steepnesses, shifts = _grid(values, gentlest)
-    errors = np.empty(steepnesses.shape)
+    errors = np.empty_like(steepnesses)
     _scan(x, y, steepnesses, shifts, errors)
     errors[~np.isfinite(errors)] = np.inf
 
@@ -228,8 +237,8 @@ def _search(x, y, values, gentlest, steepest):
     rows, columns = errors.shape
     neighbours = [padded[1 + a:1 + a + rows, 1 + b:1 + b + columns]
                   for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
-    minima = np.argwhere(errors <= np.min(neighbours, axis=0)).tolist()
-    minima = sorted(minima, key=lambda index: errors[tuple(index)])[:_STARTS]
+    lowest = np.argwhere(errors <= np.min(neighbours, axis=0)).tolist()
+    minima: list[list[int]] = sorted(lowest, key=lambda index: errors[tuple(index)])[:_STARTS]
     # Steep transitions beside a point lie in valleys along which the error hardly changes, so
     # that they are no minima of the grid: start in each valley at a few steepnesses.
     beside = np.min([padded[1:-1, :-2], padded[1:-1, 2:]], axis=0)
@@ -241,9 +250,9 @@ def _search(x, y, values, gentlest, steepest):
     for row, column in minima:
         transition = np.array([steepnesses[row, column], shifts[row, column]])
         error = _descend(x, y, transition, steepest, gentlest, 12)
-        found.append((error, *transition))
-    best = (np.inf, 1.0, 0.0)
-    finalists = []
+        found.append((error, float(transition[0]), float(transition[1])))
+    best_found = (np.inf, 1.0, 0.0)
+    finalists: list[tuple[float, float, float]] = []
     for start in sorted(found):
         # Several starts end in one place; one of them goes on.
         if not finalists or start[0] > finalists[-1][0] * (1.0 + 1e-5):
@@ -251,12 +260,12 @@ def _search(x, y, values, gentlest, steepest):
     for start in finalists[:4]:
         transition = np.array(start[1:])
         error = _descend(x, y, transition, steepest, gentlest, 150)
-        best = min(best, (error, *transition))
-    error, steepness, shift = best
+        best_found = min(best_found, (error, float(transition[0]), float(transition[1])))
+    error, steepness, shift = best_found
     return steepness, shift, error
 
 
-def _grid(values, gentlest):
+def _grid(values: np.ndarray, gentlest: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the transitions to try: steepnesses and shifts, both of shape (K, P).
 
     Transitions are placed about every point of the table, at distances that shrink as they grow
@@ -268,21 +277,22 @@ def _grid(values, gentlest):
     gaps = np.diff(values)
     near = np.argsort(np.abs(values), kind='stable')[:10]
     points, offsets, widths = [0.0], [0.0], [gaps[np.argmin(np.abs(values[1:] + values[:-1]))]]
-    for number, point in enumerate(values):
-        width = np.min(gaps[max(number - 1, 0):number + 1])
-        for offset in (_CLOSE if number in near else _FAR):
-            points.append(point)
-            offsets.append(offset)
-            widths.append(width)
+    for number, place in enumerate(values):
+        narrow = np.min(gaps[max(number - 1, 0):number + 1])
+        for distance in (_CLOSE if number in near else _FAR):
+            points.append(place)
+            offsets.append(distance)
+            widths.append(narrow)
     order = np.lexsort((offsets, points))
-    points, offsets, widths = (np.array(a)[order] for a in (points, offsets, widths))
+    point, offset, width = (np.array(a)[order] for a in (points, offsets, widths))
     exponents = np.linspace(0.0, 1.0, 20)[:, None]
-    steepnesses = gentlest * (30.0 / widths / gentlest) ** exponents
-    shifts = np.clip(points + offsets / steepnesses, -1.0, 1.0)
+    steepnesses = gentlest * (30.0 / width / gentlest) ** exponents
+    shifts = np.clip(point + offset / steepnesses, -1.0, 1.0)
     return np.ascontiguousarray(steepnesses), np.ascontiguousarray(shifts)
 
 
-def _well_behaved(x, y, steepness, shift, error, gentlest):
+def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, error: float,
+                  gentlest: float) -> tuple[float, float]:
     """Return the representative, among transitions that fit alike, that is centred and gentle."""
     bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size
     basis, coefficients = np.arange(3), np.empty(3)

@@ -31,8 +31,10 @@ STARTED, LAST_POSITION, VELOCITY, INTEGRAL, LAST_REFERENCE = 0, 1, 2, 3, 4
 STATES = 5
 
 
-def velocity_controller_parameters(acceleration_per_current, current_limit, push_positive=0.0,
-                                   push_negative=0.0, bandwidth=BANDWIDTH, blend_velocity=0.002):
+def velocity_controller_parameters(acceleration_per_current: float, current_limit: float,
+                                   push_positive: float = 0.0, push_negative: float = 0.0,
+                                   bandwidth: float = BANDWIDTH,
+                                   blend_velocity: float = 0.002) -> np.ndarray:
     """Return the controller's parameter array, float64.
 
     Parameters
@@ -64,14 +66,14 @@ def velocity_controller_parameters(acceleration_per_current, current_limit, push
     return parameters
 
 
-def velocity_controller_state():
+def velocity_controller_state() -> np.ndarray:
     """Return a fresh state array, float64: the controller at rest."""
     return np.zeros(STATES)
 
 
 @njit(cache=True)
-def velocity_controller_step(parameters, state, reference_position, reference_velocity, position,
-                             time_step):
+def velocity_controller_step(parameters: np.ndarray, state: np.ndarray, reference_position: float,
+                             reference_velocity: float, position: float, time_step: float) -> float:
     """Return the current in A for one sample and advance the state in place.
 
     Parameters

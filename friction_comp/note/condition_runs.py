@@ -5,16 +5,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.compensation import law_columns
 from friction_comp.compensation.law import law_parameters
-from friction_comp.evaluation.conditions import evaluate
+from friction_comp.evaluation.conditions import evaluate, Evaluation
 from friction_comp.samples import Samples
 from friction_comp.simulation import joint_kernel as kernel
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint import plant_parameters, random_states
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.note.published import Experiment
+    from friction_comp.simulation.reference_movement import ReferenceMovement
 
 SAMPLE_TIME = 1e-3
 REPETITIONS = 10
@@ -43,13 +49,14 @@ class ConditionRun:
     """
 
     name: str
-    evaluation: object
+    evaluation: Evaluation
     peak: float
     time: np.ndarray
-    log: dict
+    log: dict[str, np.ndarray]
 
 
-def persons_reference(movement, time, repetitions, seed):
+def persons_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
+                      seed: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
     """Return what the person aims at in each repetition: position, velocity, direction.
 
     Returns
@@ -60,7 +67,7 @@ def persons_reference(movement, time, repetitions, seed):
     """
     rng = np.random.default_rng(seed)
     begin = movement.begins(0)
-    rows = ([], [], [])
+    rows: tuple[list[np.ndarray], ...] = ([], [], [])
     for _ in range(repetitions):
         delay = DELAY_VARIATION * rng.standard_normal()
         rate = 1.0 + SPEED_VARIATION * rng.standard_normal()
@@ -71,7 +78,8 @@ def persons_reference(movement, time, repetitions, seed):
     return tuple(np.array(row, dtype=float) for row in rows), factors
 
 
-def run_trial(experiment, model, name, seed, gain=0.9, dead_speed=0.0, repetitions=REPETITIONS):
+def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int, gain: float = 0.9,
+              dead_speed: float = 0.0, repetitions: int = REPETITIONS) -> ConditionRun:
     """Run one condition.
 
     Parameters

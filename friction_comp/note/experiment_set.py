@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 import math
 import multiprocessing
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +18,19 @@ from friction_comp.note.identify import identified_model, identify_breakaway, id
 from friction_comp.note.published import EXPERIMENTS
 from friction_comp.note.standstill import stand_still
 
+if TYPE_CHECKING:
+    from friction_comp.identification.goal import IdentificationResult
+    from friction_comp.model.friction_model import Breakaway, FrictionModel
+    from friction_comp.note.condition_runs import ConditionRun
+    from friction_comp.note.identify import Ramps
+    from friction_comp.note.published import Experiment
+    from friction_comp.note.standstill import Standstill
+
 LAWS = ('paper', 'continuous')
 GAINS = (0.5, 0.7, 0.8, 0.9, 0.95, 1.0, 1.1, 1.2, 1.35, 1.5)
 # Speeds up to which the kinetic term is left out, deg/s: what slow motion contributes to it.
 DEAD_SPEEDS = (0.0, 0.3, 0.7, 1.5, 3.0)
-_SWEEP = {'standstills': 60, 'each': 6.0}
-_SWEEP_REPETITIONS = 4
+_SWEEP_STANDSTILLS, _SWEEP_EACH, _SWEEP_REPETITIONS = 60, 6.0, 4
 
 
 @dataclass
@@ -45,28 +54,34 @@ class Outcome:
         s simulated for identification.
     """
 
-    experiment: object
-    table: object
-    ramps: object
-    model: object
-    trials: dict
-    standstills: dict
-    sweep: dict
-    dead: list
+    experiment: Experiment
+    table: IdentificationResult
+    ramps: Ramps
+    model: FrictionModel
+    trials: dict[str, ConditionRun]
+    standstills: dict[str, Standstill]
+    sweep: dict[str, list[tuple[float, float, int, int]]]
+    dead: list[tuple[float, float]]
     drive_time: float
 
     @property
-    def peaks(self):
+    def breakaway(self) -> Breakaway:
+        """Breakaway currents as identified."""
+        assert self.model.breakaway is not None, 'an identified model has breakaway currents'
+        return self.model.breakaway
+
+    @property
+    def peaks(self) -> dict[str, float]:
         """Peak torque per condition in N·m."""
         return {name: trial.peak for name, trial in self.trials.items()}
 
-    def reduction(self, law):
+    def reduction(self, law: str) -> float:
         """Share by which a law lowers the peak of the kinetic condition."""
         return 1.0 - self.trials[law].peak / self.trials['kinetic'].peak
 
-    def as_dict(self):
+    def as_dict(self) -> dict[str, Any]:
         """Return the configuration's entry of results.json."""
-        breakaway = self.model.breakaway
+        breakaway = self.breakaway
         return {
             'breakaway': {
                 'positive_mean': breakaway.positive_mean, 'positive_std': breakaway.positive_std,
@@ -81,7 +96,8 @@ class Outcome:
             'false_starts': {law: self.standstills[law].false_starts for law in LAWS}}
 
 
-def run_experiment(experiment, table, cycles, seed, report):
+def run_experiment(experiment: Experiment, table: Callable[[], tuple[IdentificationResult, float]],
+                   cycles: int, seed: int, report: Callable[[float, str], None]) -> Outcome:
     """Run everything but the look-up table, which takes its time and was made beside.
 
     Parameters
@@ -113,20 +129,22 @@ def run_experiment(experiment, table, cycles, seed, report):
     for k, law in enumerate(LAWS):
         report(0.35 + 0.2 * k, f'standstill, {law} law')
         standstills[law] = stand_still(experiment, model, law, seed)
-    sweep = {law: [] for law in LAWS}
+    sweep: dict[str, list[tuple[float, float, int, int]]] = {law: [] for law in LAWS}
     for k, gain in enumerate(GAINS):
         report(0.75 + 0.25 * k / len(GAINS), 'breakaway gain')
         for law in LAWS:
             peak = run_trial(
                 experiment, model, law, seed, gain, repetitions=_SWEEP_REPETITIONS).peak
-            still = stand_still(experiment, model, law, seed, error=0.0, gain=gain, **_SWEEP)
+            still = stand_still(experiment, model, law, seed, error=0.0, gain=gain,
+                                standstills=_SWEEP_STANDSTILLS, each=_SWEEP_EACH)
             sweep[law].append((gain, peak, still.false_starts, still.standstills))
     report(1.0, 'done')
     return Outcome(experiment, result, ramps, model, trials, standstills, sweep, dead,
                    table_time + ramps.duration)
 
 
-def run_experiments(cycles, seed, report, experiments=EXPERIMENTS):
+def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None],
+                    experiments: Sequence[Experiment] = EXPERIMENTS) -> list[Outcome]:
     """Run the experiments of every configuration.
 
     The look-up tables are measured by the identification procedure as it drives a real joint,
@@ -152,7 +170,8 @@ def run_experiments(cycles, seed, report, experiments=EXPERIMENTS):
         tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
         try:
             for k, experiment in enumerate(experiments):
-                def tell(share, what, k=k, number=experiment.number):
+                def tell(share: float, what: str, k: int = k,
+                         number: int = experiment.number) -> None:
                     report((k + share) / len(experiments), f'configuration {number}: {what}')
 
                 outcomes.append(run_experiment(

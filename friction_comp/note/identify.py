@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import math
+from typing import TYPE_CHECKING
 
 from numba import njit, prange
 import numpy as np
@@ -17,6 +18,11 @@ from friction_comp.identification.run import IdentificationRun
 from friction_comp.note.published import RAMP_PERIOD
 from friction_comp.simulation import joint_kernel as kernel
 from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+
+if TYPE_CHECKING:
+    from friction_comp.identification.goal import IdentificationResult
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.note.published import Experiment
 
 SAMPLE_TIME = 1e-3
 MOTION_RANGE = math.radians(90.0)
@@ -48,7 +54,7 @@ class Ramps:
     duration: float
 
 
-def identify_table(experiment, seed):
+def identify_table(experiment: Experiment, seed: int) -> tuple[IdentificationResult, float]:
     """Run the identification procedure itself, sample by sample, for the look-up table.
 
     Parameters
@@ -78,7 +84,8 @@ def identify_table(experiment, seed):
 
 
 @njit(cache=True, parallel=True)
-def _ramp_runs(p, random, slope, period, count, sample_time, log):
+def _ramp_runs(p: np.ndarray, random: np.ndarray, slope: float, period: float, count: int,
+               sample_time: float, log: np.ndarray) -> None:
     for r in prange(len(random)):
         s = np.zeros(kernel.STATES)
         out = np.zeros(kernel.OUTPUTS)
@@ -109,7 +116,7 @@ def _ramp_runs(p, random, slope, period, count, sample_time, log):
                                 False, out)
 
 
-def identify_breakaway(experiment, cycles, seed):
+def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
     """Run the current ramps of Eq. 8, many cycles at once.
 
     Parameters
@@ -131,8 +138,9 @@ def identify_breakaway(experiment, cycles, seed):
     _ramp_runs(plant_parameters(model), random_states(seed, runs), experiment.ramp_slope,
                RAMP_PERIOD, count, SAMPLE_TIME, log)
     time = np.arange(count) * SAMPLE_TIME
-    parts = [breakaway_currents(time, *rows.T, resolution=model.drive.position_resolution)
-             for rows in log]
+    parts = [breakaway_currents(time, position, current, command,
+                                resolution=model.drive.position_resolution)
+             for position, current, command in (rows.T for rows in log)]
     records = BreakawayRecords.join(parts)
     # The last run may be longer than was asked for.
     records = _first(records, cycles)
@@ -141,7 +149,7 @@ def identify_breakaway(experiment, cycles, seed):
                  runs * count * SAMPLE_TIME)
 
 
-def _first(records, cycles):
+def _first(records: BreakawayRecords, cycles: int) -> BreakawayRecords:
     keep = np.zeros(len(records), dtype=bool)
     for sign in (1, -1):
         keep[np.nonzero(records.direction == sign)[0][:cycles]] = True
@@ -150,7 +158,8 @@ def _first(records, cycles):
     return replace(records, **changes)
 
 
-def identified_model(experiment, table, ramps):
+def identified_model(experiment: Experiment, table: IdentificationResult,
+                     ramps: Ramps) -> FrictionModel:
     """Return the model that the compensation is given: only what was measured."""
     model = experiment.model()
     return replace(model, sigmoid=table.sigmoid, breakaway=ramps.records.statistics(),

@@ -4,9 +4,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled, thin
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from friction_comp.evaluation.conditions import Condition
+    from friction_comp.note.condition_runs import ConditionRun
+    from friction_comp.note.experiment_set import Outcome
 
 _TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', 'd = ±1, printed law'),
            ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'inertia alone'))
@@ -14,7 +23,7 @@ _LAWS = (('paper', 'orange', 'printed law'), ('continuous', 'blue', 'continuous 
 
 
 @styled
-def ramp_figure(outcome):
+def ramp_figure(outcome: Outcome) -> Figure:
     """Fig. 2: current ramp, velocity, and the instants at which the joint breaks free."""
     ramps = outcome.ramps
     figure, (upper, lower) = new_figure(2, 1, height=2.1, sharex=True)
@@ -40,7 +49,7 @@ def ramp_figure(outcome):
 
 
 @styled
-def friction_figure(outcomes):
+def friction_figure(outcomes: list[Outcome]) -> Figure:
     """Fig. 4: look-up table, fit and breakaway of every configuration."""
     figure, axes = new_figure(1, 1, height=4.2)
     for outcome, colour in zip(outcomes, ('blue', 'green', 'orange')):
@@ -52,7 +61,7 @@ def friction_figure(outcomes):
                   label=f'configuration {number}: table')
         axes.plot(fine, 1e3 * outcome.model.sigmoid(np.radians(fine)), color=COLOURS[colour],
                   linewidth=1.0, label='fit of Eq. 6')
-        both = outcome.model.breakaway
+        both = outcome.breakaway
         axes.errorbar(
             [0.0, 0.0], [1e3 * both.positive_mean, 1e3 * both.negative_mean],
             [1e3 * both.positive_std, 1e3 * both.negative_std], fmt='_', markersize=14,
@@ -64,15 +73,16 @@ def friction_figure(outcomes):
 
 
 @styled
-def trial_figure(outcomes):
+def trial_figure(outcomes: list[Outcome]) -> Figure:
     """Fig. 5: trajectories and back-driving torques, mean and standard deviation."""
     figure, rows = new_figure(len(outcomes) + 1, 2, height=2.3, sharex='col')
     for column, name in enumerate(('positive', 'negative')):
         for outcome, colour in zip(outcomes, ('blue', 'green', 'orange')):
             condition = _condition(outcome.trials['continuous'], name)
-            rows[0][column].plot(
-                *thin(condition.time, np.degrees(condition.reference)), color=COLOURS['grey'],
-                linestyle='--', linewidth=1.0)
+            if condition.reference is not None:
+                rows[0][column].plot(
+                    *thin(condition.time, np.degrees(condition.reference)),
+                    color=COLOURS['grey'], linestyle='--', linewidth=1.0)
             band(rows[0][column], condition.time, np.degrees(condition.position),
                  np.degrees(condition.position_std), colour,
                  f'configuration {outcome.experiment.number}')
@@ -93,7 +103,7 @@ def trial_figure(outcomes):
 
 
 @styled
-def gain_figure(outcomes):
+def gain_figure(outcomes: list[Outcome]) -> Figure:
     """Peak torque and false starts against the breakaway gain, safe region marked."""
     figure, rows = new_figure(2, len(outcomes), height=2.4, sharex=True, squeeze=False)
     for column, outcome in enumerate(outcomes):
@@ -123,13 +133,13 @@ def gain_figure(outcomes):
 
 
 @styled
-def mechanism_figure(outcomes):
+def mechanism_figure(outcomes: list[Outcome]) -> Figure:
     """Peak with d = 0 when slow motion gets no kinetic compensation."""
     figure, columns = new_figure(1, len(outcomes), height=2.6, squeeze=False)
     for axes, outcome in zip(columns[0], outcomes):
         speeds, peaks = (np.array(a) for a in zip(*outcome.dead))
         axes.plot(np.degrees(speeds), peaks, 'o-', color=COLOURS['blue'], markersize=3.5)
-        level = outcome.model.breakaway.positive_mean * outcome.model.drive.torque_per_current
+        level = outcome.breakaway.positive_mean * outcome.model.drive.torque_per_current
         axes.axhline(level, color=COLOURS['grey'], linestyle='--', linewidth=1.0)
         axes.annotate('breakaway torque', (np.degrees(speeds[-1]), level), xytext=(0, -11),
                       textcoords='offset points', fontsize=8, ha='right')
@@ -140,7 +150,7 @@ def mechanism_figure(outcomes):
     return figure
 
 
-def safe_gain(outcome, law):
+def safe_gain(outcome: Outcome, law: str) -> float | None:
     """Return the largest gain of the sweep below which no start was false; None if none is."""
     limit = None
     for gain, _, starts, _ in outcome.sweep[law]:
@@ -150,5 +160,5 @@ def safe_gain(outcome, law):
     return limit
 
 
-def _condition(trial, name):
+def _condition(trial: ConditionRun, name: str) -> Condition:
     return next(c for c in trial.evaluation.conditions if c.movement == name)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,8 +20,11 @@ from friction_comp.note.note_figures import (
 from friction_comp.note.published import FALSE_START
 from friction_comp.reports.html import Report
 
+if TYPE_CHECKING:
+    from friction_comp.note.experiment_set import Outcome
 
-def reproduction_report(outcomes):
+
+def reproduction_report(outcomes: list[Outcome]) -> Report:
     """Return the report of all configurations.
 
     Parameters
@@ -63,11 +67,11 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
     return report
 
 
-def _add_result(report, outcomes):
+def _add_result(report: Report, outcomes: list[Outcome]) -> None:
     header = ['', 'configuration', 'note', 'here']
     rows = []
     for outcome in outcomes:
-        experiment, both, peaks = outcome.experiment, outcome.model.breakaway, outcome.peaks
+        experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
         rows += [
             ['breakaway, positive [mA]', experiment.number,
              f'{1e3 * experiment.breakaway:.1f} ± {1e3 * experiment.breakaway_std:.1f}',
@@ -99,7 +103,7 @@ continuous law stands above it by {above}.
 """)
 
 
-def _add_table(report, outcomes):
+def _add_table(report: Report, outcomes: list[Outcome]) -> None:
     rows = []
     for outcome in outcomes:
         printed = outcome.experiment.model().sigmoid
@@ -135,11 +139,11 @@ on one that does not.
 """)
 
 
-def _add_mechanism(report, outcomes):
+def _add_mechanism(report: Report, outcomes: list[Outcome]) -> None:
     last = outcomes[-1]
     drive = last.model.drive
     torque = last.experiment.breakaway * drive.torque_per_current
-    count = math.degrees(drive.position_resolution) * 1e3
+    count = math.degrees(drive.position_resolution or 0.0) * 1e3
     report.heading('Why the peak lies below the breakaway torque')
     report.figure(mechanism_figure(outcomes), (
         'Peak torque with d = 0 if the kinetic term is left out up to a speed.'))
@@ -159,7 +163,7 @@ closer to their breakaway torques.
 """)
 
 
-def _add_standstill(report, outcomes):
+def _add_standstill(report: Report, outcomes: list[Outcome]) -> None:
     report.heading('No false start')
     rows = []
     for outcome in outcomes:
@@ -189,7 +193,7 @@ compensation in meanwhile.
     report.text('Largest gain of the sweep without a false start: ' + '; '.join(text) + '.')
 
 
-def _add_sources(report, outcomes):
+def _add_sources(report: Report, outcomes: list[Outcome]) -> None:
     report.heading('What the joints are made of')
     rows = []
     for outcome in outcomes:

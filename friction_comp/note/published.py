@@ -46,19 +46,19 @@ class Experiment:
     peak_kinetic: float
     peak_compensated: float
     reduction: float
-    slow: tuple
+    slow: tuple[float, ...]
 
     @property
-    def speeds(self):
+    def speeds(self) -> tuple[float, ...]:
         """Speeds of the look-up table in rad/s, each driven both ways."""
         return tuple(math.radians(speed) for speed in self.slow + _FAST)
 
-    def model(self):
+    def model(self) -> FrictionModel:
         """Return the drive as the note describes it, the simulated joint's model."""
         return FrictionModel.load(
             package_file('config', f'armin_configuration_{self.number}.yaml'))
 
-    def movement(self, compensated=True):
+    def movement(self, compensated: bool = True) -> ReferenceMovement:
         """Return one repetition of the reference movement, forth and back."""
         entry = self.model().simulation['movement']
         return ReferenceMovement(

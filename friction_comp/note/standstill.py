@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,10 @@ from friction_comp.model.friction_model import Breakaway
 from friction_comp.note.published import FALSE_START
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint import plant_parameters, random_states
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.note.published import Experiment
 
 SAMPLE_TIME = 1e-3
 # The direction is announced so long after the joint came to rest, s.
@@ -40,15 +45,18 @@ class Standstill:
     duration: float
 
 
-def with_breakaway_error(model, error):
+def with_breakaway_error(model: FrictionModel, error: float) -> FrictionModel:
     """Return the model with breakaway means too large by a share."""
     both = model.breakaway
+    assert both is not None, 'an identified model has breakaway currents'
     return replace(model, breakaway=Breakaway(
         both.positive_mean * (1.0 + error), both.negative_mean * (1.0 + error),
         both.positive_std, both.negative_std))
 
 
-def stand_still(experiment, model, law, seed, error=0.1, gain=0.9, standstills=360, each=10.0):
+def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int,
+                error: float = 0.1, gain: float = 0.9, standstills: int = 360,
+                each: float = 10.0) -> Standstill:
     """Leave the joint alone with a direction announced, again and again.
 
     Every standstill is a new rest with breakaway levels of its own: one rest of an hour would try

@@ -5,9 +5,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
@@ -18,6 +20,13 @@ from friction_comp.reports.refinement_report import (
     residual_figure,
     steps_figure,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.samples import Samples
 
 _COLOURS = ('grey', 'blue', 'orange', 'green')
 
@@ -40,27 +49,27 @@ class EvaluatedTrial:
         N·m, the mean over both movements.
     """
 
-    def __init__(self, name, title, samples):
+    def __init__(self, name: str, title: str, samples: Samples) -> None:
         self.name, self.title = name, title
         self.evaluation = evaluate([samples], [name])
         self.peak_torque = self._mean('peak_torque')
         self.rms_torque = self._mean('rms_torque')
 
-    def _mean(self, name):
+    def _mean(self, name: str) -> float:
         return float(np.mean([getattr(c, name) for c in self.evaluation.conditions]))
 
     @property
-    def false_starts(self):
+    def false_starts(self) -> int:
         """Movements that began without the person."""
         return sum(condition.false_starts for condition in self.evaluation.conditions)
 
 
-def residuals(refined):
+def residuals(refined: RefineResult) -> tuple[float, float]:
     """Return the model's error in A on data not fitted, before and after refinement."""
     return tuple(refined.report[when]['held_out_rmse'] for when in ('before', 'after'))
 
 
-def table_rows(trials, refined):
+def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list[str]]:
     """Return the demo's table: name, peak and RMS torque in N·m, residual in mA; all text."""
     before, after = (number(1e3 * value) for value in residuals(refined))
     shown = {'compensated': before, 'refined': after}
@@ -69,7 +78,7 @@ def table_rows(trials, refined):
 
 
 @styled
-def torque_figure(trials):
+def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
     """Draw the back-driving torque of all trials, one movement beside the other."""
     movements = ('positive', 'negative')
     figure, axes = new_figure(1, 2, width=8.4, height=3.4, sharey='row', squeeze=False)
@@ -88,15 +97,17 @@ def torque_figure(trials):
 
 
 @styled
-def identification_figure(model):
+def identification_figure(model: FrictionModel) -> Figure:
     """Draw look-up table, fitted curve and breakaway currents."""
     figure, axes = new_figure(height=3.2)
-    speeds = np.array(model.lookup_table['speeds'])
-    currents = np.array(model.lookup_table['currents'])
+    table, breakaway = model.lookup_table, model.breakaway
+    if table is None or breakaway is None:
+        raise InputError('the model was not identified: it has no look-up table or no breakaway '
+                         'currents')
+    speeds, currents = np.array(table['speeds']), np.array(table['currents'])
     fine = np.linspace(1.05 * speeds.min(), 1.05 * speeds.max(), 801)
     axes.plot(fine, 1e3 * model.sigmoid(fine), color=COLOURS['blue'], label='fit of Eq. 6')
     axes.plot(speeds, 1e3 * currents, 'o', color=COLOURS['orange'], label='look-up table')
-    breakaway = model.breakaway
     axes.errorbar(
         [0.0, 0.0], [1e3 * breakaway.positive_mean, 1e3 * breakaway.negative_mean],
         [1e3 * breakaway.positive_std, 1e3 * breakaway.negative_std], fmt='s', capsize=4,
@@ -107,7 +118,8 @@ def identification_figure(model):
     return figure
 
 
-def demo_report(trials, refined, model, undeclared):
+def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: FrictionModel,
+                undeclared: str | Path) -> Report:
     """Return the page.
 
     Parameters
@@ -161,7 +173,8 @@ def demo_report(trials, refined, model, undeclared):
     return page
 
 
-def _summary(trials, effects, before, after):
+def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before: float,
+             after: float) -> str:
     none, kinetic, compensated, last = trials
     words = [
         f'Without compensation the person needs **{number(none.peak_torque)} N·m** to set the '

@@ -4,14 +4,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.reports.figures import band, new_figure, styled
 from friction_comp.reports.html import number, Report
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from friction_comp.evaluation.conditions import Condition, Evaluation
+
 
 @styled
-def evaluation_figure(evaluation):
+def evaluation_figure(evaluation: Evaluation) -> Figure:
     """Draw trajectories above, torques below; the positive movement left, the negative right.
 
     Parameters
@@ -31,7 +38,7 @@ def evaluation_figure(evaluation):
         above.set_title(f'Movement in the {movement} direction')
         conditions = [c for c in evaluation.conditions if c.movement == movement]
         shown = next((c for c in conditions if c.reference is not None), None)
-        if shown is not None:
+        if shown is not None and shown.reference is not None:
             above.plot(shown.time, np.degrees(shown.reference), '--', color='#87909a',
                        linewidth=1.0, label='shown to the person')
         for condition in conditions:
@@ -48,7 +55,7 @@ def evaluation_figure(evaluation):
     return figure
 
 
-def add_evaluation(report, evaluation):
+def add_evaluation(report: Report, evaluation: Evaluation) -> None:
     """Add figures, table and words of an evaluation to a report.
 
     Parameters
@@ -79,7 +86,7 @@ def add_evaluation(report, evaluation):
         'although nobody pushed it.')
 
 
-def evaluation_report(evaluation, recordings):
+def evaluation_report(evaluation: Evaluation, recordings: list[str]) -> Report:
     """Return the whole page of `evaluate`.
 
     Parameters
@@ -106,13 +113,13 @@ def evaluation_report(evaluation, recordings):
     return report
 
 
-def summary(evaluation):
+def summary(evaluation: Evaluation) -> str:
     """Return in plain words what the trials show."""
     words = ['The back-driving torque is what a person must apply to move the joint; a perfectly '
              'backdrivable joint would ask for no more than its inertia.']
-    if evaluation.peak_reduction is not None:
-        before, after = evaluation.compared('peak_torque')
-        change = evaluation.peak_reduction
+    compared, change = evaluation.compared('peak_torque'), evaluation.peak_reduction
+    if compared is not None and change is not None:
+        before, after = compared
         verb = 'less' if change >= 0 else 'more'
         words.append(
             f'With the direction announced (d = ±1) it took **{number(after)} N·m** to set the '
@@ -133,7 +140,7 @@ def summary(evaluation):
     return ' '.join(words)
 
 
-def _tiles(evaluation):
+def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
     tiles = []
     for name, group in (
             ('peak, direction not announced (d = 0)',
@@ -141,7 +148,7 @@ def _tiles(evaluation):
             ('peak, direction announced (d = ±1)',
              [c for c in evaluation.conditions if c.assisted])):
         if group:
-            tiles.append((f'{number(np.mean([c.peak_torque for c in group]))} N·m', name))
+            tiles.append((f'{number(float(np.mean([c.peak_torque for c in group])))} N·m', name))
     for name, value in (('peak', evaluation.peak_reduction),
                         ('RMS torque', evaluation.rms_reduction)):
         if value is not None:
@@ -150,14 +157,14 @@ def _tiles(evaluation):
     return tiles
 
 
-def _condition_name(condition):
+def _condition_name(condition: Condition) -> str:
     if condition.direction == 0:
         return 'd = 0'
     name = f'd = {condition.direction:+d}'.replace('-', '\u2212')
     return name if condition.assisted else f'{name} (against)'
 
 
-def _colour(condition):
+def _colour(condition: Condition) -> str:
     if condition.direction == 0:
         return 'blue'
     return 'orange' if condition.assisted else 'pink'

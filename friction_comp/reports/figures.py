@@ -4,15 +4,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import wraps
 import io
 import re
+from typing import Any, ParamSpec, TYPE_CHECKING, TypeVar
 
 from cycler import cycler
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+P = ParamSpec('P')
+T = TypeVar('T')
 
 # Told apart with any colour vision, and legible on white as on near-black.
 COLOURS = {
@@ -25,7 +33,7 @@ _GRID = '#87909a'
 # An SVG larger than this is better drawn as a picture.
 _LARGEST_SVG = 700_000
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     'axes.prop_cycle': cycler(color=list(COLOURS.values())),
     'axes.edgecolor': _INK, 'axes.labelcolor': _INK, 'axes.titlecolor': _INK,
     'text.color': _INK, 'xtick.color': _INK, 'ytick.color': _INK,
@@ -41,21 +49,22 @@ _STYLE = {
 }
 
 
-def styled(draw):
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
     """Decorate a function that draws: all that it makes gets the look of this module.
 
     Legends, titles and labels take their look from matplotlib's settings at the moment in which
     they are made; outside of the function those settings stay what they were.
     """
     @wraps(draw)
-    def within(*args, **kwargs):
+    def within(*args: P.args, **kwargs: P.kwargs) -> T:
         with mpl.rc_context(_STYLE):
             return draw(*args, **kwargs)
     return within
 
 
 @styled
-def new_figure(rows=1, columns=1, width=8.0, height=3.0, **options):
+def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.0,
+               **options: Any) -> tuple[Figure, Any]:
     """Make a figure with a grid of axes.
 
     Parameters
@@ -76,7 +85,8 @@ def new_figure(rows=1, columns=1, width=8.0, height=3.0, **options):
     return figure, figure.subplots(rows, columns, **options)
 
 
-def band(axes, x, mean, spread, colour, label):
+def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
+         label: str) -> None:
     """Draw a mean and the band of one standard deviation around it.
 
     Parameters
@@ -94,13 +104,14 @@ def band(axes, x, mean, spread, colour, label):
     axes.plot(x, mean, color=COLOURS[colour], label=label)
 
 
-def thin(x, *curves, points=1500):
+def thin(x: np.ndarray, *curves: np.ndarray, points: int = 1500) -> tuple[np.ndarray, ...]:
     """Return curves thinned out evenly where they hold more points than a page can show."""
     step = max(len(x) // points, 1)
     return tuple(np.asarray(values)[::step] for values in (x, *curves))
 
 
-def scatter(axes, x, y, colour, label=None, points=6000, size=3.0, seed=0):
+def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | None = None,
+            points: int = 6000, size: float = 3.0, seed: int = 0) -> None:
     """Draw measured points as small dots, a fair share of them where there are very many."""
     x, y = np.asarray(x), np.asarray(y)
     if len(x) > points:
@@ -110,7 +121,7 @@ def scatter(axes, x, y, colour, label=None, points=6000, size=3.0, seed=0):
               markeredgewidth=0, rasterized=True)
 
 
-def to_svg(figure):
+def to_svg(figure: Figure) -> str:
     """Return a figure as SVG that takes the page's text colour; no file, no network, no script."""
     stream = io.StringIO()
     with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
@@ -121,7 +132,7 @@ def to_svg(figure):
     return text.replace(_INK, 'currentColor')
 
 
-def to_png(figure, resolution=160):
+def to_png(figure: Figure, resolution: int = 160) -> bytes:
     """Return a figure as PNG on white."""
     stream = io.BytesIO()
     with mpl.rc_context(_STYLE):
@@ -129,9 +140,9 @@ def to_png(figure, resolution=160):
     return stream.getvalue()
 
 
-def for_page(figure):
-    """Return ('svg', text) or ('png', bytes), whichever suits the figure's size."""
+def for_page(figure: Figure) -> str | bytes:
+    """Return SVG as text or PNG as bytes, whichever suits the figure's size."""
     text = to_svg(figure)
     if len(text) <= _LARGEST_SVG:
-        return 'svg', text
-    return 'png', to_png(figure)
+        return text
+    return to_png(figure)

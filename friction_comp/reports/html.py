@@ -5,10 +5,12 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterable, Sequence
 from html import escape
 import math
 from pathlib import Path
 import re
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +18,9 @@ from friction_comp import __version__
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.reports.figures import for_page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Report:
@@ -36,14 +41,14 @@ class Report:
     True
     """
 
-    def __init__(self, title, subtitle=''):
+    def __init__(self, title: str, subtitle: str = '') -> None:
         self.title = title
         self.subtitle = subtitle
-        self._parts = []
-        self._sections = []
+        self._parts: list[str] = []
+        self._sections: list[str] = []
         self._figures = 0
 
-    def heading(self, text, level=2):
+    def heading(self, text: str, level: int = 2) -> None:
         """Begin a section (level 2) or a part of one (level 3)."""
         if level not in (2, 3):
             raise InputError(f'heading level must be 2 or 3, not {level}')
@@ -53,7 +58,7 @@ class Report:
             anchor = f' id="section-{len(self._sections)}"'
         self._parts.append(f'<h{level}{anchor}>{_inline(text)}</h{level}>')
 
-    def text(self, text):
+    def text(self, text: str) -> None:
         """Add plain words.
 
         Parameters
@@ -81,7 +86,7 @@ class Report:
             else:
                 self._parts.append(f'<p>{_inline(" ".join(lines))}</p>')
 
-    def numbers(self, tiles):
+    def numbers(self, tiles: list[tuple[str, str]]) -> None:
         """Show a few figures large.
 
         Parameters
@@ -94,7 +99,8 @@ class Report:
             for value, label in tiles)
         self._parts.append(f'<div class="tiles">{cells}</div>')
 
-    def table(self, header, rows, caption=''):
+    def table(self, header: Sequence[str], rows: Iterable[Sequence[Any]],
+              caption: str = '') -> None:
         """Add a table.
 
         Parameters
@@ -136,7 +142,7 @@ class Report:
             f'<div class="wide" tabindex="0"><table>{title}<thead><tr>{head}</tr></thead>'
             f'<tbody>{body}</tbody></table></div>')
 
-    def figure(self, figure, caption, alternative=None):
+    def figure(self, figure: Figure, caption: str, alternative: str | None = None) -> None:
         """Add a matplotlib figure.
 
         Parameters
@@ -149,8 +155,8 @@ class Report:
         """
         self._figures += 1
         words = escape(_plain(alternative or caption), quote=True)
-        kind, content = for_page(figure)
-        if kind == 'svg':
+        content = for_page(figure)
+        if isinstance(content, str):
             # Ids inside the drawing must differ from those of the page's other drawings.
             content = re.sub(r'( id="|href="#|url\(#)', rf'\g<1>f{self._figures}-', content)
             content = content.replace('<svg ', f'<svg role="img" aria-label="{words}" ', 1)
@@ -161,12 +167,12 @@ class Report:
             f'<figure>{content}<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}'
             '</figcaption></figure>')
 
-    def code(self, text):
+    def code(self, text: str) -> None:
         """Add a block of commands or file content."""
         self._parts.append(
             f'<pre tabindex="0"><code>{escape(text.strip(chr(10)))}</code></pre>')
 
-    def html(self):
+    def html(self) -> str:
         """Return the whole page."""
         style = Path(__file__).with_name('page.css').read_text(encoding='utf-8')
         subtitle = f'<p class="subtitle">{_inline(self.subtitle)}</p>' if self.subtitle else ''
@@ -183,7 +189,7 @@ class Report:
             f'</header>\n{parts}\n<footer>Made by friction_comp {__version__}.</footer>\n'
             '</main>\n</body>\n</html>\n')
 
-    def save(self, path):
+    def save(self, path: str | Path) -> None:
         """Write the page, whole or not at all.
 
         Raises
@@ -194,7 +200,7 @@ class Report:
         write_atomically(path, self.html())
 
 
-def number(value, digits=3):
+def number(value: float | int | None, digits: int = 3) -> str:
     """Return a number in few digits: three significant ones, thousands in full, a dash for None.
 
     Parameters
@@ -219,21 +225,21 @@ def number(value, digits=3):
     return f'{value:.{digits - 1}e}'.replace('-', '\u2212')
 
 
-def _is_number(value):
+def _is_number(value: object) -> bool:
     return isinstance(value, (int, float, np.integer, np.floating)) \
         and not isinstance(value, bool)
 
 
-def _decimals(column):
+def _decimals(column: list[Any]) -> int | None:
     """Return the decimals that suit a whole column of numbers, or None where none do."""
-    sizes = [abs(v) for v in column if isinstance(v, (float, np.floating))
+    sizes = [abs(float(v)) for v in column if isinstance(v, (float, np.floating))
              and math.isfinite(v) and v != 0]
     if not sizes or min(sizes) < 0.01 * max(sizes) or not 1e-4 <= max(sizes) < 1e6:
         return None
     return max(2 - math.floor(math.log10(max(sizes))), 0)
 
 
-def _cell(value, decimals=None):
+def _cell(value: Any, decimals: int | None = None) -> str:
     if isinstance(value, (float, np.floating)) and math.isfinite(value) and decimals is not None:
         return f'{value:.{decimals}f}'.replace('-', '\u2212')
     if value is None or _is_number(value):
@@ -241,7 +247,7 @@ def _cell(value, decimals=None):
     return _inline(str(value))
 
 
-def _items(lines):
+def _items(lines: list[str]) -> str:
     items = []
     for line in lines:
         if line.startswith('- '):
@@ -251,7 +257,7 @@ def _items(lines):
     return '<ul>' + ''.join(f'<li>{_inline(item)}</li>' for item in items) + '</ul>'
 
 
-def _inline(text):
+def _inline(text: object) -> str:
     """Return text with its marks turned into tags and everything else escaped."""
     pieces = re.split(r'(`[^`]+`)', str(text))
     for k, piece in enumerate(pieces):
@@ -265,6 +271,6 @@ def _inline(text):
     return ''.join(pieces)
 
 
-def _plain(text):
+def _plain(text: object) -> str:
     """Return text without its marks."""
     return re.sub(r'\*\*|`|(?<!\w)\*(?=\w)|(?<=\w)\*(?!\w)', '', str(text))

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +13,14 @@ from friction_comp.refinement.search.spectrum import highest_frequency, position
 from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
 from friction_comp.reports.html import number, Report
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def refinement_report(result, names):
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.refinement.refine import RefineResult
+
+
+def refinement_report(result: RefineResult, names: list[str]) -> Report:
     """Return the page on a `RefineResult`.
 
     Parameters
@@ -70,7 +77,7 @@ def refinement_report(result, names):
     return page
 
 
-def summary(report):
+def summary(report: dict[str, Any]) -> str:
     """Return the findings for a reader who builds robots, not statistics."""
     before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
     if not report['effects']:
@@ -95,7 +102,7 @@ def summary(report):
 
 
 @styled
-def steps_figure(result):
+def steps_figure(result: RefineResult) -> Figure:
     """Return the error over the steps of the choice."""
     figure, axes = new_figure(height=2.6)
     labels = [f'+ {name}' if k else name for k, (name, _) in enumerate(result.trail)]
@@ -109,12 +116,13 @@ def steps_figure(result):
 
 
 @styled
-def residual_figure(result, name, label):
+def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     """Return the residual over a signal, before beside after."""
     figure, both = new_figure(columns=2, height=2.8, sharey=True)
     rows = result.usable
     x = getattr(result.samples, name)[rows]
-    side = result.samples.velocity[rows] > 0
+    samples: Any = result.samples
+    side = samples.velocity[rows] > 0
     for axes, residual, title in zip(both, (result.before, result.after), ('before', 'after')):
         y = residual[rows]
         scatter(axes, x, y, 'grey')
@@ -133,7 +141,7 @@ def residual_figure(result, name, label):
     return figure
 
 
-def averages(x, y, number=40):
+def averages(x: np.ndarray, y: np.ndarray, number: int = 40) -> tuple[np.ndarray, np.ndarray]:
     """Return the middles of ranges with as many samples each, and the averages in them."""
     order = np.argsort(x, kind='stable')
     pieces = [piece for piece in np.array_split(order, number) if len(piece)]
@@ -142,16 +150,17 @@ def averages(x, y, number=40):
 
 
 @styled
-def spectrum_figure(result):
+def spectrum_figure(result: RefineResult) -> Figure | None:
     """Return the spectrum over position; None where the position hardly varied."""
     scene = result.scene
     highest = highest_frequency(result.samples, result.usable, scene, 0.0)
     rows = result.usable
+    samples: Any = result.samples
     figure, axes = new_figure(height=2.8)
     for residual, words, colour in ((result.before, 'before', 'orange'),
                                     (result.after, 'after', 'blue')):
         y = residual[rows]
-        k, power = position_spectrum(result.samples.position[rows], y - y.mean(),
+        k, power = position_spectrum(samples.position[rows], y - y.mean(),
                                      np.ones(int(rows.sum())), highest, periods=0.5)
         if not len(k):
             return None
@@ -165,14 +174,14 @@ def spectrum_figure(result):
     return figure
 
 
-def coarse(k, size, number=700):
+def coarse(k: np.ndarray, size: np.ndarray, number: int = 700) -> tuple[np.ndarray, np.ndarray]:
     """Return the largest values in ranges of equal ratio, so that no peak is lost."""
     place = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * number).astype(int)
     first = np.nonzero(np.diff(place, prepend=-1))[0]
     return k[first], np.maximum.reduceat(size, first)
 
 
-def model_words(model):
+def model_words(model: FrictionModel) -> str:
     """Return the model as a list in words."""
     s = model.sigmoid
     lines = [f'- Friction by Eq. 6: {number(s.upper)} A towards positive and {number(s.lower)} A '
@@ -181,7 +190,7 @@ def model_words(model):
     return '\n'.join(lines)
 
 
-def formula(model):
+def formula(model: FrictionModel) -> str:
     """Return the model as a formula with its numbers."""
     s = model.sigmoid
     lines = [f'i(t) = {s.viscous:.4g}·v {s.lower:+.4g} '
@@ -192,7 +201,7 @@ def formula(model):
     return '\n'.join(lines)
 
 
-def online_words(model):
+def online_words(model: FrictionModel) -> str:
     """Return what the compensator does with the effects."""
     lines = []
     for effect in model.effects:
@@ -203,7 +212,7 @@ def online_words(model):
     return '\n'.join(lines)
 
 
-def honesty(report):
+def honesty(report: dict[str, Any]) -> str:
     """Return what remains open."""
     lines = [f"- **{entry['variable']}**: {entry['note']} "
              f"({100 * entry['strength']:.0f} % of the remaining variance)."

@@ -9,7 +9,8 @@ a mistake in an argument are answered at once.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from argparse import Namespace
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import json
 import os
@@ -17,7 +18,7 @@ from pathlib import Path
 import shutil
 import sys
 import tempfile
-from typing import TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
@@ -33,17 +34,17 @@ class Arguments(argparse.ArgumentParser):
     with `ros2 run` from a launch file.
     """
 
-    def __init__(self, name, description, **options):
+    def __init__(self, name: str, description: str, **options: Any) -> None:
         super().__init__(
             prog=f'python3 -m friction_comp {name}', description=description,
             allow_abbrev=False, **options)
         self._name = name
 
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         """Exit with status 2 and one line on standard error."""
         self.exit(2, f'{self._name}: {message} (try --help)\n')
 
-    def parse(self, argv=None):
+    def parse(self, argv: list[str] | None = None) -> Namespace:
         """Return the parsed arguments.
 
         Parameters
@@ -56,16 +57,16 @@ class Arguments(argparse.ArgumentParser):
             arguments = arguments[:arguments.index('--ros-args')]
         return self.parse_args(arguments)
 
-    def add_recordings(self, several=True):
+    def add_recordings(self, several: bool = True) -> Arguments:
         """Add what tools that read recordings take: RECORDING, --joint and the drive's numbers."""
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING',
-            type=Path, **({'nargs': '+'} if several else {}),
+            type=Path, nargs='+' if several else None,
             help='rosbag2 folder, .mcap file' + (', or folder of such' if several else ''))
         self.add_argument('--joint', help='name of the joint, where a recording has several')
         return self
 
-    def add_drive(self):
+    def add_drive(self) -> Arguments:
         """Add --torque-constant and --gear-ratio, None where they are not given."""
         self.add_argument(
             '--torque-constant', metavar='KT', type=positive,
@@ -74,18 +75,19 @@ class Arguments(argparse.ArgumentParser):
                           'joint turn')
         return self
 
-    def add_output(self, what='folder for the results, made where it is missing'):
+    def add_output(self,
+                   what: str = 'folder for the results, made where it is missing') -> Arguments:
         """Add --output."""
         self.add_argument('--output', metavar='DIR', type=Path, required=True, help=what)
         return self
 
 
-def positive(text):
+def positive(text: str) -> float:
     """Return a positive finite number from an argument."""
     return _checked(text, float, lambda value: check_number(value, '', above=0.0))
 
 
-def whole_number(least=1):
+def whole_number(least: int = 1) -> Callable[[str], int]:
     """Return a type for an argument that is an integer not below `least`."""
     def read(text: str) -> int:
         return _checked(text, int, lambda value: check_whole_number(value, '', least=least))
@@ -104,7 +106,7 @@ def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) 
 
 
 @contextmanager
-def output_folder(path):
+def output_folder(path: str | Path) -> Iterator[Path]:
     """Give a folder to write results into; they appear in `path` when the block ends well.
 
     Until then they are in a hidden folder beside it, which goes away if the block raises. Files of
@@ -155,7 +157,7 @@ def output_folder(path):
 
 
 @contextmanager
-def progress(description):
+def progress(description: str) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error while the block runs, if a person is watching.
 
     Parameters
@@ -177,14 +179,13 @@ def progress(description):
                   disable=not console.is_terminal) as bar:
         task = bar.add_task(description, total=1.0)
 
-        def report(share, description=None):
-            changes = {} if description is None else {'description': description}
-            bar.update(task, completed=min(max(float(share), 0.0), 1.0), **changes)
+        def report(share: float, description: str | None = None) -> None:
+            bar.update(task, completed=min(max(float(share), 0.0), 1.0), description=description)
 
         yield report
 
 
-def to_json(content):
+def to_json(content: dict[str, Any]) -> str:
     """Return content as JSON text; numpy values become plain ones, NaN and infinity null."""
     values = plain(content, not_finite=None)
     return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + '\n'

@@ -15,7 +15,7 @@ import signal
 from friction_comp.tools.common import Arguments, whole_number
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """Run the demo.
 
     Parameters
@@ -51,14 +51,14 @@ def main(argv=None):
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     os.environ.update(environment)
     from friction_comp.nodes.demo_client import DemoClient
-    from friction_comp.tools.demo_story import Demo
+    from friction_comp.tools.demo_story import tell
 
     previous = signal.signal(signal.SIGTERM, _interrupt)
     try:
-        return Demo(arguments).run(DemoClient)
+        return tell(arguments, DemoClient)
     finally:
         signal.signal(signal.SIGTERM, previous)
 
 
-def _interrupt(*_):
+def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt

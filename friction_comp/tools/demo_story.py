@@ -4,12 +4,15 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
+from collections.abc import Callable
 from dataclasses import replace
 import math
 import os
 from pathlib import Path
 import shutil
 import time
+from typing import Any, TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -21,6 +24,10 @@ from friction_comp.refinement import refine
 from friction_comp.reports.demo_report import demo_report, EvaluatedTrial, residuals, table_rows
 from friction_comp.tools.common import progress, to_json
 from friction_comp.tools.processes import Nodes
+
+if TYPE_CHECKING:
+    from friction_comp.nodes.demo_client import DemoClient
+    from friction_comp.refinement.refine import RefineResult
 
 JOINT = 'armin_1'
 SAMPLE_TIME = 1e-3
@@ -37,64 +44,79 @@ TRIALS = (
     ('refined', 'refined model, d = ±1', 'continuous', True))
 
 
+def tell(arguments: Namespace, client: Callable[..., DemoClient]) -> int:
+    """Run the whole demo in processes of its own and return the exit code.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+    client : callable
+        Makes the demo's part in ROS 2; handed in, so that ROS 2 is imported by the tool alone.
+    """
+    output = arguments.output.absolute()
+    _make_room(output)
+    os.environ['ROS_LOG_DIR'] = str(output / 'logs' / 'ros')
+    with Nodes(output / 'logs') as nodes, client(nodes.check) as ros:
+        Demo(arguments, nodes, ros).run()
+    return 0
+
+
+def _make_room(output: Path) -> None:
+    """Remove an earlier demo's results; what else is in the folder stays."""
+    for name in ('recordings', 'models', 'logs'):
+        shutil.rmtree(output / name, ignore_errors=True)
+    for name in ('report.html', 'report.json'):
+        (output / name).unlink(missing_ok=True)
+    for name in ('recordings', 'models'):
+        (output / name).mkdir(parents=True)
+
+
 class Demo:
     """The story that the demo tells, step by step.
 
     Parameters
     ----------
     arguments : argparse.Namespace
+    nodes : Nodes
+    ros : DemoClient
     """
 
-    def __init__(self, arguments):
-        self._arguments = arguments
+    def __init__(self, arguments: Namespace, nodes: Nodes, ros: DemoClient) -> None:
+        self._arguments, self._nodes, self._ros = arguments, nodes, ros
         self._output = arguments.output.absolute()
         self._console = Console(highlight=False)
         self._true_model = package_file('config', 'armin_configuration_1.yaml')
         self._undeclared = (arguments.undeclared
                             or package_file('config', 'undeclared_example.yaml')).absolute()
         self._began = time.monotonic()
-        self._speeds = []
+        self._speeds: list[tuple[float, float]] = []
 
-    def run(self, client):
-        """Run everything and return the exit code."""
-        self._make_room()
-        logs = self._output / 'logs'
-        os.environ['ROS_LOG_DIR'] = str(logs / 'ros')
-        with Nodes(logs) as nodes, client(nodes.check) as ros:
-            self._nodes, self._ros = nodes, ros
-            model_file = self._identify()
-            self._start_compensator(model_file)
-            trials = [self._try(*trial) for trial in TRIALS[:3]]
-            refined, refined_file = self._refine(model_file)
-            self._say(f'loads {self._name(refined_file)} into the running compensator')
-            ros.set_parameter('compensator', 'model_files', [str(refined_file)])
-            trials.append(self._try(*TRIALS[3]))
+    def run(self) -> None:
+        """Run everything, from the first measurement to the report."""
+        model_file = self._identify()
+        self._start_compensator(model_file)
+        trials = [self._try(*trial) for trial in TRIALS[:3]]
+        refined, refined_file = self._refine(model_file)
+        self._say(f'loads {self._name(refined_file)} into the running compensator')
+        self._ros.set_parameter('compensator', 'model_files', [str(refined_file)])
+        trials.append(self._try(*TRIALS[3]))
+        self._nodes.stop('compensator', 'identification', 'plant')
         self._conclude(trials, refined, model_file)
-        return 0
 
-    def _make_room(self):
-        """Remove an earlier demo's results; what else is in the folder stays."""
-        for name in ('recordings', 'models', 'logs'):
-            shutil.rmtree(self._output / name, ignore_errors=True)
-        for name in ('report.html', 'report.json'):
-            (self._output / name).unlink(missing_ok=True)
-        for name in ('recordings', 'models'):
-            (self._output / name).mkdir(parents=True)
-
-    def _say(self, text):
+    def _say(self, text: str) -> None:
         minutes, seconds = divmod(round(time.monotonic() - self._began), 60)
         self._console.print(f'[dim]{minutes}:{seconds:02d}[/dim]  {text}')
 
-    def _name(self, path):
+    def _name(self, path: Path) -> str:
         return os.path.relpath(path, self._output.parent)
 
-    def _common(self, *model_files):
+    def _common(self, *model_files: Path) -> dict[str, Any]:
         return {'joints': [JOINT], 'model_files': [str(path) for path in model_files],
                 'use_sim_time': True, 'input_reliability': 'reliable'}
 
     # Steps.
 
-    def _identify(self):
+    def _identify(self) -> Path:
         self._say('starts a simulated joint that hides an effect, and identification')
         plant = self._common(self._true_model)
         del plant['use_sim_time'], plant['input_reliability']
@@ -105,28 +127,28 @@ class Demo:
         self._nodes.start('identification', {
             **self._common(self._true_model), 'output_folder': str(self._output / 'models')})
         self._record('identification')
-        began = [None, 0.0]
+        heard: list[tuple[float, float]] = []
 
         with progress('identifies') as show:
-            def report(feedback):
-                began[0] = began[0] or time.monotonic()
-                began[1] = feedback.time
+            def report(feedback: Any) -> None:
+                heard.append((feedback.time, time.monotonic()))
                 show(feedback.progress, f'identifies: {feedback.phase}, '
                      f"{feedback.remaining_seconds:.0f} s left of the joint's time")
             result = self._ros.identify(GOAL, report)
-        self._speeds.append((began[1], time.monotonic() - began[0]))
+        if heard:
+            self._speeds.append((heard[-1][0], time.monotonic() - heard[0][1]))
         self._nodes.stop('recorder')
         self._say(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
                   f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
                   f'{len(result.speeds)} points of the friction curve')
         return Path(result.model_file)
 
-    def _start_compensator(self, model_file):
+    def _start_compensator(self, model_file: Path) -> None:
         # From now on the joint's time rests wherever no exercise is shown.
         self._ros.set_parameter('plant', 'wait_for_reference', True)
         self._nodes.start('compensator', {**self._common(model_file), 'law': 'none'})
 
-    def _record(self, name):
+    def _record(self, name: str) -> None:
         self._nodes.start('recorder', {
             'output': str(self._output / 'recordings' / name), 'use_sim_time': True,
             'input_reliability': 'reliable'})
@@ -134,7 +156,7 @@ class Demo:
         self._ros.until_connected('current_command', 1, 2)
         self._ros.until_connected('interaction_wrench', 1, 1)
 
-    def _try(self, name, title, law, announced):
+    def _try(self, name: str, title: str, law: str, announced: bool) -> EvaluatedTrial:
         self._ros.set_parameter('compensator', 'law', law)
         self._nodes.start('exercise', {
             'joints': [JOINT], 'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
@@ -161,11 +183,11 @@ class Demo:
                   f'RMS {trial.rms_torque:.2f} N·m')
         return trial
 
-    def _drive(self):
+    def _drive(self) -> tuple[float, float]:
         drive = FrictionModel.load(self._true_model).drive
         return drive.torque_constant, drive.gear_ratio
 
-    def _refine(self, model_file):
+    def _refine(self, model_file: Path) -> tuple[RefineResult, Path]:
         """Find what the identified model lacks; return the result and the new model's file."""
         folder = self._output / 'recordings'
         model = FrictionModel.load(model_file)
@@ -182,7 +204,8 @@ class Demo:
         self._say(f'found: {found}; residual {1e3 * before:.1f} → {1e3 * after:.1f} mA')
         return result, path
 
-    def _conclude(self, trials, refined, model_file):
+    def _conclude(self, trials: list[EvaluatedTrial], refined: RefineResult,
+                  model_file: Path) -> None:
         rows = table_rows(trials, refined)
         before, after = residuals(refined)
         effects = refined.report['effects']

@@ -9,7 +9,7 @@ from friction_comp.tools.common import Arguments, output_folder, progress, to_js
 _SIGNALS = ('direction', 'reference', 'interaction_wrench')
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """Evaluate the back-driving torque of recorded trials.
 
     Parameters

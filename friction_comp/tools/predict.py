@@ -6,13 +6,20 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, progress
 
+if TYPE_CHECKING:
+    import numpy as np
 
-def main(argv=None):
+    from friction_comp.recordings.reader import RecordingInfo
+    from friction_comp.samples import Samples
+
+
+def main(argv: list[str] | None = None) -> int:
     """Write one row per joint state: time (s), measured and predicted current (A).
 
     Parameters
@@ -56,14 +63,15 @@ def main(argv=None):
             predicted = model.predict(samples)
         except InputError as error:
             raise InputError(f'{arguments.recording}: {error}') from None
-    write_atomically(arguments.output, table(samples, info, predicted))
-    error = samples.current - predicted
-    print(f'{arguments.output}: {len(info.stamps)} rows, RMS of measured minus predicted '
-          f'{np.sqrt(np.mean(error ** 2)):.4g} A')
+    text = table(samples, info, predicted)
+    write_atomically(arguments.output, text)
+    residual = samples.current - predicted
+    print(f'{arguments.output}: {len(text.splitlines()) - 1} rows, RMS of measured minus predicted '
+          f'{np.sqrt(np.mean(residual ** 2)):.4g} A')
     return 0
 
 
-def table(samples, info, predicted):
+def table(samples: Samples, info: RecordingInfo, predicted: np.ndarray) -> str:
     """Return the CSV text: one row for every joint state that the recording holds.
 
     Joint states that were left out of the samples (not finite, or a stamp seen before) get the
@@ -71,10 +79,11 @@ def table(samples, info, predicted):
     """
     import numpy as np
 
-    last = np.full(len(info.stamps), -1)
-    last[info.rows] = np.arange(len(info.rows))
+    received, rows = np.asarray(info.stamps, dtype=float), np.asarray(info.rows, dtype=int)
+    last = np.full(len(received), -1)
+    last[rows] = np.arange(len(rows))
     last = np.maximum(np.maximum.accumulate(last), 0)
-    stamps = np.where(np.isfinite(info.stamps), info.stamps, samples.time[last]) + info.start
+    stamps = np.where(np.isfinite(received), received, samples.time[last]) + info.start
     stream = io.StringIO()
     stream.write('time,measured,predicted\n')
     np.savetxt(stream, np.column_stack((stamps, samples.current[last], predicted[last])),

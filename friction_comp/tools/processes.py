@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -12,11 +13,12 @@ import subprocess
 import sys
 import threading
 import time
+from typing import Any
 
 from friction_comp.errors import InputError
 
 
-def ros_arguments(parameters):
+def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
     """Return the command-line arguments that set parameters, each value as YAML reads it."""
     arguments = ['--ros-args', '--log-level', 'warn']
     for name, value in parameters.items():
@@ -24,7 +26,7 @@ def ros_arguments(parameters):
     return arguments
 
 
-def _yaml(value):
+def _yaml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):
@@ -35,7 +37,7 @@ def _yaml(value):
 
 
 @contextmanager
-def interrupts_deferred():
+def interrupts_deferred() -> Iterator[None]:
     """Let an interrupt or request to end, if one comes meanwhile, take effect afterwards."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -65,18 +67,18 @@ class Nodes:
         Changes to the environment.
     """
 
-    def __init__(self, logs, environment=None):
+    def __init__(self, logs: str | Path, environment: Mapping[str, str] | None = None) -> None:
         self._logs = Path(logs)
         self._environment = {**os.environ, **(environment or {})}
-        self._running = {}
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
 
-    def __enter__(self):
+    def __enter__(self) -> Nodes:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.stop(*self._running)
 
-    def start(self, name, parameters):
+    def start(self, name: str, parameters: dict[str, Any]) -> None:
         """Start a node.
 
         Parameters
@@ -95,18 +97,18 @@ class Nodes:
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=self._environment,
                 start_new_session=True)
 
-    def check(self):
+    def check(self) -> None:
         """Raise InputError if a node has failed."""
         for name, process in self._running.items():
             if process.poll():
                 raise InputError(
                     f'node {name} ended with status {process.returncode}: {self._last(name)}')
 
-    def alive(self, name):
+    def alive(self, name: str) -> bool:
         """Tell whether a node's process is there."""
         return self._running[name].poll() is None
 
-    def ended(self, name):
+    def ended(self, name: str) -> bool:
         """Tell whether a node has ended by itself; a failure raises InputError."""
         self.check()
         if self.alive(name):
@@ -114,7 +116,7 @@ class Nodes:
         del self._running[name]
         return True
 
-    def stop(self, *names, patience=10.0):
+    def stop(self, *names: str, patience: float = 10.0) -> None:
         """Interrupt nodes, wait for them, and kill what does not end."""
         processes = [self._running.pop(name) for name in names if name in self._running]
         for process in processes:
@@ -128,7 +130,7 @@ class Nodes:
                 process.kill()
                 process.wait()
 
-    def _last(self, name):
+    def _last(self, name: str) -> str:
         try:
             lines = (self._logs / f'{name}.log').read_text(errors='replace').strip().splitlines()
         except OSError:

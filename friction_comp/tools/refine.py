@@ -4,15 +4,20 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TYPE_CHECKING
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
 
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
 
-def main(argv=None):
+
+def main(argv: list[str] | None = None) -> int:
     """Refine a model and write report.json, report.html and model.yaml.
 
     Parameters
@@ -62,7 +67,7 @@ def main(argv=None):
     return 0
 
 
-def drive_of(arguments, model):
+def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
     """Return the drive: that of the model, else of the arguments, else of one A per N·m."""
     given = {name: value for name, value in (
         ('torque_constant', arguments.torque_constant), ('gear_ratio', arguments.gear_ratio))
@@ -72,7 +77,7 @@ def drive_of(arguments, model):
     return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **given})
 
 
-def print_summary(report):
+def print_summary(report: dict[str, Any]) -> None:
     """Print what was found, in a few lines."""
     from friction_comp.reports.html import number
 

@@ -4,13 +4,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json, whole_number
+
+if TYPE_CHECKING:
+    from friction_comp.note.experiment_set import Outcome
 
 DESCRIPTION = """Repeat all of the technical note's experiments on simulated joints, and print its
 figures beside ours."""
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """Reproduce the note.
 
     Parameters
@@ -48,7 +54,7 @@ def main(argv=None):
     return 0
 
 
-def _print(outcomes):
+def _print(outcomes: list[Outcome]) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -60,9 +66,9 @@ def _print(outcomes):
     Console().print(table)
 
 
-def summary_rows(outcomes):
+def summary_rows(outcomes: list[Outcome]) -> list[tuple[str, list[str]]]:
     """Return the rows of the table that is printed: a name, and one text per configuration."""
-    def row(name, text):
+    def row(name: str, text: Callable[[Outcome], str]) -> tuple[str, list[str]]:
         return name, [text(outcome) for outcome in outcomes]
 
     return [
@@ -85,11 +91,11 @@ def summary_rows(outcomes):
     ]
 
 
-def _mean(outcome):
-    both = outcome.model.breakaway
+def _mean(outcome: Outcome) -> float:
+    both = outcome.breakaway
     return 500.0 * (both.positive_mean - both.negative_mean)
 
 
-def _std(outcome):
-    both = outcome.model.breakaway
+def _std(outcome: Outcome) -> float:
+    both = outcome.breakaway
     return 500.0 * (both.positive_std + both.negative_std)

@@ -3,11 +3,17 @@
 """What of numba the package uses, for type checkers: compiled functions keep their types."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar, overload
 
-F = TypeVar('F', bound=Callable[..., object])
+F = TypeVar('F', bound=Callable[..., Any])
 
+@overload
+def njit(function: F, /, *, cache: bool = ..., parallel: bool = ...) -> F: ...
+@overload
 def njit(*, cache: bool = ..., parallel: bool = ...) -> Callable[[F], F]: ...
-def vectorize(*, cache: bool = ...) -> Callable[[F], F]: ...
+# It takes arrays of any shape where the function is written for one number.
+def vectorize(*, cache: bool = ...) -> Callable[[Callable[..., float]], Callable[..., Any]]: ...
 
 prange = range
+
+def __getattr__(name: str) -> Any: ...
