@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
         found = read_recording_with_info(
             arguments.recordings, arguments.joint, signals=_SIGNALS, progress=report)
         report(1.0, 'evaluating')
-        names = [info.path for _, info in found]
+        names = [str(info.path) for _, info in found]
         models = list(dict.fromkeys(info.model for _, info in found if info.model))
         evaluation = evaluate([samples for samples, _ in found], names, ', '.join(models) or None)
         for _, info in found:

@@ -3,7 +3,7 @@
 """What of numba the package uses, for type checkers: compiled functions keep their types."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar, overload
+from typing import Any, overload, TypeVar
 
 F = TypeVar('F', bound=Callable[..., Any])
 
