@@ -196,16 +196,21 @@ def test_joints_on_different_time_bases_are_refused(pinocchio, tmp_path):
     ('J1', 'j1'), ('gen3_joint_1', 'Joint1')])
 def test_names_that_differ_by_habit_are_matched(recorded_name, described):
     others = ['wrist_1_joint', 'wrist_2_joint']
-    pairs = match_names([recorded_name], [described, 'shoulder'] + others, 'arm.urdf')
+    pairs, unknown = match_names([recorded_name], [described, 'shoulder', *others], 'arm.urdf')
     assert pairs == {recorded_name: described}
+    assert not unknown
 
 
-def test_a_joint_that_the_urdf_lacks_is_named(pinocchio, tmp_path):
-    with pytest.raises(InputError) as caught:
-        chain_of(tmp_path, small_arm(), (*PLANE, 'gripper'))
-    assert 'gripper' in str(caught.value)
+def test_the_urdf_of_another_robot_is_refused(pinocchio, tmp_path):
+    with pytest.raises(InputError, match=r"arm\.urdf: joint 'wrist' .* is not in") as caught:
+        chain_of(tmp_path, small_arm(), ('turn', 'wrist'))
     assert '\n' not in str(caught.value)
-    assert 'arm.urdf' in str(caught.value)
+
+
+def test_a_gripper_that_the_urdf_lacks_is_left_out(pinocchio, tmp_path):
+    chain = chain_of(tmp_path, small_arm(), (*PLANE, 'gripper'))
+    assert chain.unknown == ['gripper']
+    assert chain.tree.joints == PLANE
 
 
 def test_joints_that_are_not_recorded_are_locked(pinocchio, tmp_path):

@@ -28,9 +28,9 @@ COLUMNS = {
     'warm_up': 3, 'actuation_lag': 0, 'hysteresis': 2,
 }
 # Even or odd: what the current does when the motion is mirrored in time, at the same place.
-ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction'}
+ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction', 'carried_load_friction'}
 EVEN = {'direction_asymmetry', 'gravity', 'spring', 'cogging', 'load_torque', 'offset_drift'}
-HOLDS = {'gravity', 'spring', 'cogging'}
+HOLDS = {'gravity', 'spring', 'cogging', 'rigid_body', 'other_joints'}
 LIVE = [name for name in EFFECTS if name not in (
     'inertia', 'load_torque', 'offset_drift', 'actuation_lag')]
 
@@ -67,7 +67,8 @@ def samples_of(position, velocity, step=0.01, load=1.5, temperature=35.0):
     return Samples(
         time=time, position=position.copy(), velocity=velocity.copy(),
         current=np.zeros_like(time), acceleration=np.gradient(velocity, step),
-        load=np.full_like(time, load), temperature=np.full_like(time, temperature))
+        load=np.full_like(time, load), temperature=np.full_like(time, temperature),
+        rigid_body=np.full_like(time, load), coupling=np.full_like(time, 0.1))
 
 
 def current_of(effect, place, speed, **changes):
@@ -250,13 +251,14 @@ def test_live_no_friction_at_standstill_and_nothing_infinite_anywhere(name, data
         # Clocks that stand still or run back, and jumps of the position, happen with real drivers.
         time += float(rng.choice([0.001, 0.0, -0.5, 10.0]))
         value = term.update(time, float(rng.uniform(-50, 50)),
-                            float(rng.choice([0.0, 1e-300, -0.001, 0.5, -30.0])), 60.0, -20.0)
+                            float(rng.choice([0.0, 1e-300, -0.001, 0.5, -30.0])), 60.0, -20.0, 3.0,
+                            0.2)
         assert math.isfinite(value)
     place = float(rng.uniform(-2, 2))
-    term.update(time, place, 0.0, 60.0, -20.0)
-    here = term.update(time + 0.001, place, 0.0, 60.0, -20.0)
+    term.update(time, place, 0.0, 60.0, -20.0, 3.0, 0.2)
+    here = term.update(time + 0.001, place, 0.0, 60.0, -20.0, 3.0, 0.2)
     if name in HOLDS or (name == 'bump' and not parameters['directional']):
-        assert here == term.update(time + 0.002, place, -0.0, 60.0, -20.0)
+        assert here == term.update(time + 0.002, place, -0.0, 60.0, -20.0, 3.0, 0.2)
     else:
         assert here == 0.0
 
@@ -271,7 +273,8 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     effect = EFFECTS[name](defaults(name))
     term = effect.live()
     live = np.array([term.update(*sample) for sample in zip(
-        samples.time, samples.position, samples.velocity, samples.temperature, samples.load)])
+        samples.time, samples.position, samples.velocity, samples.temperature, samples.load,
+        samples.rigid_body, samples.coupling)])
     offline = effect.current(samples)
     fast = np.abs(samples.velocity) > 0.1
     if name == 'hysteresis':
@@ -283,6 +286,6 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     term.reset()
     again = [term.update(*sample) for sample in zip(
         samples.time[:100] + 8.0, samples.position, samples.velocity, samples.temperature,
-        samples.load)]
+        samples.load, samples.rigid_body, samples.coupling)]
     fade = math.exp(-8.0 / 2.0) if name == 'warm_up' else 1.0
     assert again == pytest.approx(fade * live[:100], rel=1e-9, abs=1e-12)

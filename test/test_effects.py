@@ -32,6 +32,9 @@ PARAMETERS = {
     'inertia': {'coefficients': [0.3]},
     'load_torque': {'coefficients': [-0.08]},
     'load_friction': {'exponent': 1.0, 'transition': 0.02, 'coefficients': [0.05]},
+    'rigid_body': {'coefficients': [0.1]},
+    'other_joints': {'coefficients': [1.0]},
+    'carried_load_friction': {'exponent': 1.0, 'transition': 0.02, 'coefficients': [0.05]},
     'temperature': {'reference_temperature': 25.0, 'transition': 0.02,
                     'coefficients': [-0.002, -0.001, 0.0]},
     'warm_up': {'time_constant': 30.0, 'transition': 0.02, 'coefficients': [0.05, 0.02, 0.0]},
@@ -44,7 +47,7 @@ PARAMETERS = {
 }
 LEFT_OUT = {'inertia', 'load_torque', 'offset_drift', 'actuation_lag'}
 # Torques that do not care for the direction of motion: they may hold a joint at rest.
-HOLDS = {'gravity', 'spring', 'cogging'}
+HOLDS = {'gravity', 'spring', 'cogging', 'rigid_body', 'other_joints'}
 
 
 @pytest.fixture(scope='module')
@@ -55,7 +58,8 @@ def motion():
     return Samples(
         time=time, position=position, velocity=velocity, current=np.zeros_like(time),
         acceleration=np.gradient(velocity, time), load=2.0 * np.sin(1.3 * time),
-        temperature=25.0 + 0.5 * time)
+        temperature=25.0 + 0.5 * time, rigid_body=3.0 * np.cos(position),
+        coupling=0.4 * np.sin(position))
 
 
 def test_every_effect_of_the_library_is_tried_here():
@@ -104,8 +108,9 @@ class TestEffect:
             assert len(effect.why_left_out()) > 20
             return
         assert not effect.why_left_out()
-        live = [term.update(t, q, v, temperature, load) for t, q, v, temperature, load in zip(
-            motion.time, motion.position, motion.velocity, motion.temperature, motion.load)]
+        live = [term.update(*row) for row in zip(
+            motion.time, motion.position, motion.velocity, motion.temperature, motion.load,
+            motion.rigid_body, motion.coupling)]
         # Away from reversals, where the two signs of friction are the same.
         fast = np.abs(motion.velocity) > 0.25
         fast &= motion.time > 6.0
@@ -117,8 +122,8 @@ class TestEffect:
         if term is None or name in HOLDS:
             return
         for k in range(100):
-            term.update(0.01 * k, 0.005 * k, 0.5, 30.0, 1.0)
-        assert term.update(1.0, 0.5, 0.0, 30.0, 1.0) == pytest.approx(0.0, abs=1e-12)
+            term.update(0.01 * k, 0.005 * k, 0.5, 30.0, 1.0, 1.0, 1.0)
+        assert term.update(1.0, 0.5, 0.0, 30.0, 1.0, 1.0, 1.0) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_live_signs_are_never_sharper_than_stated():

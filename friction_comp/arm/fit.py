@@ -21,6 +21,7 @@ from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unk
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import Tree
+from friction_comp.samples import Samples
 
 FEWEST = 200
 # Strengths of the regularisation that are compared, and the one with which everything else is
@@ -38,6 +39,16 @@ _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
 # declared, links are fitted in their terms; what a declared one is wrong shows in the joint's own
 # refinement, where the torque of the rigid bodies has a free coefficient.
 _UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 1e-3
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A stretch of a recording, from a time in s on, and the arm as found without it."""
+
+    recording: int
+    start: float
+    tree: Tree
+    scales: np.ndarray
 
 
 @dataclass
@@ -62,6 +73,8 @@ class ArmFit:
         RMS error in A on stretches not fitted, and that of friction and rotor inertia alone.
     identifiable : int
         Number of combinations of the links' parameters that the motion shows.
+    unseen : list of Unseen
+        For every stretch the tree that was fitted without it.
     """
 
     tree: Tree
@@ -73,6 +86,31 @@ class ArmFit:
     held_out: np.ndarray
     without: np.ndarray
     identifiable: int
+    unseen: list[Unseen]
+
+    def torque(self, samples: Samples) -> np.ndarray:
+        """Return the torque in N·m that the links ask of a joint, shape (N,).
+
+        Every sample's is that of links which were fitted without its stretch of the recording, so
+        that what is found with it on other stretches is found honestly.
+
+        Parameters
+        ----------
+        samples : Samples
+            Of one joint, as recorded, with `arm` and with `recording` as in the fit.
+        """
+        motion = moving_states(samples, self.tree.joints, self.differentiation)
+        place = self.tree.joints.index(samples.joint)
+        ours = np.full(len(samples), -1)
+        for number, part in enumerate(self.unseen):
+            ours[(samples.recording == part.recording) & (samples.time >= part.start)] = number
+        total = self.tree.torques(*motion)[:, place]
+        for number, part in enumerate(self.unseen):
+            rows = ours == number
+            # In terms of the current per torque of the whole, for which links make up.
+            ratio = part.scales[place] / self.scales[place]
+            total[rows] = ratio * part.tree.torques(*(x[rows] for x in motion))[:, place]
+        return total
 
 
 @dataclass
@@ -83,8 +121,12 @@ class _Problem:
     friction: np.ndarray
     current: np.ndarray
     counts: np.ndarray
-    fold: np.ndarray
+    stretch: np.ndarray
     weights: np.ndarray
+
+    @property
+    def fold(self):
+        return self.stretch % _FOLDS
 
     def matrices(self):
         """Return the products of columns, summed over the samples of each fold."""
@@ -137,6 +179,8 @@ def fit_arm(chain, joints, declared=None, progress=None):
         report(0.6 * (number + 1) / len(choices))
     _, settings, problem, prior, x = best
     prior, errors = _choose_strength(problem, prior, x)
+    matrices = problem.matrices()
+    parts = [solve(matrices.sum(axis=0) - own, prior, x) for own in matrices]
     report(0.8)
     still = replace(problem, regressor=np.zeros_like(problem.regressor))
     without = _held_out(still, prior, x)
@@ -144,11 +188,18 @@ def fit_arm(chain, joints, declared=None, progress=None):
     x = _settle(whole, prior, x, rounds=4)
     report(1.0)
     unknowns = Unknowns(len(joints))
+
+    def found(numbers):
+        return (replace(chain.tree, parameters=bodies.parameters(numbers[unknowns.links])[0]),
+                np.exp(numbers[unknowns.scales]))
+    first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
+    unseen = [Unseen(int(joints[0].recording[row]), float(joints[0].time[row]),
+                     *found(parts[number % _FOLDS])) for number, row in enumerate(first)]
+    tree, scales = found(x)
     return ArmFit(
-        replace(chain.tree, parameters=bodies.parameters(x[unknowns.links])[0]), chain.tree,
-        np.exp(x[unknowns.scales]),
+        tree, chain.tree, scales,
         np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
-        prior.strength, errors, without, identifiable(whole.regressor))
+        prior.strength, errors, without, identifiable(whole.regressor), unseen)
 
 
 def identifiable(regressor, least=1e-6):
@@ -192,7 +243,7 @@ def _problem(chain, joints, settings, most_rows):
     counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
     return _Problem(
         chain.regressor(q, v, a), friction, current, counts.astype(float),
-        stretches_of(joints[0].recording[rows]) % _FOLDS,
+        stretches_of(joints[0].recording)[rows],
         counts / np.maximum(np.var(current, axis=0), 1e-12))
 
 

@@ -36,19 +36,21 @@ class Chain:
         With the file's figures, its joints named as in `joints`.
     locked : list of str
         Joints of the file that are taken to stand still.
+    unknown : list of str
+        Joints that the file does not describe, such as those of a gripper.
     names : dict of str to str
-        Name in the file of each joint.
+        Name in the file of each joint that it describes.
 
     Raises
     ------
     InputError
-        If Pinocchio is missing, the file cannot be used, or it lacks a joint.
+        If Pinocchio is missing, the file cannot be used, or it is that of another robot.
     """
 
     def __init__(self, path, joints):
         self._library = pinocchio()
         whole = _read(self._library, path)
-        self.names = match_names(joints, list(whole.names)[1:], path)
+        self.names, self.unknown = match_names(joints, list(whole.names)[1:], path)
         wanted = set(self.names.values())
         self.locked = [name for name in list(whole.names)[1:] if name not in wanted]
         neutral = self._library.neutral(whole)
@@ -185,13 +187,17 @@ def match_names(recorded, described, path):
     Returns
     -------
     dict of str to str
+        Of those that are in the file.
+    list of str
+        The others.
 
     Raises
     ------
     InputError
-        If a joint is not in the file, or may be one of several.
+        If a joint may be one of several, or most are not in the file.
     """
-    pairs = {}
+    pairs, unknown = {}, []
+    listed = ', '.join(map(repr, described))
     for name in recorded:
         found = [other for other in described if other == name]
         if not found:
@@ -199,12 +205,17 @@ def match_names(recorded, described, path):
         if not found:
             found = [other for other in described
                      if plain(other).endswith(plain(name)) or plain(name).endswith(plain(other))]
-        if len(found) != 1 or found[0] in pairs.values():
-            what = 'is not in' if not found else 'may be several of'
-            raise InputError(f'{path}: joint {name!r} of the recording {what} the URDF, whose '
-                             f'joints are {", ".join(map(repr, described))}')
-        pairs[name] = found[0]
-    return pairs
+        if len(found) > 1 or (found and found[0] in pairs.values()):
+            raise InputError(f'{path}: joint {name!r} of the recording may be several of the '
+                             f"URDF's: {listed}")
+        if found:
+            pairs[name] = found[0]
+        else:
+            unknown.append(name)
+    if len(unknown) >= max(1, len(pairs)):
+        raise InputError(f'{path}: joint {unknown[0]!r} of the recording is not in the URDF, whose '
+                         f'joints are {listed}')
+    return pairs, unknown
 
 
 def plain(name):

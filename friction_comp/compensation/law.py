@@ -15,6 +15,7 @@ from friction_comp.errors import InputError
 LAWS = {'none': columns.NONE, 'kinetic': columns.KINETIC, 'paper': columns.PAPER,
         'continuous': columns.CONTINUOUS}
 
+GRAVITY = ('feed_forward', 'left_to_robot')
 # rad; where the encoder is unknown.
 DEFAULT_RESOLUTION = 1e-5
 # What the continuous law needs beyond the model. One encoder count a millisecond is 0.9 deg/s at
@@ -141,6 +142,8 @@ class CompensationLaw:
         A.
     sample_time : float
         s.
+    gravity : {'feed_forward', 'left_to_robot'}
+        Whether effects that hold the limb up are applied, or left to the robot's own controller.
 
     Attributes
     ----------
@@ -161,10 +164,13 @@ class CompensationLaw:
     """
 
     def __init__(self, models, law='continuous', breakaway_gain=0.9, current_limit=None,
-                 sample_time=1e-3):
+                 sample_time=1e-3, gravity='feed_forward'):
         self.models = list(models)
         if not self.models:
             raise InputError('the compensation law needs at least one model')
+        if gravity not in GRAVITY:
+            raise InputError(f'gravity must be one of {", ".join(GRAVITY)}, not {gravity!r}')
+        self._gravity = gravity
         self.joints = len(self.models)
         limits = [None] * self.joints
         if current_limit is not None:
@@ -177,7 +183,7 @@ class CompensationLaw:
             for model, options in zip(self.models, self._options)])
         self._states = np.zeros((self.joints, columns.STATES))
         self._usable = np.zeros(self.joints, dtype=bool)
-        self._effects = [_live_terms(model) for model in self.models]
+        self._effects = [self._live_terms(model) for model in self.models]
         self._places = [places_of(*pair) for pair in zip(self.models, self._effects)]
         self._missing = [None] * self.joints
         self._collect_never_applied()
@@ -226,7 +232,8 @@ class CompensationLaw:
         for j, terms in enumerate(self._effects):
             if terms and self._usable[j] and self._parameters[j, columns.LAW] != columns.NONE:
                 effects[j], friction[j] = self._apply(
-                    terms, j, time, position[j], _entry(temperature, j), _entry(load, j))
+                    terms, j, time, position,
+                    {'temperature': _entry(temperature, j), 'load': _entry(load, j)})
         current = np.empty(self.joints)
         kernel.decide_bank(self._parameters, self._states, self._usable, direction, effects,
                            friction, current)
@@ -239,7 +246,7 @@ class CompensationLaw:
     def reset(self):
         """Forget all history, as after a pause."""
         self._states[:] = 0.0
-        self._effects = [_live_terms(model) for model in self.models]
+        self._effects = [self._live_terms(model) for model in self.models]
         self._missing = [None] * self.joints
         self._clear_terms()
 
@@ -257,7 +264,7 @@ class CompensationLaw:
         if not 0 <= joint < self.joints:
             raise InputError(f'there is no joint number {joint!r}')
         parameters = law_parameters(model, **self._options[joint])
-        effects = _live_terms(model)
+        effects = self._live_terms(model)
         self.models[joint] = model
         self._parameters[joint] = parameters
         self._effects[joint] = effects
@@ -266,9 +273,10 @@ class CompensationLaw:
         self._missing[joint] = None
         self._collect_never_applied()
 
-    def _apply(self, terms, joint, time, position, temperature, load):
+    def _apply(self, terms, joint, time, positions, signals):
         """Return the sum of the joint's effects, and of those that are friction, in A."""
-        signals = {'temperature': temperature, 'load': load}
+        position = positions[joint]
+        signals.update(self._of_arm(joint, positions))
         speed = float(self._states[joint, columns.SPEED])
         total = friction = 0.0
         missing = []
@@ -297,11 +305,33 @@ class CompensationLaw:
                        self._options[joint]['breakaway_gain'], shifts, sliding_friction(*here))
         return total, friction
 
+    def _of_arm(self, joint, positions):
+        """Return what the arm asks of a joint at rest, None where other joints are not known."""
+        signals = {'rigid_body': None, 'coupling': None}
+        arm = self.models[joint].arm
+        if arm is None:
+            return signals
+        known = {model.joint: place for place, model in zip(positions, self.models)}
+        if all(name in known for name in arm.joints):
+            value = arm.at_rest([known[name] for name in arm.joints], self.models[joint].joint)
+            signals['coupling' if arm.tree is None else 'rigid_body'] = value
+        return signals
+
+    def _why_left_out(self, effect):
+        if effect.weight and self._gravity == 'left_to_robot':
+            return "holding the limb is left to the robot's own controller"
+        return effect.why_left_out()
+
+    def _live_terms(self, model):
+        pairs = [(effect, effect.live()) for effect in model.effects
+                 if not self._why_left_out(effect)]
+        return [(effect, term) for effect, term in pairs if term is not None]
+
     def _collect_never_applied(self):
         self.never_applied = [
-            (j, effect.name, effect.why_left_out())
+            (j, effect.name, self._why_left_out(effect))
             for j, model in enumerate(self.models) for effect in model.effects
-            if effect.why_left_out()]
+            if self._why_left_out(effect)]
 
     def _clear_terms(self):
         self.terms = {
@@ -313,11 +343,6 @@ class CompensationLaw:
             raise InputError(
                 f'{name} needs {self.joints} values, one a joint, not shape {row.shape}')
         return np.broadcast_to(row, self.joints).astype(float)
-
-
-def _live_terms(model):
-    pairs = [(effect, effect.live()) for effect in model.effects]
-    return [(effect, term) for effect, term in pairs if term is not None]
 
 
 def _entry(values, joint):

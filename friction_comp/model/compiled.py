@@ -75,7 +75,7 @@ def _with(rest: Any, effect: Effect, place: int) -> Any:
             else:
                 memory[place] = start
         x = Signals(time - memory[_START], position, velocity, 0.0, load, temperature, side,
-                    memory[place])
+                    memory[place], math.nan, math.nan)
         value = 0.0
         parts = columns(x, c)
         for k in range(len(gains)):

@@ -15,7 +15,7 @@ METHOD = 'zero-phase Butterworth'
 # Where a model does not say how it was fitted.
 DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
 _ORDER = 2
-_MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature')
+_MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
 def differentiate(samples, settings):

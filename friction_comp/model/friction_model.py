@@ -13,6 +13,7 @@ import yaml
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import read_yaml, write_atomically
+from friction_comp.model.arm.arm import Arm
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
@@ -66,6 +67,8 @@ class FrictionModel:
     lookup_table : dict, optional
         ``speeds`` rad/s, ``currents`` A, ``standard_deviations`` A: the table the sigmoid was
         fitted to (note, section 2.3).
+    arm : Arm, optional
+        The rest of the arm, for effects of other joints.
     differentiation : dict
         How velocity and acceleration are to be had of position when the model is applied to a
         recording; written by refinement, empty otherwise.
@@ -82,6 +85,7 @@ class FrictionModel:
     joint: str = ''
     lookup_table: dict | None = None
     differentiation: dict = field(default_factory=dict)
+    arm: Arm | None = None
     simulation: dict = field(default_factory=dict)
     notes: dict = field(default_factory=dict)
 
@@ -102,8 +106,12 @@ class FrictionModel:
             If an effect needs a signal that was not recorded.
         """
         settings = self.differentiation or DEFAULT_SETTINGS
-        current = self.current(differentiate(samples, settings))
+        current = self.current(differentiate(self.with_arm(samples), settings))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
+
+    def with_arm(self, samples: Samples) -> Samples:
+        """Return recorded samples with what the rest of the arm asks of the joint."""
+        return samples if self.arm is None else self.arm.on(samples, self.joint)
 
     def current(self, samples: Samples) -> np.ndarray:
         """Return the motor current in A, shape (N,), for samples that are differentiated already.
@@ -147,6 +155,8 @@ class FrictionModel:
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
                 document[name] = getattr(self, name)
+        if self.arm is not None:
+            document['arm'] = self.arm.to_dict()
         return _plain(document)
 
     def save(self, path):
@@ -207,6 +217,8 @@ class FrictionModel:
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if document.get(name) is not None:
                 optional[name] = _section(document, name)
+        if document.get('arm') is not None:
+            optional['arm'] = Arm.from_dict(_section(document, 'arm'))
         return cls(
             drive=Drive(**drive),
             sigmoid=Sigmoid.from_coefficients(

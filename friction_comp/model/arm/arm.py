@@ -42,24 +42,26 @@ class Arm:
         """Names of the joints whose motion is needed."""
         return tuple(self.tree.joints if self.tree else self.coupling.joints)
 
-    def on(self, samples: Samples) -> Samples:
+    def on(self, samples: Samples, joint: str = '') -> Samples:
         """Return samples with `rigid_body` or `coupling` for their joint.
 
         Parameters
         ----------
         samples : Samples
             As recorded, with `arm`.
+        joint : str
+            Theirs when omitted.
 
         Raises
         ------
         InputError
-            If a joint was not recorded, or the samples' joint is not one of the arm's.
+            If a joint was not recorded, or the joint is not one of the arm's.
         """
         motion = moving_states(samples, self.joints, self.differentiation)
         if self.tree is None:
             return samples.with_(coupling=self.coupling.current(self.joints, *motion))
         return samples.with_(
-            rigid_body=self.tree.torques(*motion)[:, self.place_of(samples.joint)])
+            rigid_body=self.tree.torques(*motion)[:, self.place_of(joint or samples.joint)])
 
     def place_of(self, joint: str) -> int:
         """Return the number of a joint.

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.arm.recursion import joint_torques
 
 # Of each link: m, m·c (three), and Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its joint's origin.
 PARAMETERS = 10
@@ -99,6 +98,9 @@ class Tree:
         ndarray, shape (N, L)
             N·m, or N of prismatic joints.
         """
+        # Here, so that a model without an arm asks for no compiler.
+        from friction_comp.model.arm.recursion import joint_torques
+
         q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))
         result = np.empty(q.shape)
         joint_torques(

@@ -20,6 +20,11 @@ from friction_comp.model.effects.gravity import Gravity
 from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.effects.inertia import Inertia
 from friction_comp.model.effects.load_effects import LoadFriction, LoadTorque
+from friction_comp.model.effects.other_joints import (
+    CarriedLoadFriction,
+    OtherJoints,
+    RigidBody,
+)
 from friction_comp.model.effects.rest_time import RestTime
 from friction_comp.model.effects.ripple import Cogging, FrictionRipple
 from friction_comp.model.effects.spring import Spring
@@ -51,8 +56,8 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 for _effect in (
         Stribeck, ViscousShape, DirectionAsymmetry, Gravity, Spring, Cogging, FrictionRipple, Bump,
-        Inertia, LoadTorque, LoadFriction, Temperature, WarmUp, OffsetDrift, Hysteresis, RestTime,
-        ActuationLag):
+        Inertia, RigidBody, OtherJoints, LoadTorque, LoadFriction, CarriedLoadFriction, Temperature,
+        WarmUp, OffsetDrift, Hysteresis, RestTime, ActuationLag):
     register(_effect)
 
 __all__ = [

@@ -46,6 +46,10 @@ class Signals(NamedTuple):
         Sign of friction, -1..1, which passes through zero smoothly: see `sign`.
     memory : float or ndarray
         State of an effect that has one, 0 otherwise.
+    rigid_body : float or ndarray
+        Torque that the rigid bodies of the whole arm ask of the joint, N·m.
+    coupling : float or ndarray
+        Current that other joints ask of the joint's motor, A.
     """
 
     time: Any = 0.0
@@ -56,6 +60,8 @@ class Signals(NamedTuple):
     temperature: Any = 0.0
     side: Any = 0.0
     memory: Any = 0.0
+    rigid_body: Any = 0.0
+    coupling: Any = 0.0
 
 
 @dataclass(frozen=True)
@@ -175,6 +181,8 @@ class Effect(ABC):
         Why the compensator must not apply the effect; empty where it may.
     smooths : bool
         Whether it lowers the noise of the current as well.
+    weight : bool
+        Whether it holds the limb up, which the robot's own controller may do already.
     fades_at_rest : bool
         Whether it is fed back in motion only: what the teeth hold at rest is held by friction, and
         fed to the motor it would push a joint that nobody touches.
@@ -194,6 +202,7 @@ class Effect(ABC):
     reshapes = False
     coulomb_column: int | None = None
     not_fed_back = ''
+    weight = False
     fades_at_rest = False
     smooths: bool | property = False
     _positive = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width',
@@ -353,7 +362,8 @@ class Effect(ABC):
         c = cls.Constants(**constants)
         side = sign(samples.velocity, c.transition) if 'transition' in constants else 0.0
         x = Signals(samples.time, samples.position, samples.velocity, samples.acceleration,
-                    samples.load, samples.temperature, side, cls.memory(samples, side, c))
+                    samples.load, samples.temperature, side, cls.memory(samples, side, c),
+                    samples.rigid_body, samples.coupling)
         columns = cls.columns(x, c)
         result = np.empty((len(samples), len(columns)))
         for place, column in enumerate(columns):
@@ -419,14 +429,26 @@ class LiveTerm:
         self._time = self._position = 0.0
 
     def update(self, time: float, position: float, velocity: float,
-               temperature: float | None = None, load: float | None = None) -> float:
-        """Return the current in A for this sample; s, rad, rad/s, degrees Celsius, N·m."""
+               temperature: float | None = None, load: float | None = None,
+               rigid_body: float | None = None, coupling: float | None = None) -> float:
+        """Return the current in A for this sample.
+
+        Parameters
+        ----------
+        time, position, velocity : float
+            s, rad, rad/s.
+        temperature, load : float, optional
+            Degrees Celsius and N·m.
+        rigid_body, coupling : float, optional
+            What the arm asks of the joint at rest, N·m and A.
+        """
         if self._began is None or time < self._began:
             self._began = time
         side = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity) if self.sees_history else 0.0
         # By position, in the order of the fields: by name it takes twice as long.
-        x = Signals(time - self._began, position, velocity, 0.0, load, temperature, side, state)
+        x = Signals(time - self._began, position, velocity, 0.0, load, temperature, side, state,
+                    rigid_body, coupling)
         total = 0.0
         for gain, column in zip(self._effect.coefficients,
                                 self._effect.columns(x, self._constants)):

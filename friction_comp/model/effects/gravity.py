@@ -17,6 +17,7 @@ class Gravity(Effect):
     name = 'gravity'
     variable = 'position'
     role = CARRIES
+    weight = True
     constants = {}
 
     @classmethod

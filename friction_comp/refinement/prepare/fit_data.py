@@ -17,7 +17,8 @@ from friction_comp.samples import Samples
 FEWEST = 200
 _MOST_ROWS = 24000
 _SLOWEST_RATE = 100.0
-_SIGNALS = ('time', 'position', 'velocity', 'acceleration', 'current', 'load', 'temperature')
+_SIGNALS = ('time', 'position', 'velocity', 'acceleration', 'current', 'load', 'temperature',
+            'rigid_body', 'coupling')
 
 
 @dataclass

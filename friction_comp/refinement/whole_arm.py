@@ -1,0 +1,136 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Refinement of all joints of an arm: its rigid bodies first, then what each joint still lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+
+import numpy as np
+
+from friction_comp.arm.fit import ArmFit, fit_arm
+from friction_comp.arm.urdf import Chain
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.arm.arm import Arm
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement.refine import refine, RefineResult
+from friction_comp.samples import Samples
+
+# Share of the work that the rigid bodies take.
+_BODIES = 0.2
+
+
+@dataclass
+class ArmResult:
+    """What refinement found of an arm.
+
+    Attributes
+    ----------
+    fit : ArmFit
+    results : dict of str to RefineResult
+        By joint; the models hold the arm where they need it.
+    notes : list of str
+        What a reader should know: joints left out or locked.
+    """
+
+    fit: ArmFit
+    results: dict[str, RefineResult]
+    notes: list[str]
+
+    def report(self) -> dict:
+        """Return the arm's part of report.json."""
+        fit = self.fit
+        return {
+            'joints': list(fit.tree.joints),
+            'identifiable_parameters': fit.identifiable,
+            'differentiation': dict(fit.differentiation),
+            'regularisation': fit.strength,
+            'rigid_bodies': [{
+                'joint': name, 'current_per_torque': fit.scales[k],
+                'held_out_rmse_without': fit.without[k], 'held_out_rmse': fit.held_out[k],
+                'mass': fit.tree.parameters[k, 0], 'mass_urdf': fit.start.parameters[k, 0],
+            } for k, name in enumerate(fit.tree.joints)],
+            'notes': list(self.notes)}
+
+
+def refine_arm(recorded: dict[str, list[Samples]], urdf: str | PathLike[str],
+               drives: dict[str, Drive] | None = None,
+               models: dict[str, FrictionModel] | None = None, declared: bool = False,
+               only: Sequence[str] | None = None,
+               progress: Callable[[float, str], None] | None = None) -> ArmResult:
+    """Fit an arm's rigid bodies, and find what each joint's model lacks beside them.
+
+    Parameters
+    ----------
+    recorded : dict of str to list of Samples
+        Each joint's recordings, with `arm`.
+    urdf : path-like
+    drives : dict of str to Drive, optional
+    models : dict of str to FrictionModel, optional
+        Where to start.
+    declared : bool
+        Whether torque constants and gear ratios of the drives are known, so that the links are
+        those of the drives' torques.
+    only : sequence of str, optional
+        Joints to refine; all of the arm when omitted.
+    progress : callable, optional
+        Called with a share of the work done and a word on it.
+
+    Returns
+    -------
+    ArmResult
+
+    Raises
+    ------
+    InputError
+        If URDF or recordings cannot be used.
+    """
+    report = progress or (lambda share, word: None)
+    drives, models = drives or {}, models or {}
+    chain = Chain(urdf, list(recorded))
+    notes = [f'joint {name!r} is not in the URDF: left out' for name in chain.unknown]
+    notes += [f'joint {name!r} of the URDF is not recorded: taken to stay at position zero'
+              for name in chain.locked]
+    names = list(chain.tree.joints)
+    for name in only or ():
+        if name not in names:
+            raise InputError(f'{urdf}: joint {name!r} is not in the URDF')
+    scales = None
+    if declared:
+        scales = np.array([1.0 / drives[name].torque_per_current for name in names])
+    fit = fit_arm(chain, _together({name: recorded[name] for name in names}), scales,
+                  lambda share: report(_BODIES * share, 'rigid bodies'))
+    arm = Arm(tree=fit.tree, differentiation=fit.differentiation)
+    wanted = list(only or names)
+    results = {}
+    for number, name in enumerate(wanted):
+        def told(share, word, number=number, name=name):
+            report(_BODIES + (1.0 - _BODIES) * (number + share) / len(wanted), f'{name}: {word}')
+        samples = Samples.concatenate(recorded[name])
+        samples = samples.with_(rigid_body=fit.torque(samples))
+        try:
+            result = refine([samples], models.get(name), drives.get(name), told)
+        except InputError as error:
+            raise InputError(f'joint {name!r}: {error}') from None
+        if any('rigid_body' in effect.needs for effect in result.model.effects):
+            result.model.arm = arm
+        results[name] = result
+    return ArmResult(fit, results, notes)
+
+
+def _together(recorded: dict[str, list[Samples]]) -> list[Samples]:
+    """Return the joints' samples at the times at which all of them were recorded."""
+    parts: list[list[Samples]] = [[] for _ in recorded]
+    for together in zip(*recorded.values()):
+        common = together[0].time
+        for samples in together[1:]:
+            common = np.intersect1d(common, samples.time, assume_unique=True)
+        if len(common) < 0.5 * min(map(len, together)):
+            raise InputError('the joints are hardly ever recorded together: '
+                             f'{len(common)} joint states hold all of them')
+        for own, samples in zip(parts, together):
+            own.append(samples.take(np.searchsorted(samples.time, common)))
+    return [replace(Samples.concatenate(own), joint=name) for name, own in zip(recorded, parts)]
