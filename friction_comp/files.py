@@ -61,6 +61,18 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
 
 
+def write_yaml(path: str | Path, document: Any) -> None:
+    """Write plain values as a YAML document; rows of numbers stay on one line.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    write_atomically(path, yaml.safe_dump(
+        document, sort_keys=False, allow_unicode=True, width=96, default_flow_style=None))
+
+
 def plain(value: Any, not_finite: float | None = math.nan) -> Any:
     """Turn numpy values, tuples and paths into what YAML and JSON can write.
 

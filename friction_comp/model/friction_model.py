@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import math
 
 import numpy as np
-import yaml
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.files import read_yaml, write_atomically
+from friction_comp.files import read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
+from friction_comp.model.arm_document import one_joint_of
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.sigmoid import Sigmoid
@@ -111,7 +111,8 @@ class FrictionModel:
 
     def with_arm(self, samples: Samples) -> Samples:
         """Return recorded samples with what the rest of the arm asks of the joint."""
-        return samples if self.arm is None else self.arm.on(samples, self.joint)
+        known = self.arm is None or samples.rigid_body is not None or samples.coupling is not None
+        return samples if known else self.arm.on(samples, self.joint)
 
     def current(self, samples: Samples) -> np.ndarray:
         """Return the motor current in A, shape (N,), for samples that are differentiated already.
@@ -161,12 +162,17 @@ class FrictionModel:
 
     def save(self, path):
         """Write the model file; the old file stays whole until the new one is complete."""
-        text = yaml.safe_dump(self.to_dict(), sort_keys=False, allow_unicode=True, width=96)
-        write_atomically(path, text)
+        write_yaml(path, self.to_dict())
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path, joint=None):
         """Read a model file.
+
+        Parameters
+        ----------
+        path : path-like
+        joint : str, optional
+            Which model is wanted of a file that holds those of a whole arm.
 
         Raises
         ------
@@ -175,7 +181,7 @@ class FrictionModel:
         """
         document = read_yaml(path)
         try:
-            return cls.from_dict(document)
+            return cls.from_dict(one_joint_of(document, joint))
         except InputError as error:
             raise InputError(f'{path}: {error}') from None
         except OverflowError:

@@ -12,7 +12,7 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Int8MultiArray
 
-from friction_comp.compensation.law import CompensationLaw, LAWS
+from friction_comp.compensation.law import CompensationLaw, GRAVITY, LAWS
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.joint_io import (
@@ -61,6 +61,9 @@ class CompensatorNode(LifecycleNode):
                 'none: zero current', constraints=f'one of {", ".join(LAWS)}')
         declare(self, 'breakaway_gain', 0.9,
                 'share of the mean breakaway current that is fed forward [1]', 0.0, 1.0)
+        declare(self, 'gravity', 'feed_forward',
+                "feed_forward, or left_to_robot: its own controller holds the limb's weight",
+                read_only=True, constraints=f'one of {", ".join(GRAVITY)}')
         declare(self, 'current_limit', 0.0,
                 "largest current [A]; 0, or more than the model file's, leaves that one", 0.0)
         declare(self, 'direction_timeout', 0.5,
@@ -113,7 +116,8 @@ class CompensatorNode(LifecycleNode):
 
     def _make_law(self, models):
         return CompensationLaw(
-            models, self._of('law'), self._of('breakaway_gain'), self._of('current_limit') or None)
+            models, self._of('law'), self._of('breakaway_gain'), self._of('current_limit') or None,
+            gravity=self._of('gravity'))
 
     def _say_left_out(self):
         for number, effect, why in self._law.never_applied:

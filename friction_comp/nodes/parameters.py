@@ -86,7 +86,7 @@ def load_models(model_files, joints):
     Parameters
     ----------
     model_files : list of str
-        One path per joint.
+        One path per joint; the file of a whole arm may stand for each of its joints.
     joints : list of str
 
     Returns
@@ -103,4 +103,4 @@ def load_models(model_files, joints):
         raise InputError(
             f'parameter model_files: one file per joint is needed, {len(joints)} for '
             f'{list(joints)}, not {len(files)}')
-    return [FrictionModel.load(path) for path in files]
+    return [FrictionModel.load(path, joint) for path, joint in zip(files, joints)]

@@ -10,7 +10,7 @@ from os import PathLike
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.recordings.reader import _to_samples as to_samples, RecordingInfo
+from friction_comp.recordings.reader import RecordingInfo, to_samples
 from friction_comp.recordings.scan import find_recordings, Scan, scan_recording, SIGNALS
 from friction_comp.samples import JointStates, Samples
 

@@ -38,6 +38,7 @@ from friction_comp.refinement.judge.residual_verdict import (
 )
 from friction_comp.refinement.judge.scores import noise_floor, scores, words_of
 from friction_comp.refinement.prepare import fit_data as recordings
+from friction_comp.refinement.prepare.coupling_choice import say_so, with_other_joints
 from friction_comp.refinement.prepare.differentiation_choice import (
     choose_differentiation,
     lagging,
@@ -115,6 +116,7 @@ def refine(recorded, model=None, drive=None, progress=None):
     raw = recordings.join(recorded)
     clipped = recordings.clipped(raw.current)
     settings = choose_differentiation(raw, clipped)
+    raw, arm = with_other_joints(model.with_arm(raw) if model else raw, ~clipped, settings)
     found = choose(raw, clipped, settings, model, drive, progress)
     # Which bandwidth suits is seen better once the effects are known.
     better = sharpest(found.model, raw, found.usable, settings)
@@ -125,13 +127,16 @@ def refine(recorded, model=None, drive=None, progress=None):
     refined.joint = refined.joint or (model.joint if model else '')
     if model:
         refined.breakaway, refined.simulation = model.breakaway, dict(model.simulation)
-        refined.notes = dict(model.notes)
+        refined.notes, refined.arm = dict(model.notes), model.arm
     # Samples near standstill do not decide which effects there are; what the model is worth beside
     # rest and at reversals does depend on how sharply the two are told apart.
     settings = sharpest(refined, raw, ~clipped, refined.differentiation, found.usable)
     refined.differentiation = dict(settings)
     samples = differentiate(raw, settings)
     result = summarise(found, samples, clipped, model, drive, settings)
+    if arm and any('coupling' in effect.needs for effect in refined.effects):
+        refined.arm = arm
+        say_so(result.report, arm)
     at_odds = velocity_against_position(raw)
     if at_odds:
         result.report['warnings'].append(at_odds)

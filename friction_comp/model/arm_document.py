@@ -1,0 +1,77 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The file of a whole arm: one model for each joint, and once what they share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from friction_comp.errors import InputError
+
+FORMAT = 'friction_comp_arm'
+VERSION = 1
+
+
+def arm_document(models: dict[str, dict]) -> dict:
+    """Return the document of a whole arm.
+
+    Parameters
+    ----------
+    models : dict of str to dict
+        Each joint's own document.
+
+    Returns
+    -------
+    dict
+        What all joints say alike of their arm stands in it once.
+    """
+    shared = [model['arm'] for model in models.values() if 'links' in model.get('arm', {})]
+    document: dict[str, Any] = {'format': FORMAT, 'version': VERSION, 'joints': {}}
+    for name, model in models.items():
+        if shared and model.get('arm') == shared[0]:
+            model = {**model, 'arm': 'shared'}
+        document['joints'][name] = model
+    if shared:
+        document['arm'] = shared[0]
+    return document
+
+
+def joints_of(document: Any) -> list[str] | None:
+    """Return the joints of a whole arm's document; None where it is that of one joint."""
+    if not isinstance(document, dict) or document.get('format') != FORMAT:
+        return None
+    if document.get('version') != VERSION:
+        raise InputError(f"arm file version {document.get('version')!r} is not {VERSION}")
+    if not isinstance(document.get('joints'), dict) or not document['joints']:
+        raise InputError('joints is missing or not a mapping')
+    return [str(name) for name in document['joints']]
+
+
+def one_joint_of(document: Any, joint: str | None) -> Any:
+    """Return one joint's own document.
+
+    Parameters
+    ----------
+    document : dict
+        Of a whole arm; that of one joint is returned as it is.
+    joint : str, optional
+        Needed where there are several.
+
+    Raises
+    ------
+    InputError
+        If the joint is not in it, or none was named.
+    """
+    names = joints_of(document)
+    if names is None:
+        return document
+    listed = ', '.join(map(repr, names))
+    if not joint and len(names) > 1:
+        raise InputError(f'holds several joints, name one (--joint): {listed}')
+    joint = joint or names[0]
+    if joint not in names:
+        raise InputError(f'holds no joint {joint!r}, but {listed}')
+    model = document['joints'][joint]
+    if isinstance(model, dict) and model.get('arm') == 'shared':
+        model = {**model, 'arm': document.get('arm')}
+    return model

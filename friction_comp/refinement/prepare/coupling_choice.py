@@ -1,0 +1,71 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of several joints, where no URDF says how they are connected."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.arm.find_coupling import find_coupling
+from friction_comp.model.arm.arm import Arm
+from friction_comp.model.arm.states import moving_states
+from friction_comp.samples import Samples
+
+# Share of its usual top speed below which the joint counts as at rest.
+_STILL = 0.01
+# A joint that moves less than this is not looked at, rad.
+_LEAST = 1e-3
+
+
+def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict
+                      ) -> tuple[Samples, Arm | None]:
+    """Return samples with what other joints add to the current, where the recording shows any.
+
+    Parameters
+    ----------
+    samples : Samples
+        As recorded.
+    usable : ndarray of bool, shape (N,)
+        Samples that may be fitted.
+    settings : dict
+        How velocity and acceleration are had of position.
+
+    Returns
+    -------
+    Samples
+        With `coupling`, or unchanged.
+    Arm or None
+        What a model needs to compute it.
+    """
+    known = samples.rigid_body is not None or samples.coupling is not None
+    if samples.arm is None or known:
+        return samples, None
+    span = np.ptp(samples.arm.position, axis=0)
+    names = [name for name, moved in zip(samples.arm.joints, span)
+             if moved > _LEAST or name == samples.joint]
+    if len(names) < 2 or samples.joint not in names:
+        return samples, None
+    if samples.arm.velocity is None:
+        settings = {**settings, 'source': 'position'}
+    motion = moving_states(samples, names, settings)
+    speed = np.abs(motion[1][:, names.index(samples.joint)])
+    found = find_coupling(
+        samples.current, names, samples.joint, motion, samples.recording,
+        usable & (speed > _STILL * np.percentile(speed, 95)))
+    if found is None:
+        return samples, None
+    return (samples.with_(coupling=found.current(names, *motion)),
+            Arm(coupling=found, differentiation=dict(settings)))
+
+
+def say_so(report: dict, arm: Arm) -> None:
+    """Name other joints in a report that has an effect of theirs."""
+    groups = [group.describe() for group in arm.coupling.groups]
+    for entry in report['effects']:
+        if entry['name'] == 'other_joints':
+            entry['in_words'] = f"Other joints: {'; '.join(groups)}"
+            entry['parameters'] = {**entry['parameters'], **arm.coupling.to_dict()}
+    report['warnings'].append(
+        f'The current depends on other joints ({", ".join(arm.coupling.joints)}). The terms found '
+        'hold for postures like the recorded ones; with a URDF of the arm (--urdf) its weight and '
+        'inertia follow from mechanics.')

@@ -1,0 +1,138 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``refine`` with a URDF: all joints of an arm."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+import re
+
+from friction_comp.errors import InputError
+from friction_comp.tools.common import output_folder, progress, to_json
+
+
+def refine_whole_arm(arguments: Namespace) -> int:
+    """Refine the joints of an arm and write their reports and models.
+
+    Of one joint (``--joint``) the same files as without a URDF are written. Of all joints there is
+    a folder for each with these files, and above them ``report.json`` with the arm and all joints,
+    ``report.html``, and ``model.yaml`` with all joints' models.
+
+    Parameters
+    ----------
+    arguments : Namespace
+        Of the tool.
+
+    Returns
+    -------
+    int
+        0.
+
+    Raises
+    ------
+    InputError
+        If recordings, URDF, model or output cannot be used.
+    """
+    from friction_comp.recordings.arm_reader import read_arm
+    from friction_comp.refinement.whole_arm import refine_arm
+    from friction_comp.tools.refine import drive_of
+
+    given = arguments.torque_constant is not None or arguments.gear_ratio is not None
+    models = _start_models(arguments)
+    names = [str(path) for path in arguments.recordings]
+    with progress('reading') as report:
+        recorded = {
+            name: [samples for samples, _ in parts] for name, parts in read_arm(
+                arguments.recordings,
+                lambda name: drive_of(arguments, models.get(name)).torque_per_current,
+                lambda share: report(0.1 * share)).items()}
+        drives = {name: drive_of(arguments, models.get(name)) for name in recorded}
+        try:
+            result = refine_arm(
+                recorded, arguments.urdf, drives, models, given or bool(models),
+                [arguments.joint] if arguments.joint else None,
+                lambda share, word: report(0.1 + 0.8 * share, word))
+        except InputError as error:
+            raise InputError(_once(arguments, str(error))) from None
+        report(0.9, 'writing')
+        for one in result.results.values():
+            one.model.notes = {**one.model.notes, 'refined_from': names,
+                               'urdf': str(arguments.urdf)}
+        with output_folder(arguments.output) as folder:
+            _write(folder, result, names, arguments.joint)
+    _print(result)
+    print(arguments.output / 'report.html')
+    return 0
+
+
+def _once(arguments, text):
+    """Return an error's text with the recording named, unless it names a file already."""
+    named = (str(arguments.urdf), str(arguments.recordings[0]))
+    return text if text.startswith(named) else f'{arguments.recordings[0]}: {text}'
+
+
+def _start_models(arguments):
+    """Return the models to start from by joint."""
+    from friction_comp.files import read_yaml
+    from friction_comp.model.arm_document import joints_of
+    from friction_comp.model.friction_model import FrictionModel
+
+    if not arguments.model:
+        return {}
+    joints = joints_of(read_yaml(arguments.model))
+    if joints is None:
+        model = FrictionModel.load(arguments.model)
+        joint = arguments.joint or model.joint
+        if not joint:
+            raise InputError(f'{arguments.model}: says of no joint: name it with --joint')
+        return {joint: model}
+    return {name: FrictionModel.load(arguments.model, name) for name in joints
+            if arguments.joint in (None, name)}
+
+
+def _write(folder: Path, result, names, joint):
+    from friction_comp.files import write_yaml
+    from friction_comp.model.arm_document import arm_document
+    from friction_comp.reports.arm_report import arm_report
+    from friction_comp.reports.refinement_report import refinement_report
+
+    arm = result.report()
+    places = {name: folder if joint else folder / folder_name(name) for name in result.results}
+    for name, one in result.results.items():
+        place = places[name]
+        place.mkdir(exist_ok=True)
+        own = {**one.report, 'arm': arm} if joint else one.report
+        (place / 'report.json').write_text(to_json(own), encoding='utf-8')
+        refinement_report(one, names).save(place / 'report.html')
+        one.model.save(place / 'model.yaml')
+    if joint:
+        return
+    whole = {'unit': next(iter(result.results.values())).report['unit'], 'arm': arm,
+             'joints': {name: one.report for name, one in result.results.items()}}
+    (folder / 'report.json').write_text(to_json(whole), encoding='utf-8')
+    arm_report(result, names, {name: place.name for name, place in places.items()}).save(
+        folder / 'report.html')
+    write_yaml(folder / 'model.yaml', arm_document(
+        {name: one.model.to_dict() for name, one in result.results.items()}))
+
+
+def folder_name(joint: str) -> str:
+    """Return a joint's name as a folder may be called."""
+    return re.sub(r'[^\w.-]', '_', joint).lstrip('.') or '_'
+
+
+def _print(result):
+    """Print what was found, a line for each joint and effect."""
+    from friction_comp.reports.html import number
+
+    for line in result.notes:
+        print(f'note: {line}')
+    for name, one in result.results.items():
+        report = one.report
+        unit = report['unit']
+        print(f"{name}: {number(report['before']['held_out_rmse'])} {unit} RMS on data not fitted, "
+              f"then {number(report['after']['held_out_rmse'])} {unit}")
+        for effect in report['effects']:
+            print(f"  + {effect['name']} ({effect['variable']}): "
+                  f"{number(effect['held_out_rmse'])} {unit}   {effect['in_words']}")

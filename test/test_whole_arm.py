@@ -1,0 +1,205 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""An arm from recording to compensator: refine with a URDF, predict without, feed its weight."""
+
+import csv
+import json
+from pathlib import Path
+
+from arm_maker import PLANE, recorded, small_arm, waves
+import numpy as np
+import pytest
+
+from friction_comp.compensation.law import CompensationLaw
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.recordings import write_samples
+from friction_comp.recordings.arm_reader import read_arm
+from friction_comp.refinement import refine
+from friction_comp.tools import predict, refine as refine_tool
+
+DATA = Path(__file__).resolve().parent.parent.parent / 'shared' / 'data' / 'ur10e_all_joints'
+SCALES = (0.4, 0.25, 0.5)
+FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.02))
+# The URDF says 4, 3 and 2 kg.
+MASSES = (5.0, 2.2, 2.6)
+
+
+def trial(seed, size=3000):
+    rng = np.random.default_rng(seed)
+    motion = waves(rng, size, 3, 0.01)
+    return recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
+
+
+@pytest.fixture(scope='module')
+def refined(tmp_path_factory):
+    """Return the folder of an arm's recordings, URDF, and what refine made of them."""
+    pytest.importorskip('pinocchio', reason='Pinocchio is not installed')
+    folder = tmp_path_factory.mktemp('arm')
+    (folder / 'arm.urdf').write_text(small_arm(), encoding='utf-8')
+    write_samples(folder / 'fit', trial(1))
+    write_samples(folder / 'score', trial(2))
+    assert refine_tool.main([
+        str(folder / 'fit'), '--urdf', str(folder / 'arm.urdf'), '--output',
+        str(folder / 'out')]) == 0
+    return folder
+
+
+def errors_of(table):
+    with open(table, encoding='utf-8', newline='') as stream:
+        rows = list(csv.DictReader(stream))
+    return np.array([float(row['measured']) - float(row['predicted']) for row in rows])
+
+
+def test_every_joint_has_its_report_and_the_arm_has_one(refined):
+    whole = json.loads((refined / 'out' / 'report.json').read_text(encoding='utf-8'))
+    assert list(whole['joints']) == list(PLANE)
+    for name in PLANE:
+        own = json.loads((refined / 'out' / name / 'report.json').read_text(encoding='utf-8'))
+        assert own == whole['joints'][name]
+        assert own['after']['held_out_rmse'] < 0.5 * own['before']['held_out_rmse']
+        assert (refined / 'out' / name / 'report.html').stat().st_size > 10_000
+    for name in PLANE[1:]:
+        first = whole['joints'][name]['effects'][0]
+        assert (first['name'], first['variable']) == ('rigid_body', 'other joints')
+    assert [row['joint'] for row in whole['arm']['rigid_bodies']] == list(PLANE)
+    assert 'kg' in (refined / 'out' / 'report.html').read_text(encoding='utf-8')
+
+
+@pytest.mark.parametrize('joint', PLANE)
+def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint, tmp_path,
+                                                                monkeypatch):
+    monkeypatch.setitem(__import__('sys').modules, 'pinocchio', None)
+    table = tmp_path / 'whole.csv'
+    assert predict.main([
+        str(refined / 'score'), '--model', str(refined / 'out' / 'model.yaml'), '--joint', joint,
+        '--output', str(table)]) == 0
+    error = errors_of(table)
+    assert len(error) == 3000
+    # Noise is 0.02 A; the sign of friction at reversals is sharper than 100 Hz shows.
+    assert np.sqrt(np.mean(error ** 2)) < 0.035
+    assert predict.main([
+        str(refined / 'score'), '--model', str(refined / 'out' / joint / 'model.yaml'),
+        '--output', str(tmp_path / 'own.csv')]) == 0
+    assert errors_of(tmp_path / 'own.csv') == pytest.approx(error, abs=1e-6)
+
+
+def test_a_file_of_the_whole_arm_wants_a_joint_named(refined):
+    path = refined / 'out' / 'model.yaml'
+    assert FrictionModel.load(path, 'bend').joint == 'bend'
+    with pytest.raises(InputError, match='several joints'):
+        FrictionModel.load(path)
+    with pytest.raises(InputError, match="no joint 'wrist', but"):
+        FrictionModel.load(path, 'wrist')
+
+
+def test_a_recording_without_the_other_joints_is_refused(refined, tmp_path, capsys):
+    from friction_comp.__main__ import main
+    write_samples(tmp_path / 'alone', trial(3, 400)[1])
+    assert main(['predict', str(tmp_path / 'alone'), '--model',
+                 str(refined / 'out' / 'lift' / 'model.yaml'), '--output',
+                 str(tmp_path / 'x.csv')]) == 2
+    said = capsys.readouterr().err
+    assert 'turn' in said
+    assert said.count('\n') == 1
+    assert not (tmp_path / 'x.csv').exists()
+
+
+def test_one_joint_of_an_arm_has_the_usual_files(refined, tmp_path):
+    assert refine_tool.main([
+        str(refined / 'fit'), '--urdf', str(refined / 'arm.urdf'), '--joint', 'bend', '--output',
+        str(tmp_path / 'out')]) == 0
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
+    assert report['joint'] == 'bend'
+    assert FrictionModel.load(tmp_path / 'out' / 'model.yaml').arm.joints == PLANE
+
+
+@pytest.mark.parametrize('arguments, words', [
+    (['--urdf', 'nowhere.urdf'], 'nowhere.urdf: cannot be read'),
+    (['--urdf', 'other.urdf'], "other.urdf: joint 'turn' of the recording is not in the URDF"),
+    (['--urdf', 'arm.urdf', '--joint', 'wrist'], "joint 'wrist' is not in the URDF")])
+def test_what_cannot_be_used_gives_one_line_and_nothing_written(refined, arguments, words,
+                                                                capsys, monkeypatch):
+    from friction_comp.__main__ import main
+    monkeypatch.chdir(refined)
+    other = small_arm()
+    for name in PLANE:
+        other = other.replace(f'joint name="{name}"', f'joint name="x{name[0]}"')
+    (refined / 'other.urdf').write_text(other, encoding='utf-8')
+    assert main(['refine', 'fit', *arguments, '--output', 'bad']) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count('\n') == 1
+    assert not (refined / 'bad').exists()
+
+
+# The compensator.
+
+
+def models_of(refined):
+    return [FrictionModel.load(refined / 'out' / 'model.yaml', name) for name in PLANE]
+
+
+def test_the_weight_of_the_arm_is_fed_forward_or_left_to_the_robot(refined):
+    q = np.array([0.3, 0.5, -0.4])
+    # 2.2 and 2.6 kg at the middle of 0.4 and 0.3 m, axes along y: a positive angle goes down.
+    bend = -9.81 * 2.6 * 0.15 * np.cos(q[1] + q[2])
+    lift = bend - 9.81 * (2.2 * 0.2 + 2.6 * 0.4) * np.cos(q[1])
+    carried = CompensationLaw(models_of(refined), current_limit=3.0)
+    left = CompensationLaw(models_of(refined), current_limit=3.0, gravity='left_to_robot')
+    for k in range(5):
+        carried.update(0.001 * k, q, np.zeros(3), np.zeros(3))
+        left.update(0.001 * k, q, np.zeros(3), np.zeros(3))
+    assert carried.terms['effects'][1:] == pytest.approx(
+        [SCALES[1] * lift, SCALES[2] * bend], rel=0.05, abs=0.05)
+    assert left.terms['effects'] == pytest.approx(np.zeros(3), abs=1e-9)
+    assert any(effect == 'rigid_body' and 'robot' in why for _, effect, why in left.left_out)
+    assert not any(effect == 'rigid_body' for _, effect, _ in carried.left_out)
+
+
+def test_a_joint_alone_does_not_guess_the_weight_of_the_arm(refined):
+    law = CompensationLaw(models_of(refined)[1:2])
+    law.update(0.0, [0.4], [0.0], [0])
+    assert law.terms['effects'] == pytest.approx([0.0])
+    assert ('rigid_body', 'rigid_body unknown') in [entry[1:] for entry in law.left_out]
+
+
+def test_an_unknown_way_with_gravity_is_refused(refined):
+    with pytest.raises(InputError, match='gravity'):
+        CompensationLaw(models_of(refined), gravity='up')
+
+
+# Without a URDF.
+
+
+def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
+    joints = read_arm(refined / 'fit')
+    fresh = read_arm(refined / 'score')
+    result = refine([samples for samples, _ in joints['lift']])
+    found = {effect['variable']: effect['in_words'] for effect in result.report['effects']}
+    assert 'lift +bend' in found['other joints']
+    assert any('--urdf' in line for line in result.report['warnings'])
+    result.model.save(tmp_path / 'model.yaml')
+    model = FrictionModel.load(tmp_path / 'model.yaml')
+    samples = fresh['lift'][0][0]
+    error = samples.current - model.predict(samples)
+    assert np.sqrt(np.mean(error ** 2)) < 0.2 * np.std(samples.current)
+
+
+# A real arm.
+
+
+@pytest.mark.slow
+def test_ur10e_is_predicted_better_than_by_plain_least_squares(tmp_path):
+    """UR10e, all joints moving (shamilmamedov/dynamic_calibration, Mamedov and Mikhel 2020)."""
+    pytest.importorskip('pinocchio', reason='Pinocchio is not installed')
+    if not DATA.is_dir():
+        pytest.skip(f'{DATA} is not there')
+    assert refine_tool.main([
+        str(DATA / 'fit'), '--urdf', str(DATA / 'ur10e.urdf'), '--output', str(tmp_path)]) == 0
+    floors = (0.29, 0.80, 0.22, 0.056, 0.094, 0.066)
+    found = []
+    for name, parts in read_arm(DATA / 'score').items():
+        model = FrictionModel.load(tmp_path / 'model.yaml', name)
+        found.append(np.sqrt(np.mean((parts[0][0].current - model.predict(parts[0][0])) ** 2)))
+    assert (np.array(found) <= floors).all(), found
