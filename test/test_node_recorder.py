@@ -20,10 +20,8 @@ from friction_comp.nodes.losses import Losses
 from friction_comp.recordings import find_recordings, read_recording_with_info
 
 
-def talk_until(probe, publisher, condition, what):
+def talk_until(probe, publisher, condition, what, count=0):
     """Publish numbered states until a condition holds; return how many there were."""
-    count = 0
-
     def publish():
         nonlocal count
         for _ in range(10):
@@ -114,10 +112,10 @@ def test_a_full_disk_ends_the_recorder_with_a_word_and_a_recording(tmp_path):
         states = probe.talk(JointState, 'joint_states')
         with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
             probe.matched(states)
-            talk_until(probe, states, lambda n: len(on_disk(folder)[0]) > 100, 'states')
+            count = talk_until(probe, states, lambda n: len(on_disk(folder)[0]) > 100, 'states')
             limit = sum(path.stat().st_size for path in Path(folder).glob('*.mcap')) + 50_000
             resource.prlimit(recorder._process.pid, resource.RLIMIT_FSIZE, (limit, limit))
-            talk_until(probe, states, lambda n: not recorder.running, 'the end of the recorder')
+            talk_until(probe, states, lambda n: not recorder.running, 'the end', count)
             assert recorder.wait() == 2
             lines = [line for line in recorder.text.splitlines() if 'cannot be written' in line]
             assert len(lines) == 1

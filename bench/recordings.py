@@ -1,0 +1,207 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What recording and reading cost, and what attacks on them cost.
+
+    python3 bench/recordings.py [--seconds N] [--joints J] [--json FILE]
+
+record   recorder and a publisher of six topics at 1 kHz in processes of their own, for N seconds:
+         messages of each topic published and recorded, losses the recorder counted, its CPU
+read     one joint of that recording into arrays, over the time rosbags takes to merely list its
+         messages; the same stretch by stretch
+memory   peak of a process that streams the recording, over that of one that streams a tenth of it
+damage   zeroed blocks of 4096 bytes at random places of the first file: recovered, and told
+"""
+
+import argparse
+from array import array
+import json
+import os
+from pathlib import Path
+import random
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+TOPICS = ('joint_states', 'current_command', 'direction', 'reference', 'interaction_wrench',
+          'motor_temperature')
+RATE, DAMAGES = 1000, 40
+
+
+def publish(seconds, joints):
+    """Publish all topics at 1 kHz for some seconds; what was late is caught up with."""
+    from geometry_msgs.msg import WrenchStamped
+    import rclpy
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+    from sensor_msgs.msg import JointState, Temperature
+    from std_msgs.msg import Float64MultiArray, Int8MultiArray
+
+    rclpy.init()
+    node = rclpy.create_node('publisher')
+    names = [f'joint_{k}' for k in range(joints)]
+    values = array('d', [0.1] * joints)
+    messages = dict(zip(TOPICS, (
+        JointState(name=names, position=values, velocity=values, effort=values),
+        Float64MultiArray(data=values), Int8MultiArray(data=[0] * joints),
+        JointState(name=names, position=values, velocity=values), WrenchStamped(), Temperature())))
+    messages['interaction_wrench'].header.frame_id = names[0]
+    messages['motor_temperature'].header.frame_id = names[0]
+    publishers = {topic: node.create_publisher(type(message), topic, QoSProfile(
+        depth=10_000, reliability=ReliabilityPolicy.RELIABLE))
+        for topic, message in messages.items()}
+    while any(p.get_subscription_count() < 1 for p in publishers.values()):
+        time.sleep(0.05)
+    time.sleep(1.0)
+    begin, sent = time.perf_counter(), 0
+    while sent < seconds * RATE:
+        while sent < min((time.perf_counter() - begin) * RATE, seconds * RATE):
+            stamp = divmod(time.time_ns(), 1_000_000_000)
+            for topic, message in messages.items():
+                if hasattr(message, 'header'):
+                    message.header.stamp.sec, message.header.stamp.nanosec = stamp
+                publishers[topic].publish(message)
+            sent += 1
+        time.sleep(5e-4)
+    time.sleep(2.0)
+
+
+def record(folder, seconds, joints):
+    """Return what was published and recorded of each topic, losses counted, and CPU in s."""
+    from friction_comp.recordings import inspect_recording
+
+    environment = dict(os.environ, PYTHONPATH=str(ROOT), ROS_LOG_DIR=str(folder / 'log'),
+                       ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
+                       ROS_DOMAIN_ID=str(random.SystemRandom().randrange(1, 100)))
+    recorder = subprocess.Popen(
+        [sys.executable, '-m', 'friction_comp', 'recorder', '--ros-args', '-p',
+         f'output:={folder / "load"}', '-p', f'max_file_duration:={seconds / 4}'],
+        env=environment, stderr=subprocess.DEVNULL)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    try:
+        subprocess.run([sys.executable, __file__, '--publish', str(seconds), str(joints)],
+                       env=environment, check=True, timeout=seconds * 3 + 120)
+    finally:
+        published = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+        recorder.send_signal(signal.SIGINT)
+        recorder.wait(120)
+    info = inspect_recording(folder / 'load')
+    recorded = {topic: info.topics[f'/{topic}'][1] for topic in TOPICS}
+    cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before - published
+    return {'published of each': round(seconds * RATE), 'recorded': recorded,
+            'recorder says': next((n for n in info.notes if 'lost' in n), 'none lost'),
+            'recorder user CPU / time': cpu / seconds}
+
+
+def stream(path, joint):
+    """Print the number of samples and the peak of memory in MB."""
+    from friction_comp.recordings import stream_recording
+
+    count = sum(len(part) for part in stream_recording(path, joint, seconds=10.0))
+    print(json.dumps([count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]))
+
+
+def read(folder, joint):
+    """Return times of reading over that of rosbags listing the messages, median of three."""
+    from rosbags.rosbag2 import Reader
+
+    from friction_comp.recordings import read_recording, stream_recording
+
+    def listing():
+        with Reader(folder) as reader:
+            return sum(1 for _ in reader.messages())
+
+    def timed(work):
+        begin = time.perf_counter()
+        work()
+        return time.perf_counter() - begin
+
+    whole, parts = [], []
+    for _ in range(3):
+        base = timed(listing)
+        whole.append(timed(lambda: read_recording(folder, joint)) / base)
+        parts.append(timed(lambda: list(stream_recording(folder, joint))) / base)
+    return {'read / listing by rosbags': sorted(whole)[1],
+            'stream / listing by rosbags': sorted(parts)[1]}
+
+
+def memory(folder, seconds, joint):
+    """Return the peak of memory over that for a tenth of the recording."""
+    from friction_comp.recordings import RecordingWriter
+    from friction_comp.recordings.storage import Storage
+
+    short, first = folder.parent / 'tenth', None
+    with RecordingWriter(short) as writer:
+        for topic, kind, when, payload in Storage(folder).messages(lambda *_: True):
+            first = when if first is None else first
+            if when - first > seconds * 1e8:
+                break
+            writer.write(topic, kind, when, payload)
+    peaks = []
+    for path in (short, folder):
+        done = subprocess.run([sys.executable, __file__, '--stream', str(path), joint],
+                              check=True, capture_output=True, text=True)
+        peaks.append(json.loads(done.stdout)[1])
+    return {'streaming, peak MB of a tenth': peaks[0], 'peak / that of a tenth':
+            peaks[1] / peaks[0]}
+
+
+def damage(file, joint, room):
+    """Return how many damaged copies were read, refused, and said nothing."""
+    from friction_comp.errors import InputError
+    from friction_comp.recordings import read_recording_with_info
+
+    content = file.read_bytes()
+    draw = random.Random(1)
+    told = refused = silent = 0
+    for _ in range(DAMAGES):
+        at = draw.randrange(len(content) - 4096)
+        copy = room / 'damaged.mcap'
+        copy.write_bytes(content[:at] + bytes(4096) + content[at + 4096:])
+        try:
+            (_, info), = read_recording_with_info(copy, joint)
+        except InputError:
+            refused += 1
+        else:
+            words = [note for note in info.notes if 'says nothing' not in note and
+                     'gaps' not in note]
+            told, silent = told + bool(words), silent + (not words)
+    return {'zeroed blocks': DAMAGES, 'read and told': told, 'refused': refused,
+            'silent': silent}
+
+
+def main():
+    """Run all and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--seconds', type=float, default=60.0)
+    parser.add_argument('--joints', type=int, default=7)
+    parser.add_argument('--json', type=Path)
+    parser.add_argument('--publish', nargs=2, type=float, help=argparse.SUPPRESS)
+    parser.add_argument('--stream', nargs=2, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.publish:
+        publish(arguments.publish[0], int(arguments.publish[1]))
+        return
+    if arguments.stream:
+        stream(*arguments.stream)
+        return
+    with tempfile.TemporaryDirectory() as name:
+        folder, joint = Path(name), 'joint_0'
+        found = {'record': record(folder, arguments.seconds, arguments.joints)}
+        found['read'] = read(folder / 'load', joint)
+        found['memory'] = memory(folder / 'load', arguments.seconds, joint)
+        found['damage'] = damage(folder / 'load' / 'load_0.mcap', joint, folder)
+    for title, values in found.items():
+        for key, value in values.items():
+            text = f'{value:.2f}' if isinstance(value, float) else value
+            print(f'{title:8} {key}: {text}')
+    if arguments.json:
+        arguments.json.write_text(json.dumps(found, indent=1), encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,109 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Values that cannot be end in one line that names them, whichever tool reads them."""
+
+from pathlib import Path
+import re
+
+import numpy as np
+import pytest
+from recording_maker import DATA
+
+from friction_comp.__main__ import run
+from friction_comp.errors import InputError
+from friction_comp.recordings import (
+    find_recordings,
+    inspect_recording,
+    read_recording,
+    write_samples,
+)
+from friction_comp.recordings.plausible import check_plausible
+from friction_comp.samples import Samples
+
+MODEL = Path(__file__).resolve().parent.parent / 'config' / 'armin_configuration_1.yaml'
+
+
+def strokes(seed=0, **changes):
+    """Make a joint that a motor drives to and fro against friction, gravity and its inertia."""
+    time = np.arange(0.0, 20.0, 2e-3)
+    position = 0.6 * np.sin(1.3 * time)
+    velocity = 0.78 * np.cos(1.3 * time)
+    current = (0.3 * np.tanh(velocity / 0.02) + 0.2 * velocity + 0.4 * np.sin(position)
+               - 0.05 * 1.3 * position
+               + 0.02 * np.random.default_rng(seed).normal(size=len(time)))
+    return Samples(time=time, position=position, velocity=velocity, current=current,
+                   joint='elbow').with_(**changes)
+
+
+def spoiled(signal, value, at=4321):
+    values = getattr(strokes(), signal).copy()
+    values[at] = value
+    return strokes(**{signal: values})
+
+
+CASES = [
+    (lambda: spoiled('position', 1e300), r'position of 1e\+300 rad at 8\.642 s cannot be'),
+    (lambda: spoiled('current', -1e150), r'current of -[0-9.]+e\+1\d\d A at 8\.642 s cannot be'),
+    (lambda: spoiled('velocity', 1e12), r'velocity of 1e\+12 rad/s at 8\.642 s'),
+    (lambda: spoiled('position', 300.0), r'position jumps from .* to 300 rad within 0\.002 s'),
+    (lambda: strokes(current=-strokes().current), 'effort has the wrong sign'),
+    (lambda: strokes(current=-strokes().current, command=strokes().current),
+     'wrong sign'),
+    (lambda: strokes(velocity=-strokes().velocity), 'velocity has the opposite sign'),
+    (lambda: strokes(velocity=np.degrees(strokes().velocity)),
+     r'velocity is 57\.3 times the rate of position'),
+]
+
+
+@pytest.mark.parametrize(('make', 'words'), CASES)
+@pytest.mark.parametrize('tool', ['refine', 'predict', 'evaluate'])
+def test_no_tool_ends_well_on_what_cannot_be(tmp_path, monkeypatch, capsys, make, words, tool):
+    write_samples(tmp_path / 'odd', make())
+    arguments = {'refine': ['--output', 'out'], 'evaluate': ['--output', 'out'],
+                 'predict': ['--model', str(MODEL), '--output', 'out.csv']}[tool]
+    monkeypatch.chdir(tmp_path)
+    assert run(tool, ['odd', *arguments]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert re.search(words, lines[0])
+    assert "odd: joint 'elbow'" in lines[0]
+    assert [path.name for path in tmp_path.iterdir()] == ['odd']
+
+
+@pytest.mark.parametrize('changes', [
+    {},
+    {'velocity': None},
+    # A person drives the joint, or the motor brakes as it was told to.
+    {'current': -strokes().current, 'load': 2.0 * strokes().current},
+    {'current': -strokes().current, 'command': -strokes().current},
+    {'current': np.zeros(10_000)},
+    # A weight so heavy that the motor holds back on the way down.
+    {'current': strokes().current + 5.0 * np.cos(strokes().position)},
+    {'position': strokes().position + 1e3},
+])
+def test_what_can_be_passes(changes):
+    check_plausible(strokes(**changes), 'trial')
+
+
+def test_noise_alone_is_no_contradiction():
+    for seed in range(20):
+        draw = np.random.default_rng(seed)
+        check_plausible(strokes(current=draw.normal(size=10_000),
+                                command=draw.normal(size=10_000)), 'trial')
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason='the measured recordings are not here')
+def test_measured_recordings_pass_and_most_are_refused_reversed():
+    refused = passed = 0
+    for path in find_recordings(DATA):
+        for joint in inspect_recording(path).joints:
+            samples, = read_recording(path, joint)
+            if samples.load is not None:
+                continue
+            try:
+                check_plausible(samples.with_(current=-samples.current), str(path))
+                passed += 1
+            except InputError:
+                refused += 1
+    # The rest never pass one position both ways, or a weight hides their friction.
+    assert refused >= 2 * passed > 0
