@@ -149,14 +149,17 @@ def print_table(rows, laws, detail):
 
 
 def summary(group):
-    """Return what a floor comes to over kinds: a sum of failures, the largest, or the median."""
+    """Return what a floor comes to: a sum of failures, the largest, or what all kinds gave."""
     if 'fails' in group[0]:
         return f'{sum(r["fails"] for r in group)} of {sum(r["joints"] for r in group)}'
     if 'loud' in group[0]:
         return (f'{sum(r["loud"] for r in group)} of {sum(r["joints"] for r in group)}, '
                 f'{max(r["value"] for r in group):.2f}')
-    whole = [row for row in group if row['kind'] == 'all'] or group
-    return whole[0]['measured']
+    whole = [row for row in group if row['kind'] == 'all']
+    if whole:
+        return whole[0]['measured']
+    known = [row for row in group if row['value'] is not None]
+    return f'worst {max(known, key=lambda r: r["value"])["measured"]}' if known else 'not known'
 
 
 if __name__ == '__main__':

@@ -5,12 +5,14 @@
 import numpy as np
 
 from independent_gear.plant import Plant
-from independent_gear.rows import DEGREE, figure_row
+from independent_gear.rows import DEGREE, figure_row, share_row
 from independent_gear.state import CLAMP, nobody
 from independent_gear.subject import Drive, IdentificationGoal, IdentificationRun
 from independent_gear.truth import breakaway_currents, steady_friction
 
 BREAKAWAY, KINETIC, PRESLIDING = 0.03, 0.03, 0.30
+# An identification that shakes the joint, or throws it, is no good whatever it finds.
+SHAKING = 2.0  # times the fastest speed asked for
 TRUTH_REPETITIONS = 64
 
 
@@ -24,13 +26,19 @@ def identification(bank, quick=False):
     speeds = np.array([3, 10, 40, 90] if quick else [2, 5, 10, 20, 40, 60, 80, 100]) * DEGREE
     goals = [_goal(bank, g, speeds, quick) for g in range(len(bank.gears))]
     drives = [_drive(document) for document in bank.documents]
-    results, errors = _run_all(bank, [IdentificationRun(goal, drive)
+    results, errors, fastest = _run_all(bank, [IdentificationRun(goal, drive)
                                       for goal, drive in zip(goals, drives)])
     truth = breakaway_currents(bank.gears, bank.seed + 1000, TRUTH_REPETITIONS)
     figures = [_judge(bank.gears[g], truth[g], result, goals[g], speeds)
                for g, result in enumerate(results)]
-    return [row for kind in dict.fromkeys(bank.kinds)
+    rows = [row for kind in dict.fromkeys(bank.kinds)
             for row in _rows(bank, kind, figures, errors)]
+    for kind in dict.fromkeys(bank.kinds):
+        here = bank.among(kind)
+        rows.append(share_row('identification: faster than twice what was asked', kind,
+                              'identification', fastest[here] > SHAKING * speeds[-1],
+                              fastest=fastest[here] / DEGREE))
+    return rows
 
 
 def _goal(bank, g, speeds, quick):
@@ -48,7 +56,7 @@ def _drive(document):
 
 def _run_all(bank, runs):
     plant = Plant(bank.gears, nobody(len(runs)), bank.seed)
-    command, failed = np.zeros(len(runs)), {}
+    command, failed, fastest = np.zeros(len(runs)), {}, np.zeros(len(runs))
     while plant.time < 1200.0:
         open_runs = [j for j, run in enumerate(runs) if not run.finished and j not in failed]
         if not open_runs:
@@ -63,6 +71,7 @@ def _run_all(bank, runs):
                     failed.setdefault(j, str(error))
                     command[j] = 0.0
             plant.advance(command)
+            fastest = np.maximum(fastest, np.abs(plant.states['motor_velocity']))
     results = []
     for j, run in enumerate(runs):
         try:
@@ -70,7 +79,7 @@ def _run_all(bank, runs):
         except Exception as error:
             failed.setdefault(j, str(error))
             results.append(None)
-    return results, failed
+    return results, failed, fastest
 
 
 def _judge(gear, truth, result, goal, speeds):

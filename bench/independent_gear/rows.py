@@ -29,7 +29,8 @@ def share_row(floor, kind, law, fails, wanted=0, **detail):
 
 def figure_row(floor, kind, law, value, met, wanted, unit='', **detail):
     """Return a row for a floor that is a figure."""
-    return {'floor': floor, 'kind': str(kind), 'law': law, 'measured': f'{value:.3g}{unit}',
+    measured = f'{value:.3g}{unit}' if np.isfinite(value) else 'not known'
+    return {'floor': floor, 'kind': str(kind), 'law': law, 'measured': measured,
             'wanted': wanted, 'met': bool(met), 'value': plain(value),
             **{name: plain(v) for name, v in detail.items()}}
 
