@@ -98,6 +98,21 @@ def plain(value: Any, not_finite: float | None = math.nan) -> Any:
     return value
 
 
+def check_folder(path: str | Path) -> None:
+    """Make sure that files can be written into a folder, which is not made yet if it is missing.
+
+    Raises
+    ------
+    InputError
+        If they cannot.
+    """
+    folder = Path(path).absolute()
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f'{path}: cannot be written to')
+
+
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)

@@ -206,7 +206,8 @@ class Probe(Node):
 
         def look():
             for message in messages:
-                found.extend(s for s in message.status if s.name == node and condition(s))
+                found.extend(s for s in message.status
+                             if s.name.partition(':')[0] == node and condition(s))
             messages.clear()
             return found
         self.until(look, f'diagnostics of {node}')
@@ -255,6 +256,11 @@ class FakeDriver:
     def announce(self, values):
         # Ahead of the states that follow: one process's messages arrive in order.
         self.directions.publish(Int8MultiArray(data=array('b', values)))
+
+    def wait_for_listener(self):
+        """Wait until the commander has found who listens: from then on it answers."""
+        self.probe.until(lambda: self.probe.count_publishers('current_command') == 1,
+                         'a publisher of current_command')
 
     def ask(self, position, velocity=None, stamp=None, names=None):
         """Publish one joint state and return the command that answers it."""

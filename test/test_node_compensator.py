@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Temperature
 from std_msgs.msg import Float64MultiArray
 
@@ -17,6 +18,7 @@ from ros_system import (
     FakeDriver,
     joint_state,
     MODELS,
+    own_domain,
     Probe,
     probe_node,
     Process,
@@ -56,11 +58,15 @@ def shared(room, probe):
 @pytest.fixture
 def driver(shared):
     """The shared compensator, freshly activated: without history."""
-    probe = shared.probe
     rest(shared)
-    assert probe.transition('compensator', 'activate')
+    activate(shared)
     shared.commands.clear()
     return shared
+
+
+def activate(driver):
+    assert driver.probe.transition('compensator', 'activate')
+    driver.wait_for_listener()
 
 
 def rest(driver):
@@ -117,7 +123,7 @@ def test_finds_its_joints_by_name(driver):
     plain = driver.ask([0.1, 0.2], ZERO)
     assert plain[0] > 0.05
     rest(driver)
-    assert driver.probe.transition('compensator', 'activate')
+    activate(driver)
     driver.announce([1, 0])
     mixed = driver.ask(
         [9.0, 0.2, 0.1], [9.0, 0.0, 0.0], names=['wrist', 'shoulder', 'elbow'])
@@ -235,9 +241,8 @@ def test_a_new_model_is_taken_over_while_running(driver, room):
     assert probe.set_parameter('compensator', 'model_files', MODELS[:2]) is None
 
 
-def test_effects_whose_signal_is_missing_are_named_with_the_reason(driver, room):
+def test_effects_whose_signal_is_missing_are_named_with_the_reason(room):
     """Never received, there, stale, there again; and a load, which this node never measures."""
-    probe = driver.probe
     temperature = {'name': 'temperature', 'parameters': {
         'coefficients': [0.01, 0.0, 0.0], 'reference_temperature': 25.0, 'transition': 0.02}}
     load = {'name': 'load_friction', 'parameters': {
@@ -245,12 +250,15 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(driver, room)
     warm = FrictionModel.load(MODELS[0]).to_dict()
     FrictionModel.from_dict({**warm, 'effects': [temperature, load]}).save(room / 'warm.yaml')
     files = [str(room / 'warm.yaml'), MODELS[1]]
-    assert probe.set_parameter('compensator', 'model_files', files) is None
-    thermometer = probe.talk(Temperature, 'motor_temperature', RELIABLE)
-    probe.matched(thermometer)
-    assert probe.set_parameter('compensator', 'law', 'kinetic') is None
     models = [FrictionModel.load(path) for path in files]
-    expected, base, count = CompensationLaw(models, 'kinetic'), time.time_ns(), 0
+    expected, base = CompensationLaw(models, 'kinetic'), 1_000_000_000
+
+    def tick(second):
+        stamp = base + round(second * 1e9)
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(stamp, 1_000_000_000)
+        clock.publish(message)
+        return stamp
 
     def measure(second, degrees):
         message = Temperature(temperature=degrees)
@@ -261,11 +269,11 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(driver, room)
 
     def move(second, degrees, words):
         """Move at a constant speed until the diagnostics meet the words; check the currents."""
-        nonlocal count
+        count = 0
         for _ in range(20):
             for _ in range(20):
-                t, count = second + 0.001 * (count % 400), count + 1
-                command = driver.ask([t, t], [0.5, -0.5], base + round(t * 1e9))
+                t, count = second + 0.001 * count, count + 1
+                command = driver.ask([t, t], [0.5, -0.5], tick(t))
                 wanted = expected.update(
                     round(t * 1e9) * 1e-9, [t, t], [0.5, -0.5], np.zeros(2),
                     temperature=[degrees, np.nan])
@@ -275,18 +283,34 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(driver, room)
                 return values['left_out']
         raise AssertionError(f'{values["left_out"]!r} does not meet {words}')
 
-    never = {'temperature': True, 'no motor_temperature received': True,
-             'load is not measured here': True}
-    text = move(0.0, np.nan, never)
-    assert text.count('elbow: ') == 2
-    assert 'shoulder' not in text
-    measure(0.5, 35.0)
-    move(1.0, 35.0, {'temperature': False, 'load_friction': True})
-    move(61.0, np.nan, {'last motor_temperature is 6': True, 'load_friction': True})
-    measure(61.9, 15.0)
-    move(62.0, 15.0, {'temperature': False, 'load_friction': True})
-    assert probe.set_parameter('compensator', 'law', 'paper') is None
-    assert probe.set_parameter('compensator', 'model_files', MODELS[:2]) is None
+    with own_domain(), probe_node() as probe, Process(room, 'compensator', {
+            **START, 'model_files': files, 'law': 'kinetic', 'use_sim_time': True}):
+        driver = FakeDriver(probe, JOINTS)
+        clock = probe.talk(Clock, '/clock', RELIABLE)
+        thermometer = probe.talk(Temperature, 'motor_temperature', RELIABLE)
+        driver.find()
+        for publisher in (clock, thermometer):
+            probe.matched(publisher)
+
+        def heard():
+            tick(0.0)
+            driver.states.publish(joint_state(base, JOINTS, ZERO, [0.5, -0.5]))
+            probe.spin_for(0.05)
+            return driver.commands
+        probe.until(heard, 'the first answer under a clock')
+        expected.update(0.0, ZERO, [0.5, -0.5], np.zeros(2), temperature=[np.nan, np.nan])
+        never = {'temperature': True, 'no motor_temperature received': True,
+                 'load is not measured here': True}
+        text = move(0.001, np.nan, never)
+        assert text.count('elbow: ') == 2
+        assert 'shoulder' not in text
+        measure(0.5, 35.0)
+        move(1.0, 35.0, {'temperature': False, 'load_friction': True})
+        # A gap in the states: the law begins anew.
+        expected.reset()
+        move(61.0, np.nan, {'last motor_temperature is 6': True, 'load_friction': True})
+        measure(61.9, 15.0)
+        move(62.0, 15.0, {'temperature': False, 'load_friction': True})
 
 
 @pytest.mark.parametrize(('name', 'value'), [
@@ -305,7 +329,13 @@ def test_the_current_limit_holds(driver):
     np.testing.assert_allclose(driver.ask([0.0, 0.0], ZERO), [0.05, -0.05])
     assert driver.probe.set_parameter('compensator', 'current_limit', 0.0) is None
     driver.announce([1, -1])
-    assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
+    assert driver.ask([0.0, 0.0], ZERO) == ZERO, '0 is no other word for no limit'
+    assert driver.probe.set_parameter('compensator', 'current_limit', 1000.0) is None
+    driver.announce([1, -1])
+    base = time.time_ns()
+    for k in range(20):
+        command = driver.ask([0.0, 0.0], ZERO, base + k * 50_000_000)
+    assert command[0] > 0.05
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

@@ -125,7 +125,8 @@ def system(room):
             'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'clock': 'lockstep',
             'seed': 4, 'wrench_period': 0.01}), Process(room, 'identification', {
                 'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'use_sim_time': True,
-                'output_folder': str(room / 'models'), 'input_reliability': 'reliable'}):
+                'output_folder': str(room / 'models'), 'input_reliability': 'reliable',
+                'joint_state_timeout': 10.0}):
         client = Client(probe)
         client.commands = probe.listen(Float64MultiArray, 'current_command')
         client.models = room / 'models'

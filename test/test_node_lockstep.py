@@ -32,7 +32,8 @@ def run(folder, law, disturbed=False):
     follower = {'use_sim_time': True, 'input_reliability': 'reliable'}
     with probe_node() as probe, Process(folder, 'plant', {
             **models, 'clock': 'lockstep', 'wait_for_reference': True, 'seed': SEED}), Process(
-                folder, 'compensator', {**models, **follower, 'law': law}), Process(
+                folder, 'compensator', {
+                    **models, **follower, 'law': law, 'joint_state_timeout': 10.0}), Process(
                     folder, 'recorder', {
                         **follower, 'output': str(folder / 'recording')}) as recorder:
         probe.until(lambda: probe.count_subscribers('current_command') == 2

@@ -48,6 +48,8 @@ def record(folder, law):
     """Run the exercise once, each node in a process of its own; return the recording's path."""
     path, logs = folder / 'recording', folder / 'logs'
     common = {'joints': JOINTS, 'use_sim_time': True, 'input_reliability': 'reliable'}
+    # Real time may pass without a sample, and what it passed for makes no difference.
+    patient = {'joint_state_timeout': 10.0}
     with own_domain(), probe_node() as probe, \
             Process(logs, 'plant', {
                 'joints': JOINTS, 'model_files': FILES, 'clock': 'lockstep', 'seed': SEED,
@@ -58,7 +60,7 @@ def record(folder, law):
             Process(logs, 'exercise', {
                 **common, **MOVEMENT, 'clock': 'ticks', 'when_done': 'exit'}) as exercise, \
             Process(logs, 'compensator', {
-                **common, 'model_files': FILES, 'law': law, 'autostart': False}):
+                **common, **patient, 'model_files': FILES, 'law': law, 'autostart': False}):
         assert probe.transition('compensator', 'configure')
         # Time rests at the first sample until the compensator is activated. By then everyone has
         # heard everyone.
@@ -66,8 +68,6 @@ def record(folder, law):
         probe.status_of('recorder', lambda status: all(
             int(value_of(status, topic)) for topic in (
                 'joint_states', 'reference', 'interaction_wrench')))
-        probe.status_of('compensator', lambda status: (
-            value_of(status, 'listeners to current_command') == '2'))
         assert probe.transition('compensator', 'activate')
         assert exercise.wait(60.0) == 0
         # What the plant said on the way may still wait to be heard.
@@ -190,7 +190,7 @@ def test_every_node_says_what_it_does(path):
         for connection, _, data in reader.messages():
             if connection.topic == '/diagnostics':
                 for status in reader.deserialize(data, connection.msgtype).status:
-                    heard.setdefault(status.name, []).append(status)
+                    heard.setdefault(status.name.partition(':')[0], []).append(status)
     assert set(heard) == {'plant', 'compensator', 'exercise', 'recorder'}
     # Level 2 is an error.
     assert not any(status.level >= 2 for row in heard.values() for status in row)

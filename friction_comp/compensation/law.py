@@ -273,6 +273,28 @@ class CompensationLaw:
         self._missing[joint] = None
         self._collect_never_applied()
 
+    def retune(self, law, breakaway_gain, current_limit=None):
+        """Exchange what the law was made with while it runs; history and probe go on.
+
+        The current does not jump but to a lower limit, as with `set_model`.
+
+        Parameters
+        ----------
+        law, breakaway_gain, current_limit
+            As for the class.
+        """
+        limits = [None] * self.joints
+        if current_limit is not None:
+            limits = np.broadcast_to(np.asarray(current_limit, dtype=float), self.joints)
+        options = [{**old, 'law': law, 'breakaway_gain': float(breakaway_gain),
+                    'current_limit': None if limit is None else float(limit)}
+                   for old, limit in zip(self._options, limits)]
+        for model, new in zip(self.models, options):
+            law_parameters(model, **new)
+        self._options = options
+        for joint, model in enumerate(self.models):
+            self.set_model(joint, model)
+
     def _apply(self, terms, joint, time, positions, signals):
         """Return the sum of the joint's effects, and of those that are friction, in A."""
         position = positions[joint]

@@ -23,6 +23,7 @@ from friction_comp.identification.goal import (
 from friction_comp.identification.kinetic import merge_points
 from friction_comp.identification.script import Sample, Script
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
+from friction_comp.identification.supervision import loaded, Supervision
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -70,6 +71,7 @@ class IdentificationRun:
         self.progress, self.remaining = 0.0, math.nan
         self.warnings: list[str] = []
         self._script = Script(goal, drive)
+        self._supervision = Supervision(goal, drive)
         self._steps = self._script.run()
         next(self._steps)
         self._begin: float | None = None
@@ -95,7 +97,7 @@ class IdentificationRun:
         position : float
             rad.
         velocity : float, optional
-            Not used: the position is finer.
+            rad/s. The position must go where it leads; for all else the position is finer.
         current : float
             Measured motor current in A.
         temperature : float, optional
@@ -118,6 +120,9 @@ class IdentificationRun:
             self._check(time, position)
             if self._last is not None and time <= self._last:
                 return self._command
+            self._supervision.look(
+                float(time), float(position), velocity, float(current), self._command,
+                self._script.friction, self._script.acceleration)
             command = self._steps.send(Sample(
                 float(time), float(position),
                 float(current) if math.isfinite(current) else math.nan,
@@ -155,11 +160,18 @@ class IdentificationRun:
             script = self._script
             points = merge_points(script.points)
             sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-            self.warnings = list(script.warnings)
+            self.warnings = script.warnings + self._supervision.warnings()
             records = self._records()
+            statistics = records.statistics()
+            wrong, doubtful = loaded(
+                points, (statistics.positive_mean, statistics.negative_mean),
+                max(statistics.positive_std, statistics.negative_std))
+            if wrong:
+                raise IdentificationError(wrong)
+            self.warnings += [doubtful] if doubtful else []
             self._result = IdentificationResult(
                 points=points, sigmoid=sigmoid, sigmoid_error=error,
-                breakaway=records.statistics(), records=records,
+                breakaway=statistics, records=records,
                 acceleration_per_current=script.acceleration, goal=self.goal,
                 warnings=list(self.warnings))
         return self._result

@@ -89,6 +89,17 @@ class Script:
         self._speeds_done = 0
         _compile()
 
+    @property
+    def friction(self) -> tuple[float, float] | None:
+        """Largest current in A known to be taken by friction, a direction each; None before."""
+        if 0.0 in self._push.values():
+            return None
+        positive, negative = (
+            sign * max([abs(self._push[sign])] + [
+                abs(point.current) for point in self.points if point.speed * sign > 0.0])
+            for sign in (1, -1))
+        return positive, negative
+
     def remaining(self) -> float:
         """Return the estimated time to the end in s."""
         goal, left = self.goal, 0.0
@@ -204,9 +215,23 @@ class Script:
         push = min(self._push[1], -self._push[-1])
         quiet = math.sqrt(0.06 * push * self.acceleration / self._resolution)
         return velocity_controller_parameters(
-            self.acceleration, self.drive.current_limit,
+            self.acceleration, self._plausible(speed),
             self._expected(1, speed), self._expected(-1, speed),
             bandwidth=max(min(bandwidth, quiet), 5.0)), velocity_controller_state()
+
+    def _plausible(self, speed: float) -> float:
+        """Return the largest current in A that a speed may take, by what is known so far.
+
+        Friction grows at most in proportion to speed beyond what was measured; twice that, and
+        twice what the profile's acceleration takes, is left for gravity and control. Where the
+        joint is blocked or the encoder stuck, the controller asks for more.
+        """
+        push = max(self._push[1], -self._push[-1])
+        known = max([push] + [
+            abs(point.current) * max(1.0, speed / abs(point.speed))
+            for point in self.points[-2:]])
+        accelerating = 10.0 * speed / self.goal.cycle(max(speed, 1e-3))[0] / self.acceleration
+        return min(self.drive.current_limit, max(3.0 * push, 2.0 * known) + 2.0 * accelerating)
 
     def _follow(self, reference: Callable[[float], tuple[float, float]], duration: float,
                 allowance: float, speed: float,
@@ -223,7 +248,7 @@ class Script:
                 raise IdentificationError(
                     f'the joint lags {abs(position - sample.position):.3g} rad behind its '
                     f'reference at {abs(command):.3g} A: blocked, encoder stuck, or current limit '
-                    f'({parameters[LIMIT]:g} A) too low')
+                    f'({parameters[LIMIT]:.3g} A, or what was plausible so far) too low')
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)

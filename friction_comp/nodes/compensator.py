@@ -8,25 +8,25 @@ import traceback
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Int8MultiArray
+from std_srvs.srv import Trigger
 
 from friction_comp.compensation.law import CompensationLaw, GRAVITY, LAWS
 from friction_comp.errors import InputError
-from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.nodes.joint_io import (
-    AGAIN,
-    CommandPort,
-    input_qos,
-    JointColumns,
-    NANO,
-    nanoseconds,
-    NEW,
-)
+from friction_comp.nodes.compensation_loop import CompensationLoop
+from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
+from friction_comp.nodes.faults import Faults
+from friction_comp.nodes.joint_io import CommandPort, input_qos
+from friction_comp.nodes.joint_states import NANO, nanoseconds
+from friction_comp.nodes.model_loading import Loading, PatientParameterService
 from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_joints, load_models
-from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
+from friction_comp.nodes.parameters import declare, declare_joints, LARGE, load_models, names_in
+
+# Real s between looks at who else commands, and at faults that have ended.
+_LOOK = 0.1
 
 
 class CompensatorNode(LifecycleNode):
@@ -36,19 +36,23 @@ class CompensatorNode(LifecycleNode):
     fast_timers = ()
 
     def __init__(self):
-        super().__init__('compensator')
-        self._active = False
-        self._port = None
-        self._law = None
+        super().__init__('compensator', start_parameter_services=False)
+        self._parameter_services = PatientParameterService(self)
+        self._state = 'unconfigured'
+        self._loop: CompensationLoop | None = None
+        self._loading: Loading | None = None
         self._candidates = None
-        self._fault = ''
+        self._failure = ''
         self._rate = Rate()
+        self._faults = Faults(self.get_logger())
         self._joints = declare_joints(self)
         self._qos = input_qos(self)
         self._declare()
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
-        Diagnostics(self, self._report, ', '.join(self._joints))
+        self.create_service(Trigger, '~/reset_faults', self._on_reset)
+        Diagnostics(self, self._report, ', '.join(self._joints), 'compensation')
+        self.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         if declare(self, 'autostart', True, 'configure and activate without being asked',
                    read_only=True):
             self._start()
@@ -64,283 +68,299 @@ class CompensatorNode(LifecycleNode):
         declare(self, 'gravity', 'feed_forward',
                 "feed_forward, or left_to_robot: its own controller holds the limb's weight",
                 read_only=True, constraints=f'one of {", ".join(GRAVITY)}')
-        declare(self, 'current_limit', 0.0,
-                "largest current [A]; 0, or more than the model file's, leaves that one", 0.0)
+        declare(self, 'current_limit', 1000.0,
+                'largest current [A]; that of the model file holds where it is smaller, and 0 '
+                'lets no current through', 0.0, LARGE)
         declare(self, 'direction_timeout', 0.5,
-                'silence after which the direction counts as 0 [s]', 0.001, 3600.0)
+                'age or silence after which the direction counts as 0 [s]', 0.001, 3600.0)
         self._timeout = round(NANO * declare(
             self, 'joint_state_timeout', 0.05,
-            'age or silence of joint_states that gives zero current [s]', 0.001, 10.0,
-            read_only=True))
+            'age or silence of joint_states that gives zero current; silence is measured in real '
+            'time [s]', 0.001, 10.0, read_only=True))
 
     def _start(self):
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-            raise InputError(self._fault or 'the node could not be configured')
+            raise InputError(self._failure or 'the node could not be configured')
         if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
-            raise InputError(self._fault or 'the node could not be activated')
+            raise InputError(self._failure or 'the node could not be activated')
 
     # Parameters.
+
+    def prepare(self, parameters: list) -> Loading | None:
+        """Begin to load the models that are about to be set."""
+        for parameter in parameters:
+            if parameter.name == 'model_files' and self._loop is not None and isinstance(
+                    parameter.value, (list, tuple)):
+                self._loading = Loading(names_in(parameter.value), self._load)
+                return self._loading
+        return None
+
+    def _load(self, files):
+        return load_models(files, self._joints)
+
+    def _loaded(self, files):
+        """Return the models of files; most often they wait already."""
+        files, loading = tuple(names_in(files)), self._loading
+        if loading is not None and loading.files == files:
+            self._loading = None
+            return loading.result()
+        return self._load(files)
 
     def _check_parameters(self, parameters):
         """Refuse what cannot be used; the node then goes on with what it has."""
         models = None
         for parameter in parameters:
             if parameter.name == 'law' and parameter.value not in LAWS:
-                return SetParametersResult(
-                    successful=False,
-                    reason=f'law must be one of {", ".join(LAWS)}, not {parameter.value!r}')
-            if parameter.name == 'model_files' and self._law is not None:
+                return self._refused(
+                    f'law must be one of {", ".join(LAWS)}, not {parameter.value!r}')
+            if parameter.name == 'model_files' and self._loop is not None:
                 try:
-                    models = load_models(parameter.value, self._joints)
+                    models = self._loaded(parameter.value)
                 except InputError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
+                    return self._refused(str(error))
         self._candidates = models
         return SetParametersResult(successful=True)
 
+    def _refused(self, reason):
+        self.get_logger().warning(f'parameter refused: {reason}')
+        return SetParametersResult(successful=False, reason=reason)
+
     def _apply_parameters(self, parameters):
         names = {parameter.name for parameter in parameters}
-        if self._law is None:
+        if self._loop is None:
             return
         if 'direction_timeout' in names:
-            self._direction.timeout = self._of('direction_timeout')
+            self._loop.direction.timeout = self._of('direction_timeout')
         if 'model_files' in names and self._candidates is not None:
             models, self._candidates = self._candidates, None
             for number, model in enumerate(models):
-                self._law.set_model(number, model)
+                self._loop.law.set_model(number, model)
+            self._loop.port.limits = self._limits()
+            self.get_logger().info(f'took over {", ".join(self._of("model_files"))}')
             self._say_left_out()
         if names & {'law', 'breakaway_gain', 'current_limit'}:
-            self._law = self._make_law(self._law.models)
+            self._loop.law.retune(*self._tuning())
+            self._loop.port.limits = self._limits()
+            self._loop.changed()
+            self.get_logger().info('{}, breakaway_gain {:g}, current_limit {:g} A'.format(
+                *self._tuning()))
 
     def _of(self, name):
         return self.get_parameter(name).value
 
-    def _make_law(self, models):
-        return CompensationLaw(
-            models, self._of('law'), self._of('breakaway_gain'), self._of('current_limit') or None,
-            gravity=self._of('gravity'))
+    def _tuning(self):
+        return self._of('law'), self._of('breakaway_gain'), self._of('current_limit')
+
+    def _limits(self):
+        return [min(model.drive.current_limit, self._of('current_limit'))
+                for model in self._loop.law.models]
 
     def _say_left_out(self):
-        for number, effect, why in self._law.never_applied:
+        for number, effect, why in self._loop.law.never_applied:
             self.get_logger().warning(f'{self._joints[number]}: {effect} is not fed back: {why}')
-
-    def _missing(self):
-        """Return joint, effect and reason for what the last joint state could not feed back."""
-        found = []
-        for number, effect, signals in self._law.missing:
-            reasons = [
-                self._temperature.why_unknown(number, self._stamp) if signal == 'temperature' else
-                f'the {signal} is not measured here: the torque sensor is for evaluation only'
-                for signal in signals]
-            found.append((self._joints[number], effect, reasons or ['its value is not finite']))
-        return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in found]
 
     # Transitions.
 
     def on_configure(self, state):
         """Load the models and connect the topics."""
-        self._fault = ''
+        self._failure = ''
         try:
-            if self._of('law') not in LAWS:
-                raise InputError(
-                    f'parameter law: must be one of {", ".join(LAWS)}, not {self._of("law")!r}')
-            self._law = self._make_law(load_models(self._of('model_files'), self._joints))
-            self._warm_up()
+            self._configure()
         except InputError as error:
-            self._fault = str(error)
-            self.get_logger().error(self._fault)
+            self._failure = str(error)
+            self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
             # rclpy would swallow it.
-            self._fault = f'configuration failed: {error!r}'
+            self._failure = f'configuration failed: {error!r}'
             self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
         self._say_left_out()
-        size = len(self._joints)
-        self._direction = Direction(size, self._of('direction_timeout'))
-        self._temperature = MotorTemperature(self._joints)
-        self._columns = JointColumns(self._joints)
-        self._port = CommandPort(self, self._joints)
-        self._forget()
-        # The direction comes first: where both wait, the executor takes it before the states.
-        self._inputs = [
-            self.create_subscription(
-                Int8MultiArray, 'direction', self._on_direction, self._qos),
-            self.create_subscription(
-                Temperature, 'motor_temperature', self._on_temperature, self._qos),
-            self.create_subscription(
-                JointState, 'joint_states', self._on_joint_states, self._qos)]
-        # The node's clock, so that a simulation that rests starves nobody.
-        self._watchdog = self.create_timer(self._timeout / 2 / NANO, self._watch)
+        self._went('inactive', 'configured')
         return super().on_configure(state)
 
-    def _warm_up(self):
-        """Have everything compiled before the first sample."""
-        zeros = np.zeros(len(self._joints))
-        self._law.update(0.0, zeros, zeros, zeros)
-        self._law.update(0.0, zeros, None, zeros)
-        self._law.reset()
-
-    def _forget(self):
-        self._stamp = 0
-        self._first = None
-        self._heard = None
+    def _configure(self):
+        if self._of('law') not in LAWS:
+            raise InputError(
+                f'parameter law: must be one of {", ".join(LAWS)}, not {self._of("law")!r}')
+        models = self._load(names_in(self._of('model_files')))
+        law = CompensationLaw(models, *self._tuning(), gravity=self._of('gravity'))
+        _warm_up(law, len(self._joints))
+        simulated = self.get_parameter('use_sim_time').value
+        self._loop = CompensationLoop(
+            self._joints, law, CommandPort(self, [0.0] * len(models)), self._faults,
+            self._timeout, self._of('direction_timeout'), rests=simulated)
+        self._loop.port.limits = self._limits()
+        self._loop.watchdog.start()
+        # The direction comes first: where both wait, the executor takes it before the states.
+        self._inputs = [self.create_subscription(*which, self._qos) for which in (
+            (Int8MultiArray, 'direction', self._on_direction),
+            (JointState, 'direction_stamped', self._on_stamped_direction),
+            (Temperature, 'motor_temperature', self._on_temperature),
+            (JointState, 'joint_states', self._on_joint_states))]
 
     def on_activate(self, state):
         """Answer joint states from now on."""
-        self._law.reset()
-        self._direction.forget()
-        self._temperature.forget()
-        self._port.forget()
-        self._forget()
-        self._fault = ''
-        self._active = True
+        self._loop.activate()
+        self._loop.port.open()
+        self._went('active', 'active: commands the motor')
         return super().on_activate(state)
 
     def on_deactivate(self, state):
         """Command zero current and fall silent."""
         self._rest()
+        self._went('inactive', 'inactive: zero current')
         return super().on_deactivate(state)
 
     def on_cleanup(self, state):
         """Let go of topics and models."""
         self._disconnect()
+        self._went('unconfigured', 'cleaned up')
         return super().on_cleanup(state)
 
     def on_shutdown(self, state):
         """Command zero current if the node was active, and let go of everything."""
         self._disconnect()
+        self._went('finalized', 'shut down')
         return super().on_shutdown(state)
 
     def on_error(self, state):
         """Command zero current; the node can be configured anew."""
         self._disconnect()
+        self._went('unconfigured', 'an error in a transition')
         return TransitionCallbackReturn.SUCCESS
 
+    def _went(self, state, words):
+        self._state = state
+        self.get_logger().info(words)
+
     def _rest(self):
-        if self._active:
-            self._active = False
-            self._port.zero()
+        if self._loop is not None:
+            self._loop.leave()
+            self._loop.port.close()
 
     def _disconnect(self):
-        self._rest()
-        if self._port is None:
+        if self._loop is None:
             return
+        self._rest()
+        self._loop.watchdog.close()
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
-        self.destroy_timer(self._watchdog)
-        self._port.destroy()
-        self._port = self._law = None
+        self._loop = None
+
+    def let_go(self):
+        """Command zero current at once and for good; may be called from any thread."""
+        loop = self._loop
+        if loop is not None:
+            loop.port.zero(for_good=True)
 
     def leave(self):
         """Command zero current, however the node ends."""
-        if self._active:
-            self._rest()
-            self._port.wait()
+        self._disconnect()
+        self._state = 'finalized'
+
+    def _on_reset(self, request, response):
+        texts = [] if self._loop is None else self._loop.reset_faults()
+        response.success = True
+        response.message = '; '.join(texts) or 'nothing was latched'
+        return response
 
     # Topics.
 
     def _on_direction(self, message):
-        # The time of the states, not of arrival: a simulation's direction must not age while it
-        # rests, and is to age alike in every run.
-        self._direction.take(message.data, self._stamp or self.get_clock().now().nanoseconds)
+        self._loop.take_direction(message.data, self.get_clock().now().nanoseconds)
+
+    def _on_stamped_direction(self, message):
+        self._loop.take_stamped_direction(
+            message.name, message.velocity, nanoseconds(message.header.stamp),
+            self.get_clock().now().nanoseconds)
 
     def _on_temperature(self, message):
-        self._temperature.take(
+        self._loop.temperature.take(
             message.header.frame_id, message.temperature, nanoseconds(message.header.stamp))
 
     def _on_joint_states(self, message, info):
         self._rate.tick()
-        now = self._heard = self.get_clock().now().nanoseconds
-        if not self._active:
+        if self._state != 'active':
             return
-        stamp = nanoseconds(message.header.stamp)
-        fate = self._port.judge(stamp, info['source_timestamp'])
-        if fate == AGAIN:
-            self._port.repeat()
-        if fate != NEW:
+        now = self.get_clock().now().nanoseconds
+        if now == 0:
+            # A simulation's time before its first tick: nothing can be told from its states yet.
+            self._faults.seen('clock', 'no /clock, although use_sim_time is set', WARN)
             return
-        try:
-            current = self._compensate(message, stamp or now, now)
-        except Exception:
-            self._port.answer(stamp, np.zeros(len(self._joints)))
-            self.get_logger().error(f'deactivated by an error:\n{traceback.format_exc()}')
-            self.trigger_deactivate()
-            self._fault = 'deactivated by an error, see the log'
-            return
-        self._port.answer(stamp, current)
+        received = info['received_timestamp']
+        self._loop.take(message, now, 0 if self._loop.rests else received,
+                        info['source_timestamp'])
 
-    def _compensate(self, message, stamp, now):
-        """Return the currents for one message and set the fault that it shows, if any."""
-        position, velocity, _ = self._columns.read(message)
-        self._fault = self._fault_of(message, stamp, now, position, velocity)
-        if now - stamp > self._timeout:
-            self._law.reset()
-            return np.zeros(len(self._joints))
-        if stamp < self._stamp:
-            # Time began anew: the history belongs to another run.
-            self._law.reset()
-            self._direction.forget()
-            self._first = stamp
-        self._stamp = stamp
-        if self._first is None:
-            self._first = stamp
-        # From the first state: seconds since 1970 are too many for a float to hold their step.
-        return self._law.update(
-            (stamp - self._first) / NANO, position, velocity, self._direction.at(stamp),
-            self._temperature.before(stamp))
-
-    def _fault_of(self, message, stamp, now, position, velocity):
-        if now - stamp > self._timeout:
-            return (f'joint_states are {(now - stamp) / NANO:.3g} s old'
-                    ' (clocks differ, or use_sim_time is not set alike?)')
-        if self._columns.missing:
-            return f'joint_states lack {", ".join(self._columns.missing)}'
-        if not np.isfinite(position).all() or not (
-                velocity is None or np.isfinite(velocity).all()):
-            return 'joint_states hold values that are not finite, or too few'
-        return ''
-
-    def _watch(self):
-        """Command zero current when joint states have fallen silent."""
-        if not self._active or self._heard is None:
-            return
-        if self.get_clock().now().nanoseconds - self._heard > self._timeout:
-            self._fault = 'no joint_states'
-            self._law.reset()
-            self._port.zero()
+    def _look(self):
+        if self._state == 'active':
+            self._loop.look_around(self._loop.port.others())
+            silent = self._loop.direction.silent(self._loop.states.stamp)
+            if silent:
+                self._faults.seen(
+                    'direction silent', f'the direction of {", ".join(silent)} was not renewed '
+                    f'for {self._of("direction_timeout"):g} s and counts as 0', WARN)
+        else:
+            self._faults.look()
 
     # Diagnostics.
 
     def _report(self):
-        values = {'state': self._state_machine_label(),
-                  'joint_states per second of real time': self._rate.per_second()}
-        if self._law is not None:
-            direction = self._direction
-            values.update({
-                'law': self._of('law'), 'model_files': list(self._of('model_files')),
-                'command [A]': [round(v, 6) for v in self._port.last],
-                **{f'{name} [A]': np.round(term, 6).tolist()
-                   for name, term in self._law.terms.items()},
-                'direction': direction.at(self._stamp).tolist(),
-                'directions refused': direction.refused,
-                'listeners to current_command': self._port.listeners,
-                'left_out': '; '.join(f'{joint}: {effect} ({why})' for joint, effect, why in [
-                    *((self._joints[j], *rest) for j, *rest in self._law.never_applied),
-                    *self._missing()])})
-        if self._fault:
-            return ERROR, self._fault, values
-        if not self._active:
-            return OK, values['state'], values
-        if self._heard is None:
+        values = {'state': self._state, 'joint_states rate [Hz]': self._rate.per_second()}
+        if self._loop is not None:
+            values.update(self._values())
+        fault = self._faults.worst
+        if fault:
+            return (*fault, values)
+        if self._failure:
+            return b'\x02', self._failure, values
+        if self._state != 'active':
+            return OK, self._state, values
+        if not self._loop.states.stamp:
             return WARN, 'no joint_states yet', values
-        if self._direction.refused:
-            return WARN, 'directions of wrong length or value counted as 0', values
-        return OK, 'compensating', values
+        return OK, ('compensating' if np.any(self._loop.direction.at(self._loop.states.stamp))
+                    else 'compensating; no direction'), values
 
-    def _state_machine_label(self):
-        if self._active:
-            return 'active'
-        return 'unconfigured' if self._law is None else 'inactive'
+    def _values(self):
+        loop, joints = self._loop, self._joints
+        stamp = loop.states.stamp
+        values = {
+            'law': self._of('law'), 'model_files': list(self._of('model_files')),
+            **per_joint(joints, 'command [A]', loop.port.last)}
+        for name, term in loop.law.terms.items():
+            values.update(per_joint(joints, f'{name} [A]', term))
+        values.update(per_joint(joints, 'direction', loop.direction.at(stamp)))
+        values.update(per_joint(joints, 'direction age [s]', (
+            loop.direction.age(number, stamp) for number in range(len(joints)))))
+        values.update({
+            'directions refused': loop.direction.refused,
+            'joint_states passed over': loop.states.passed_over,
+            'faults so far': self._faults.count,
+            'listeners to current_command': loop.port.listeners,
+            'left_out': '; '.join(f'{joint}: {effect} ({why})' for joint, effect, why in [
+                *((joints[j], *rest) for j, *rest in loop.law.never_applied),
+                *self._missing()])})
+        return values
+
+    def _missing(self):
+        """Return joint, effect and reason for what the last joint state could not feed back."""
+        found = []
+        for number, effect, signals in self._loop.law.missing:
+            reasons = [
+                self._loop.temperature.why_unknown(number, self._loop.states.stamp)
+                if signal == 'temperature' else
+                f'the {signal} is not measured here: the torque sensor is for evaluation only'
+                for signal in signals]
+            found.append((self._joints[number], effect, reasons or ['its value is not finite']))
+        return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in found]
+
+
+def _warm_up(law, joints):
+    """Have everything compiled before the first sample."""
+    zeros = np.zeros(joints)
+    law.update(0.0, zeros, zeros, zeros)
+    law.update(0.0, zeros, None, zeros)
+    law.reset()
 
 
 def main(argv=None):

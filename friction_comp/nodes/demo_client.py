@@ -60,7 +60,9 @@ class DemoClient:
 
     def _on_diagnostics(self, message):
         for status in message.status:
-            self._status[status.name] = {item.key: item.value for item in status.values}
+            # diagnostic_updater's form: node: task.
+            name = status.name.partition(':')[0]
+            self._status[name] = {item.key: item.value for item in status.values}
 
     def value(self, node, key):
         """Return what a node last said of a key in its diagnostics, or None."""

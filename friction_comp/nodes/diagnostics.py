@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
@@ -15,6 +17,9 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 class Diagnostics:
     """Publishes a node's state once a second of real time, also while simulated time rests.
 
+    The name is made as diagnostic_updater makes it, ``node: task``, so that aggregators and
+    plotting tools find it; numbers stand alone in their values, one for each joint.
+
     Parameters
     ----------
     node : rclpy.node.Node
@@ -22,17 +27,20 @@ class Diagnostics:
         Returns (level, message, values) with values a dict of what str() can show.
     hardware : str
         What the node works on, for instance its joints.
+    task : str
+        What the node does, in a word or two.
     """
 
-    def __init__(self, node, report, hardware=''):
+    def __init__(self, node: Any, report: Callable[[], tuple], hardware: str = '',
+                 task: str = 'status'):
         self._node = node
         self._report = report
         self._status = DiagnosticStatus(
-            name=node.get_fully_qualified_name().lstrip('/'), hardware_id=hardware)
+            name=f'{node.get_fully_qualified_name().lstrip("/")}: {task}', hardware_id=hardware)
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         node.create_timer(1.0, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def publish(self):
+    def publish(self) -> None:
         """Publish the state now."""
         self._status.level, self._status.message, values = self._report()
         self._status.values = [
@@ -43,6 +51,11 @@ class Diagnostics:
         self._publisher.publish(message)
 
 
+def per_joint(joints: Sequence[str], key: str, values: Iterable[float]) -> dict[str, float]:
+    """Return a diagnostic value for each joint, ``joint: key``."""
+    return {f'{joint}: {key}': float(value) for joint, value in zip(joints, values)}
+
+
 class Rate:
     """Counts events and says how many a second there were since it was last asked."""
 
@@ -50,11 +63,11 @@ class Rate:
         self.count = 0
         self._asked = (time.monotonic(), 0)
 
-    def tick(self):
+    def tick(self) -> None:
         """Count one."""
         self.count += 1
 
-    def per_second(self):
+    def per_second(self) -> float:
         """Return the rate in Hz since the last call."""
         now = time.monotonic()
         before, count = self._asked

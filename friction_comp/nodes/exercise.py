@@ -17,14 +17,8 @@ from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
-from friction_comp.nodes.joint_io import (
-    input_qos,
-    JointColumns,
-    NANO,
-    nanoseconds,
-    RELIABLE,
-    set_stamp,
-)
+from friction_comp.nodes.joint_io import input_qos, RELIABLE
+from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints
 from friction_comp.simulation.reference_movement import ReferenceMovement
@@ -79,7 +73,7 @@ class ExerciseNode(Node):
             label='joint', size=len(self._joints), stride=len(self._joints))]
         self._references = self.create_publisher(JointState, 'reference', RELIABLE)
         self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
-        Diagnostics(self, self._report, ', '.join(self._joints))
+        Diagnostics(self, self._report, ', '.join(self._joints), 'exercise')
         self._origin = None
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)

@@ -10,7 +10,6 @@ import time
 import traceback
 
 from friction_comp_interfaces.action import IdentifyFriction
-import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -18,32 +17,31 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState, Temperature
 
 from friction_comp.errors import InputError
-from friction_comp.identification.run import IdentificationRun
-from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
+from friction_comp.files import check_folder
+from friction_comp.identification.run import IdentificationGoal, IdentificationRun
+from friction_comp.nodes import joint_states
+from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
 from friction_comp.nodes.goals import declare_defaults, fill_result, make_goal
-from friction_comp.nodes.joint_io import (
-    AGAIN,
-    CommandPort,
-    input_qos,
-    JointColumns,
-    NANO,
-    nanoseconds,
-    NEW,
-)
+from friction_comp.nodes.joint_io import CommandPort, input_qos
+from friction_comp.nodes.joint_states import JointStates, NANO, nanoseconds
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.slow_inputs import MotorTemperature
+from friction_comp.nodes.watchdog import Watchdog
 
-# Real time in s between looks whether joint_states have a publisher at all: in simulated time,
-# which rests with its publisher, nothing else would tell.
-_LOOK = 0.5
+# Real time in s between looks at who else is there: publishers of joint_states, other commanders,
+# and the client.
+_LOOK = 0.1
+# Real s within which joint states must have come for a goal to be accepted. A busy machine may
+# leave them unread for long; the joint is not driven before a fresh one has come.
+_RECENT = 2.0
 
 
 class IdentificationNode(Node):
     """Serves one goal at a time; a second one is rejected while the first runs.
 
-    The node commands currents during a goal only, one for every joint state, and leaves the drive
-    at zero current however the goal ends.
+    The node has a publisher of currents during a goal only, commands one for every joint state,
+    and leaves the drive at zero current however the goal ends.
     """
 
     finished = False
@@ -59,32 +57,33 @@ class IdentificationNode(Node):
         self._output = declare(
             self, 'output_folder', '.', 'folder that takes the model files, named after their '
             'joints')
-        self._timeout = round(NANO * declare(
-            self, 'joint_state_timeout', 0.05, 'age or silence of joint_states that ends a goal '
-            '[s]', 0.001, 10.0, read_only=True))
+        timeout = declare(
+            self, 'joint_state_timeout', 0.05, 'silence of joint_states that ends a goal, in real '
+            'time, and largest age [s]', 0.001, 10.0, read_only=True)
         self._feedback_period = declare(
             self, 'feedback_period', 0.1, 'real time between feedback messages [s]', 0.01, 10.0,
             read_only=True)
         self._defaults = declare_defaults(self)
         qos = input_qos(self)
-        self._columns = JointColumns(self._joints)
+        self._states = JointStates(self._joints, round(NANO * timeout))
         self._temperature = MotorTemperature(self._joints)
-        self._port = CommandPort(self, self._joints)
+        self._port = CommandPort(self, [drive.current_limit for drive in self._drives])
+        self._watchdog = Watchdog(timeout, self._on_silence).start()
         self._rate = Rate()
-        self._stamp = self._heard = None
-        self._busy = False
+        self._heard = self._fresh = -math.inf
+        self._busy = self._silent = False
         self._run = None
         self._done = None
         self._last_end = ''
         self._refused = ''
+        _warm_up(self._drives[0])
         self.create_subscription(Temperature, 'motor_temperature', self._on_temperature, qos)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
-        self.create_timer(self._timeout / 2 / NANO, self._watch)
         self.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._server = ActionServer(
             self, IdentifyFriction, 'identify_friction', self._execute,
             goal_callback=self._on_goal, cancel_callback=self._on_cancel)
-        Diagnostics(self, self._report, ', '.join(self._joints))
+        Diagnostics(self, self._report, ', '.join(self._joints), 'identification')
 
     # The action.
 
@@ -94,6 +93,7 @@ class IdentificationNode(Node):
                 raise InputError('another goal is running')
             number, _ = make_goal(request, self._joints, self._drives, self._defaults)
             self._check_states(number)
+            self._check_surroundings()
         except InputError as error:
             self._refused = str(error)
             self.get_logger().warning(f'goal rejected: {error}')
@@ -103,21 +103,22 @@ class IdentificationNode(Node):
         return GoalResponse.ACCEPT
 
     def _check_states(self, number):
-        now = self.get_clock().now().nanoseconds
-        if self._heard is None or now - self._heard > self._timeout:
+        if time.monotonic() - self._heard > _RECENT:
             raise InputError('there are no joint_states')
-        if self._joints[number] in self._columns.missing:
+        if time.monotonic() - self._fresh > _RECENT:
+            raise InputError(str(self._states))
+        if self._joints[number] in self._states.missing:
             raise InputError(f'joint_states lack {self._joints[number]}')
-        if self._age(now) > self._timeout:
-            raise InputError(
-                f'joint_states are {self._age(now) / NANO:.3g} s old (clocks differ, or '
-                'use_sim_time is not set alike?)')
 
-    def _age(self, now):
-        return now - self._stamp if self._stamp else 0
+    def _check_surroundings(self):
+        """Raise InputError where the joint must not be driven, or to no purpose."""
+        others = self._port.others()
+        if others:
+            raise InputError(f'{", ".join(others)} may command the motor: deactivate it first')
+        check_folder(self.get_parameter('output_folder').value)
 
     def _on_cancel(self, goal_handle):
-        self._end('canceled', 'cancelled on request', zero=True)
+        self._end('canceled', 'cancelled on request')
         return CancelResponse.ACCEPT
 
     async def _execute(self, goal_handle):
@@ -128,8 +129,9 @@ class IdentificationNode(Node):
             joint = self._joints[self._number]
             self._goal_handle = goal_handle
             self._started = self._shown = None
-            self._port.forget()
-            self._done = Future()
+            self._done, self._silent, self._accompanied = Future(), False, False
+            self._states.forget()
+            self._port.open()
             run = self._run = IdentificationRun(goal, self._drives[self._number])
             self.get_logger().info(f'identifies {joint}')
             end, result.message = await self._done
@@ -141,7 +143,8 @@ class IdentificationNode(Node):
             self.get_logger().error(traceback.format_exc())
             end, result.message = 'aborted', 'an error in the node, see its log'
         finally:
-            self._end('aborted', 'an error in the node', zero=True)
+            self._end('aborted', 'an error in the node')
+            self._port.close()
             self._busy = False
         result.success = end == 'done'
         self._last_end = f'{end}: {result.message}'
@@ -164,13 +167,13 @@ class IdentificationNode(Node):
         result.model_file = str(path)
         result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
-    def _end(self, end, message, zero):
+    def _end(self, end, message):
         """End the run, if one is on: currents first, words later."""
         if self._run is None:
             return
         run, self._run = self._run, None
-        if zero:
-            self._port.zero()
+        self._watchdog.rest()
+        self._port.zero()
         run.abort(message)
         self._done.set_result((end, message))
 
@@ -182,50 +185,60 @@ class IdentificationNode(Node):
 
     def _on_joint_states(self, message, info):
         self._rate.tick()
-        now = self._heard = self.get_clock().now().nanoseconds
-        stamp = nanoseconds(message.header.stamp)
-        self._stamp = stamp
-        position, velocity, effort = self._columns.read(message)
+        now = self.get_clock().now().nanoseconds
+        simulated = self.get_clock().ros_time_is_active
+        if self._run is not None and not self._port.ready:
+            return
+        ticket = self._port.ticket
+        verdict = self._states.take(
+            message, now, 0 if simulated else info['received_timestamp'])
+        self._heard = time.monotonic()
+        # A simulation whose time rests, since nobody commands, sends its last state again.
+        if verdict == joint_states.NEW or (verdict == joint_states.AGAIN and simulated):
+            self._fresh = self._heard
         if self._run is None:
             return
-        fate = self._port.judge(stamp, info['source_timestamp'])
-        if fate == AGAIN:
-            self._port.repeat()
-        if fate != NEW:
-            return
         try:
-            self._measure(stamp, now, position, velocity, effort)
+            if verdict == joint_states.NEW:
+                self._silent = False
+                self._watchdog.feed()
+                self._measure(ticket)
+            elif verdict == joint_states.AGAIN:
+                if self._port.is_lost(info['source_timestamp']):
+                    self._port.repeat()
+            elif verdict == joint_states.MALFORMED:
+                raise InputError('joint_states hold arrays of different lengths')
         except InputError as error:
-            self._end('aborted', str(error), zero=True)
+            self._end('aborted', str(error))
         except Exception:
             self.get_logger().error(traceback.format_exc())
-            self._end('aborted', 'an error in the node, see its log', zero=True)
+            self._end('aborted', 'an error in the node, see its log')
 
-    def _measure(self, stamp, now, position, velocity, effort):
+    def _measure(self, ticket):
         """Answer one joint state."""
-        if self._age(now) > self._timeout:
-            raise InputError(f'joint_states are {self._age(now) / NANO:.3g} s old')
-        number, drive = self._number, self._drives[self._number]
+        states, number = self._states, self._number
+        drive = self._drives[number]
         if self._started is None:
-            self._started = stamp or now
-        at = ((stamp or now) - self._started) / NANO
+            self._started = states.stamp
+        at = (states.stamp - self._started) / NANO
+        velocity = states.velocity
         sample = [
-            float(position[number]),
+            float(states.position[number]),
             math.nan if velocity is None else float(velocity[number]),
-            float(effort[number]) / drive.torque_per_current]
+            float(states.effort[number]) / drive.torque_per_current]
         if not math.isfinite(sample[0]) or not math.isfinite(sample[2]):
             raise InputError(
                 f'joint_states hold no finite position and effort of {self._joints[number]}')
-        temperature = self._temperature.before(stamp or now)
+        temperature = self._temperature.before(states.stamp)
         current = self._run.update(
             at, *sample,
             None if temperature is None else float(temperature[number]))
-        commands = np.zeros(len(self._joints))
+        commands = [0.0] * len(self._joints)
         commands[number] = 0.0 if self._run.finished else current
-        self._port.answer(stamp, commands)
+        self._port.answer(commands, ticket)
         self._feed_back(at, sample)
         if self._run.finished:
-            self._end('done', '', zero=False)
+            self._end('done', '')
 
     def _feed_back(self, at, sample):
         now = time.monotonic()
@@ -238,14 +251,28 @@ class IdentificationNode(Node):
             velocity=sample[1], current=sample[2])
         self._goal_handle.publish_feedback(feedback)
 
-    def _watch(self):
-        if self._run is not None and self._heard is not None and (
-                self.get_clock().now().nanoseconds - self._heard > self._timeout):
-            self._end('aborted', 'joint_states fell silent', zero=True)
+    def _on_silence(self):
+        """Command zero; called by the watchdog, in its thread."""
+        self._port.zero()
+        self._silent = True
 
     def _look(self):
-        if self._run is not None and not self.count_publishers('joint_states'):
-            self._end('aborted', 'joint_states have no publisher any more', zero=True)
+        """End a goal that nobody stands behind."""
+        if self._run is None:
+            return
+        states = self.resolve_topic_name('joint_states')
+        client = self.resolve_service_name('identify_friction/_action/get_result')
+        others, clients = self._port.others(), self.count_clients(client)
+        self._accompanied = self._accompanied or clients > 0
+        # A simulation's time may rest: then its last state is as fresh as ever.
+        if self._silent and not self.get_clock().ros_time_is_active:
+            self._end('aborted', 'joint_states fell silent')
+        elif not self.count_publishers(states):
+            self._end('aborted', 'joint_states have no publisher any more')
+        elif self._accompanied and not clients:
+            self._end('aborted', 'the client that asked for it has gone')
+        elif others:
+            self._end('aborted', f'{", ".join(others)} may command the motor too')
 
     def _report(self):
         values = {'joint_states per second of real time': self._rate.per_second(),
@@ -254,19 +281,34 @@ class IdentificationNode(Node):
         if self._run is not None:
             values.update({
                 'joint': self._joints[self._number], 'phase': self._run.phase,
-                'progress': float(self._run.progress), 'command [A]': self._port.last})
+                'progress': float(self._run.progress),
+                **per_joint(self._joints, 'command [A]', self._port.last)})
             return OK, f'identifies {self._joints[self._number]}', values
         if self._last_end.startswith('aborted'):
             return ERROR, self._last_end, values
-        if self._heard is None:
+        if not self._states.stamp:
             return WARN, 'no joint_states yet', values
         return OK, 'ready', values
 
+    def let_go(self):
+        """Command zero current at once and for good; may be called from any thread."""
+        self._port.zero(for_good=True)
+
     def leave(self):
         """End a running goal with zero current."""
-        if self._run is not None:
-            self._end('aborted', 'the node was stopped', zero=True)
-            self._port.wait()
+        self._end('aborted', 'the node was stopped')
+        self._port.wait()
+        self._watchdog.close()
+
+
+def _warm_up(drive):
+    """Have what a goal runs compiled, and its modules read, before the first one comes."""
+    goal = IdentificationGoal(
+        speeds=(0.4, 0.8), ramp_slope=drive.current_limit / 10.0, ramp_period=1.0)
+    identification = IdentificationRun(goal, drive)
+    for k in range(3):
+        identification.update(1e-3 * k, 0.0, 0.0, 0.0)
+    identification.abort()
 
 
 def main(argv=None):

@@ -1,20 +1,22 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Joint states in, motor currents out: what the nodes that drive a motor share."""
+"""Motor currents out: what the nodes that drive a motor share."""
 
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
+import math
+import threading
 import time
+from typing import Any
 
-import numpy as np
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
+from friction_comp.nodes.joint_states import NANO
 from friction_comp.nodes.parameters import declare
-
-NANO = 1_000_000_000
 
 # Deep enough that a reader may pause for seconds and miss nothing.
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -23,11 +25,18 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 # A state that comes again was sent again because its answer was lost only if it left its sender
 # this long after the answer; an earlier one had merely crossed with it.
 _CROSSING = NANO // 10
+# Real s that a new publisher waits for its listeners.
+_MATCHING = 1.0
+# Label of a command that answers no joint state: zero of the commander's own accord. A motor obeys
+# it as any other; a simulation whose time rests must not take it for the answer it waits for.
+UNASKED = 'unasked'
+# A current below this is zero: what decays would end in denormal numbers, A.
+_NOTHING = 1e-12
+# Real s that the watchdog waits for a publication under way before it publishes beside it.
+_UNDER_WAY = 0.005
 
-NEW, AGAIN, CROSSED = 'new', 'again', 'crossed'
 
-
-def input_qos(node):
+def input_qos(node: Any) -> QoSProfile:
     """Declare `input_reliability` and return the quality of service for the node's inputs.
 
     Best effort hears every publisher. Reliable hears reliable ones only, but loses nothing, which
@@ -40,52 +49,6 @@ def input_qos(node):
     return RELIABLE if kind == 'reliable' else BEST_EFFORT
 
 
-def nanoseconds(stamp):
-    """Return a builtin_interfaces/Time in ns."""
-    return stamp.sec * NANO + stamp.nanosec
-
-
-def set_stamp(stamp, value):
-    """Set a builtin_interfaces/Time to a time in ns."""
-    stamp.sec, stamp.nanosec = divmod(value, NANO)
-
-
-class JointColumns:
-    """Picks the node's joints out of joint states, whatever their order and company.
-
-    Parameters
-    ----------
-    joints : list of str
-    """
-
-    def __init__(self, joints):
-        self._joints = list(joints)
-        self._names = None
-        self._columns = None
-        self._blank = np.full(len(self._joints), np.nan)
-        self.missing = list(self._joints)
-
-    def read(self, message):
-        """Return position, velocity and effort, each (J,), NaN where there is no value.
-
-        Velocity is None where the message has none. The attribute `missing` names the joints
-        that the message lacks.
-        """
-        if message.name != self._names:
-            self._names = list(message.name)
-            places = {name: k for k, name in enumerate(self._names)}
-            self._columns = [places.get(name, -1) for name in self._joints]
-            self.missing = [name for name in self._joints if name not in places]
-        position = self._pick(message.position)
-        velocity = self._pick(message.velocity) if len(message.velocity) else None
-        return position, velocity, self._pick(message.effort)
-
-    def _pick(self, values):
-        if len(values) != len(self._names):
-            return self._blank.copy()
-        return np.array([values[k] if k >= 0 else np.nan for k in self._columns])
-
-
 class CommandPort:
     """Publishes `current_command`: one message for each joint state, so that they pair up.
 
@@ -93,83 +56,161 @@ class CommandPort:
     after a state is its answer. It sends a state again when no answer came; that must neither be
     answered twice nor, if the first answer was lost, not at all.
 
+    There is a publisher only while the port is open: whoever has one may command the motor, and
+    the others can count.
+
+    Zero current may be commanded from any thread, and overtakes: what was asked for before it, by
+    its `ticket`, does not go out after it.
+
     Parameters
     ----------
     node : rclpy.node.Node
-    joints : list of str
+    limits : sequence of float
+        Largest current of each joint in A.
+
+    Attributes
+    ----------
+    ticket : int
+        To be taken before a current is computed.
+    last : list of float
+        The last command in A.
+    trimmed : int
+        Number of values so far that were not finite.
     """
 
-    def __init__(self, node, joints):
+    def __init__(self, node: Any, limits: Sequence[float]):
         self._node = node
-        self._zeros = array('d', bytes(8 * len(joints)))
-        self._message = Float64MultiArray(data=array('d', self._zeros))
-        self._message.layout.dim = [MultiArrayDimension(
-            label='joint', size=len(joints), stride=len(joints))]
-        self._publisher = node.create_publisher(Float64MultiArray, 'current_command', RELIABLE)
-        self.forget()
-
-    def forget(self):
-        """Take the next state as new whatever its stamp."""
-        self._stamp = None
+        self._topic = node.resolve_topic_name('current_command')
+        self.limits = list(limits)
+        size = len(self.limits)
+        self._message, self._zero = self._make('joint', size), self._make(UNASKED, size)
+        self._publisher: Any = None
+        self._lock = threading.Lock()
+        self._sealed = False
+        self.ticket = self.trimmed = 0
+        self.last = [0.0] * size
         self._answered = 0
 
-    def judge(self, stamp, sent):
-        """Return NEW, AGAIN (to be answered with `repeat`) or CROSSED (not to be answered).
+    @staticmethod
+    def _make(label, size):
+        message = Float64MultiArray(data=array('d', bytes(8 * size)))
+        message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=size)]
+        return message
+
+    def open(self) -> None:
+        """Make the publisher."""
+        self._publisher = self._node.create_publisher(
+            Float64MultiArray, 'current_command', RELIABLE)
+        self._opened, self._matched = time.monotonic(), False
+        self.last, self._answered = [0.0] * len(self.limits), 0
+
+    def close(self) -> None:
+        """Give the publisher back when its readers have what it said."""
+        if self._publisher is None:
+            return
+        self.wait()
+        with self._lock:
+            publisher, self._publisher = self._publisher, None
+        self._node.destroy_publisher(publisher)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the port is open and has found those who listen, or waited for them."""
+        if self._publisher is None:
+            return False
+        if not self._matched:
+            known = self._node.count_subscribers(self._topic)
+            self._matched = (0 < known <= self.listeners
+                             or time.monotonic() - self._opened > _MATCHING)
+        return self._matched
+
+    def is_lost(self, sent: int) -> bool:
+        """Tell whether a state that comes again was sent since its answer was lost.
 
         Parameters
         ----------
-        stamp : int
-            Stamp of the state in ns; zero where the driver gives none.
         sent : int
             System time in ns at which its sender published it.
         """
-        if stamp == 0 or stamp != self._stamp:
-            return NEW
-        return AGAIN if sent > self._answered + _CROSSING else CROSSED
+        return sent > self._answered + _CROSSING
 
-    def answer(self, stamp, currents):
-        """Publish currents in A, (J,), as the answer to the state with this stamp.
+    def answer(self, currents: Sequence[float], ticket: int) -> bool:
+        """Publish currents in A, one a joint, unless zero was commanded since the ticket.
 
-        A value that is not finite goes out as zero.
+        A value that is not finite goes out as zero, one beyond the limit as the limit.
+
+        Returns
+        -------
+        bool
+            Whether the currents went out.
         """
-        values = np.asarray(currents, dtype=float)
-        if not np.isfinite(values).all():
-            values = np.where(np.isfinite(values), values, 0.0)
-        self._message.data = array('d', values.tobytes())
-        self._stamp = stamp
-        self.repeat()
-
-    def repeat(self):
-        """Publish the last answer again."""
-        self._publisher.publish(self._message)
+        values = []
+        for value, limit in zip(currents, self.limits):
+            if not -limit <= value <= limit:
+                if not math.isfinite(value):
+                    self.trimmed += 1
+                    value = 0.0
+                value = min(max(value, -limit), limit)
+            elif -_NOTHING < value < _NOTHING:
+                value = 0.0
+            values.append(value)
+        with self._lock:
+            if ticket != self.ticket or self._sealed or self._publisher is None:
+                return False
+            self._message.data = array('d', values)
+            self.last = values
+            self._publisher.publish(self._message)
+            if ticket != self.ticket:
+                # Zero went out meanwhile, beside a publication that hung: it has the last word.
+                self.last = [0.0] * len(self.limits)
+                self._publisher.publish(self._zero)
+                return False
         self._answered = time.time_ns()
+        return True
 
-    def zero(self):
-        """Command zero current on all joints."""
-        if not self._node.context.ok():
-            return
-        self._message.data = array('d', self._zeros)
-        self._publisher.publish(self._message)
-        self.forget()
+    def repeat(self) -> None:
+        """Publish the last answer again."""
+        self.answer(self.last, self.ticket)
 
-    def wait(self, patience=0.2):
+    def zero(self, for_good: bool = False) -> None:
+        """Command zero current on all joints, now; `for_good` lets nothing out after it."""
+        self._sealed = self._sealed or for_good
+        self.ticket += 1
+        # A publication that hangs must not keep zero from going out.
+        taken = self._lock.acquire(timeout=_UNDER_WAY)
+        try:
+            self.ticket += 1
+            self.last = [0.0] * len(self.limits)
+            publisher = self._publisher
+            if publisher is not None and self._node.context.ok():
+                publisher.publish(self._zero)
+                self._answered = time.time_ns()
+        finally:
+            if taken:
+                self._lock.release()
+
+    def others(self) -> list[str]:
+        """Return who else has a publisher of the same topic, by node name."""
+        own = 0 if self._publisher is None else 1
+        if self._node.count_publishers(self._topic) <= own:
+            return []
+        names = [f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                 for info in self._node.get_publishers_info_by_topic(self._topic)]
+        mine = self._node.get_fully_qualified_name()
+        if own and mine in names:
+            names.remove(mine)
+        return sorted(names)
+
+    def wait(self, patience: float = 0.2) -> None:
         """Wait at most `patience` s until every reliable reader has confirmed what was published.
 
         Confirmations come with the middleware's heartbeat, which may take seconds: this only
         gives a lost message a chance before the publisher goes.
         """
-        self._publisher.wait_for_all_acked(Duration(seconds=patience))
-
-    def destroy(self):
-        """Give the publisher back."""
-        self._node.destroy_publisher(self._publisher)
+        if self._publisher is not None and self._node.context.ok():
+            self._publisher.wait_for_all_acked(Duration(seconds=patience))
 
     @property
-    def last(self):
-        """The last command, list of A."""
-        return list(self._message.data)
-
-    @property
-    def listeners(self):
+    def listeners(self) -> int:
         """Number of subscriptions that the commands reach."""
-        return self._publisher.get_subscription_count()
+        return 0 if self._publisher is None else self._publisher.get_subscription_count()

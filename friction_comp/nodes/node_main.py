@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
 import gc
+import os
 import signal
 import sys
+import threading
 import traceback
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import ROSInterruptException
@@ -20,6 +24,12 @@ from friction_comp.errors import InputError
 from friction_comp.nodes.executor import StreamExecutor
 
 _LAST_ROUNDS = 10
+# All that would end the process without a word, as far as a process may prevent it.
+SIGNALS = [getattr(signal, name) for name in (
+    'SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2', 'SIGALRM',
+    'SIGVTALRM', 'SIGPROF', 'SIGXCPU', 'SIGIO', 'SIGPWR', 'SIGSTKFLT') if hasattr(signal, name)]
+# s after which one thread lets another run: a model that is loaded must not hold up the loop.
+_SWITCH_INTERVAL = 5e-4
 
 
 class _Parser(argparse.ArgumentParser):
@@ -27,7 +37,8 @@ class _Parser(argparse.ArgumentParser):
         raise InputError(message)
 
 
-def run(name, description, make_node, argv=None):
+def run(name: str, description: str, make_node: Callable[[], Any],
+        argv: Sequence[str] | None = None) -> int:
     """Start a node, spin it until it is done or told to stop, and let it leave in order.
 
     Signals are not left to rclpy: it would tear the context down at once, and then no zero
@@ -40,15 +51,16 @@ def run(name, description, make_node, argv=None):
     description : str
         One sentence for ``--help``.
     make_node : callable
-        Returns the node. Its method `leave()` is called however the node ends; its attribute
-        `finished` (False) ends it from within, `fast_timers` is the executor's.
+        Returns the node. Its method `leave()` is called however the node ends; `let_go()`, where
+        it has one, as soon as a signal comes, and in another thread; its attribute `finished`
+        (False) ends it from within, `fast_timers` is the executor's.
     argv : list of str, optional
         Arguments, ROS arguments included; those of the process when omitted.
 
     Returns
     -------
     int
-        0 when it ended on its own or by SIGINT or SIGTERM, 1 after an exception.
+        0 when it ended on its own or by one of SIGNALS, 1 after an exception.
 
     Raises
     ------
@@ -60,9 +72,8 @@ def run(name, description, make_node, argv=None):
         'Parameters, remappings and names are given after --ros-args, for instance '
         '--ros-args -p NAME:=VALUE -r FROM:=TO.'))
     parser.parse_args(remove_ros_args([name, *argv])[1:])
-    caught = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: caught.append(number))
+    signals = _Signals()
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
         rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
@@ -70,12 +81,13 @@ def run(name, description, make_node, argv=None):
         raise InputError(f'ROS arguments: {error}') from None
     try:
         node = make_node()
+        signals.tell(getattr(node, 'let_go', None))
         executor = StreamExecutor(node)
         # What lives until the end is not to be searched for garbage between two samples.
         gc.collect()
         gc.freeze()
         try:
-            return _spin(executor, node, caught)
+            return _spin(executor, node, signals.caught)
         finally:
             node.leave()
             # What leaving has set off, such as an action's result, is to go out.
@@ -84,6 +96,39 @@ def run(name, description, make_node, argv=None):
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
+
+
+class _Signals:
+    """Catches signals, and tells of them at once.
+
+    Python's own handlers wait until the main thread comes back from what it does. A thread hears
+    of the signal through a pipe that the interpreter writes to without waiting for anything.
+    """
+
+    def __init__(self):
+        self.caught: list[int] = []
+        self._tell: Callable[[], None] | None = None
+        self._came = False
+        for number in SIGNALS:
+            signal.signal(number, lambda number, _: self.caught.append(number))
+        end, begin = os.pipe()
+        os.set_blocking(begin, False)
+        signal.set_wakeup_fd(begin, warn_on_full_buffer=False)
+        threading.Thread(
+            target=self._listen, args=(end,), name='signals', daemon=True).start()
+
+    def tell(self, whom):
+        """Call a function, from another thread, when a signal comes, or now if one came."""
+        self._tell = whom
+        if self._came and whom is not None:
+            whom()
+
+    def _listen(self, end):
+        while True:
+            if set(os.read(end, 16)) & set(SIGNALS):
+                self._came = True
+                if self._tell is not None:
+                    self._tell()
 
 
 def _spin(executor, node, caught):

@@ -16,7 +16,8 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
-from friction_comp.nodes.joint_io import JointColumns, NANO, nanoseconds, RELIABLE, set_stamp
+from friction_comp.nodes.joint_io import RELIABLE, UNASKED
+from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.simulation.joint import Plant
@@ -97,7 +98,7 @@ class PlantNode(Node):
         self.create_subscription(JointState, 'reference', self._on_reference, RELIABLE)
         self.create_subscription(
             Float64MultiArray, 'current_command', self._on_command, RELIABLE)
-        Diagnostics(self, self._report, ', '.join(self._joints))
+        Diagnostics(self, self._report, ', '.join(self._joints), 'simulation')
         self._lockstep = clock == 'lockstep'
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         if self._lockstep:
@@ -189,11 +190,14 @@ class PlantNode(Node):
             self._advance()
 
     def _on_command(self, message):
-        self._take_command(message)
         if self._lockstep:
-            self._answered = True
-            self._advance()
+            unasked = any(part.label == UNASKED for part in message.layout.dim)
+            if self._shown and not self._answered and not unasked:
+                self._take_command(message)
+                self._answered = True
+                self._advance()
         else:
+            self._take_command(message)
             self._commanded_at = self._steady.now().nanoseconds
 
     # Lockstep.
@@ -220,7 +224,9 @@ class PlantNode(Node):
     _waiting_since = -1
 
     def _tick(self):
-        set_stamp(self._clock_message.clock, self._stamp)
+        """Publish the present tick; again, where someone had not heard of it."""
+        since = self._samples % self._clock_every
+        set_stamp(self._clock_message.clock, self._stamp - since * self._sample)
         self._ticks.publish(self._clock_message)
 
     def _look(self):
@@ -229,8 +235,7 @@ class PlantNode(Node):
         self._looks += 1
         if self._looks >= 2:
             self._looks = 0
-            if self._samples % self._clock_every == 0:
-                self._tick()
+            self._tick()
             if self._shown and self._states.get_subscription_count():
                 self._publish()
 

@@ -123,7 +123,7 @@ class RecorderNode(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_FLUSH, self._flush, clock=steady)
         self.create_timer(_LOOK, self._look, clock=steady)
-        Diagnostics(self, self._report, output)
+        Diagnostics(self, self._report, output, 'recording')
 
     def _look(self) -> None:
         for topic in self._topics.values():

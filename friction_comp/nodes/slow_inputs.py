@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+import math
+
 import numpy as np
 
 # Friction follows the motor's temperature over minutes: an older reading says nothing.
@@ -13,46 +16,99 @@ _TEMPERATURE_TIMEOUT = 60_000_000_000
 class Direction:
     """Holds the last direction d per joint; 0 where it is malformed or old.
 
+    It may come by either of two ways, plain or with the planner's stamp; for each joint the later
+    word wins.
+
     Parameters
     ----------
-    size : int
-        Number of joints.
+    joints : list of str
     timeout : float
         s of silence after which d is 0.
     """
 
-    def __init__(self, size, timeout):
+    def __init__(self, joints: Sequence[str], timeout: float):
         self.timeout = timeout
         self.refused = 0
-        self._zeros = np.zeros(size)
+        self._numbers = {joint: number for number, joint in enumerate(joints)}
+        self._zeros = np.zeros(len(joints))
         self.forget()
 
-    def forget(self):
+    def forget(self) -> None:
         """Fall back to 0 until the next message."""
         self._values = self._zeros
-        self._time = None
+        self._times: list[int | None] = [None] * len(self._zeros)
 
-    def take(self, values, time):
-        """Take a message that came at a time in ns.
+    def take(self, values: Sequence[int], time: int) -> bool:
+        """Take a message that came at a time in ns; return whether it was as it should be.
 
         A message of the wrong length counts as 0 for all joints, a value other than -1, 0 or +1
         as 0 for its joint.
         """
-        values = np.asarray(values, dtype=float)
-        self._time = time
-        if values.shape != self._zeros.shape:
+        if len(values) != len(self._zeros):
             self.refused += 1
-            self._values = self._zeros
-            return
-        known = np.isin(values, (-1.0, 0.0, 1.0))
-        self.refused += int(not known.all())
-        self._values = np.where(known, values, 0.0)
+            self._set(range(len(self._zeros)), self._zeros, time)
+            return False
+        known = [value in (-1, 0, 1) for value in values]
+        self.refused += not all(known)
+        self._set(range(len(values)),
+                  [float(v) if ok else 0.0 for v, ok in zip(values, known)], time)
+        return all(known)
 
-    def at(self, time):
+    def take_stamped(self, names: Sequence[str], velocities: Sequence[float], stamp: int,
+                     now: int) -> bool:
+        """Take a message that bears the planner's stamp; return whether it was as it should be.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Joints; those of others are passed over, those not named keep their direction.
+        velocities : sequence of float
+            Of which the signs are the directions. One that is not finite counts as 0.
+        stamp, now : int
+            When the planner said so, and the time of the joint states, ns. A stamp ahead of time
+            by more than the timeout is refused, and counts as 0: nobody knows its age.
+        """
+        if len(names) != len(velocities):
+            self.refused += 1
+            self._set(range(len(self._zeros)), self._zeros, max(stamp, now))
+            return False
+        mine = [(self._numbers[name], value) for name, value in zip(names, velocities)
+                if name in self._numbers]
+        ahead = stamp - now > self.timeout * 1e9
+        good = not ahead and all(math.isfinite(value) for _, value in mine)
+        self.refused += not good
+        self._set([number for number, _ in mine],
+                  [0.0 if ahead or not math.isfinite(value) else float(np.sign(value))
+                   for _, value in mine], min(stamp, now) if ahead else stamp)
+        return good
+
+    def _set(self, numbers, values, time):
+        mixed, times = self._values.copy(), list(self._times)
+        for number, value in zip(numbers, values):
+            if times[number] is None or time >= times[number]:
+                mixed[number], times[number] = value, time
+        self._values, self._times = mixed, times
+
+    def at(self, time: int) -> np.ndarray:
         """Return d at a time in ns, shape (J,)."""
-        if self._time is None or time - self._time > self.timeout * 1e9:
-            return self._zeros
+        limit = time - self.timeout * 1e9
+        for taken in self._times:
+            if taken is None or taken < limit:
+                return np.array([
+                    0.0 if taken is None or taken < limit else value
+                    for value, taken in zip(self._values, self._times)])
         return self._values
+
+    def age(self, number: int, time: int) -> float:
+        """Return how old a joint's direction is at a time in ns, s; NaN where there is none."""
+        taken = self._times[number]
+        return math.nan if taken is None else (time - taken) * 1e-9
+
+    def silent(self, time: int) -> list[str]:
+        """Return the joints whose last direction, +1 or -1, was not taken back but fell silent."""
+        return [joint for joint, number in self._numbers.items()
+                if self._values[number] != 0.0
+                and self.age(number, time) > self.timeout]
 
 
 class MotorTemperature:
@@ -66,28 +122,28 @@ class MotorTemperature:
     joints : list of str
     """
 
-    def __init__(self, joints):
+    def __init__(self, joints: Sequence[str]):
         self._numbers = {joint: number for number, joint in enumerate(joints)}
         self.forget()
 
-    def forget(self):
+    def forget(self) -> None:
         """Know nothing until the next reading."""
         self._values = np.full(len(self._numbers), np.nan)
         self._times = [0] * len(self._numbers)
         self._coming = []
 
-    def take(self, joint, value, time):
+    def take(self, joint: str, value: float, time: int) -> None:
         """Take a reading in degrees Celsius with its stamp in ns."""
         if joint in self._numbers and np.isfinite(value):
             self._coming.append((time, self._numbers[joint], value))
 
-    def why_unknown(self, number, time):
+    def why_unknown(self, number: int, time: int) -> str:
         """Return in words why there is no reading of a joint for a state stamped `time` ns."""
         if self._times[number] == 0:
             return 'no motor_temperature received'
         return f'last motor_temperature is {(time - self._times[number]) * 1e-9:.0f} s old'
 
-    def before(self, time):
+    def before(self, time: int) -> np.ndarray | None:
         """Return the temperatures for a state stamped `time` ns, shape (J,), or None.
 
         NaN where a joint has no fresh reading; None where no joint has one.

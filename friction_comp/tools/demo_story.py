@@ -112,14 +112,17 @@ class Demo:
 
     def _common(self, *model_files: Path) -> dict[str, Any]:
         return {'joints': [JOINT], 'model_files': [str(path) for path in model_files],
-                'use_sim_time': True, 'input_reliability': 'reliable'}
+                'use_sim_time': True, 'input_reliability': 'reliable',
+                # A plant in lockstep rests while the machine does something else.
+                'joint_state_timeout': 10.0}
 
     # Steps.
 
     def _identify(self) -> Path:
         self._say('starts a simulated joint that hides an effect, and identification')
         plant = self._common(self._true_model)
-        del plant['use_sim_time'], plant['input_reliability']
+        for name in ('use_sim_time', 'input_reliability', 'joint_state_timeout'):
+            del plant[name]
         self._nodes.start('plant', {
             **plant, 'clock': 'lockstep', 'seed': self._arguments.seed,
             'sample_time': SAMPLE_TIME, 'wrench_period': 4 * SAMPLE_TIME,
@@ -153,7 +156,8 @@ class Demo:
             'output': str(self._output / 'recordings' / name), 'use_sim_time': True,
             'input_reliability': 'reliable'})
         # Subscriptions to the command: the plant's and the recorder's.
-        self._ros.until_connected('current_command', 1, 2)
+        # Identification has a publisher while it commands only.
+        self._ros.until_connected('current_command', 0, 2)
         self._ros.until_connected('interaction_wrench', 1, 1)
 
     def _try(self, name: str, title: str, law: str, announced: bool) -> EvaluatedTrial:

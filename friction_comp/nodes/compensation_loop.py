@@ -1,0 +1,242 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the compensator does with each joint state, apart from ROS's machinery around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+import time
+import traceback
+from typing import Any
+
+import numpy as np
+
+from friction_comp.nodes import joint_states
+from friction_comp.nodes.faults import Faults, WARN
+from friction_comp.nodes.joint_io import CommandPort
+from friction_comp.nodes.joint_states import JointStates, NANO
+from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
+from friction_comp.nodes.watchdog import Watchdog
+
+# A current that is computed in another way from now on goes on from where it is and fades to the
+# new one within a few of these, s.
+_FADE = 0.05
+# A current this near has faded, A.
+_FADED = 1e-7
+# Silence of the driver after which it may have been started anew, and count from another place, s.
+GONE = 1.0
+# Real s that a compensator must have been alone for another commander to be a newcomer.
+ALONE = 3.0
+
+
+class CompensationLoop:
+    """Answers joint states with currents, and with zero whenever in doubt.
+
+    Parameters
+    ----------
+    joints : list of str
+    law : CompensationLaw
+    port : CommandPort
+    faults : Faults
+    timeout : int
+        Age or silence of joint states that gives zero current, ns.
+    direction_timeout : float
+        s.
+    rests : bool
+        Whether time itself may rest, as in a simulation: silence is then no sign of a driver
+        that went.
+    clock : callable
+        Returns s that nobody sets.
+    """
+
+    def __init__(self, joints: list[str], law: Any, port: CommandPort, faults: Faults,
+                 timeout: int, direction_timeout: float, rests: bool = False,
+                 clock: Callable[[], float] = time.monotonic):
+        self.law, self.port, self.faults = law, port, faults
+        self.rests, self._clock = rests, clock
+        self.states = JointStates(joints, timeout)
+        self.direction = Direction(joints, direction_timeout)
+        self.temperature = MotorTemperature(joints)
+        self.watchdog = Watchdog(timeout / NANO, self._on_silence, clock)
+        self._zeros = np.zeros(len(joints))
+        self.activate()
+
+    def activate(self) -> None:
+        """Begin without history and without faults."""
+        self.watchdog.rest()
+        self.law.reset()
+        self.states.forget()
+        self.direction.forget()
+        self.temperature.forget()
+        self.faults.clear()
+        self._first = 0
+        self._silent_since: float | None = None
+        self._drove = False
+        self._alone_since: float | None = None
+        self.yields = False
+        self._fade: Any = None
+
+    def changed(self) -> None:
+        """Let the current go on from where it is, since it is computed in another way now."""
+        if self._first:
+            self._fade = 'begin'
+
+    def reset_faults(self) -> list[str]:
+        """Clear what is latched, begin without history, and return what it was."""
+        texts = self.faults.reset()
+        if texts:
+            self.law.reset()
+            self.direction.forget()
+            self._alone_since = None
+        return texts
+
+    # Inputs.
+
+    def take(self, message: Any, now: int, received: int = 0, sent: int = 0) -> None:
+        """Answer a joint state.
+
+        Parameters
+        ----------
+        message : sensor_msgs.msg.JointState
+        now : int
+            The node's clock, ns.
+        received, sent : int
+            When the middleware received and sent it, system time in ns.
+        """
+        if self.yields or not self.port.ready:
+            return
+        states = self.states
+        ticket = self.port.ticket
+        verdict = states.take(message, now, received)
+        if verdict == joint_states.NEW:
+            if self._silent_since is not None:
+                self._hear_again()
+            self.watchdog.feed()
+            self.port.answer(self._currents(), ticket)
+        elif verdict == joint_states.AGAIN:
+            if self.port.is_lost(sent):
+                self.port.repeat()
+        elif verdict == joint_states.PART:
+            if not states.stamp:
+                self.faults.seen('missing', f'joint_states lack {", ".join(states.missing)}')
+        elif verdict != joint_states.LATE:
+            self.faults.seen(verdict, 'joint_states hold arrays of different lengths'
+                             if verdict == joint_states.MALFORMED else str(states))
+            self.port.answer(self._zeros, ticket)
+
+    def take_direction(self, values: Any, now: int) -> None:
+        """Take a plain direction; it is as old as the newest joint state."""
+        # The time of the states, not of arrival: a simulation's direction must not age while it
+        # rests, and is to age alike in every run.
+        if not self.direction.take(values, self.states.stamp or now):
+            self._refuse_direction()
+
+    def take_stamped_direction(self, names: Any, velocities: Any, stamp: int, now: int) -> None:
+        """Take a direction that says itself when it was announced."""
+        at = self.states.stamp or now
+        if not self.direction.take_stamped(names, velocities, stamp or at, max(at, now)):
+            self._refuse_direction()
+
+    def _refuse_direction(self):
+        self.faults.seen(
+            'direction', 'a direction of wrong length, value or time was counted as 0', WARN)
+
+    # The current.
+
+    def _currents(self):
+        try:
+            return self._compute()
+        except Exception as error:
+            self.faults.latch('law', f'an error in the law: {error!r}\n{traceback.format_exc()}')
+            return self._zeros
+
+    def _compute(self):
+        states, law, stamp = self.states, self.law, self.states.stamp
+        if states.restarted or states.gap:
+            law.reset()
+        if states.restarted:
+            self.direction.forget()
+            self.temperature.forget()
+        if states.restarted or not self._first:
+            self._first = stamp
+        position = states.position
+        usable = np.isfinite(position)
+        if not usable.all() or not (
+                states.velocity is None or np.isfinite(states.velocity).all()):
+            if states.velocity is not None:
+                usable &= np.isfinite(states.velocity)
+            self._tell_unusable()
+        if self.faults.latched:
+            return self._zeros
+        # From the first state: seconds since 1970 are too many for a float to hold their step.
+        currents = law.update(
+            (stamp - self._first) / NANO, position, states.velocity, self.direction.at(stamp),
+            self.temperature.before(stamp))
+        if self._fade is not None:
+            currents = np.where(usable, self._faded(currents, stamp), 0.0)
+        if not math.isfinite(currents.sum()):
+            self.faults.latch('law', 'the law gave a current that is not finite')
+            return self._zeros
+        return currents
+
+    def _tell_unusable(self):
+        if self.states.missing:
+            self.faults.seen('missing', f'joint_states lack {", ".join(self.states.missing)}')
+        else:
+            self.faults.seen('values', 'joint_states hold values that are not finite, or too few')
+
+    def _faded(self, currents, stamp):
+        if self._fade == 'begin':
+            self._fade = np.asarray(self.port.last) - currents, stamp
+        offset, since = self._fade
+        left = offset * math.exp(-max(0, stamp - since) / NANO / _FADE)
+        if np.abs(left).max() < _FADED:
+            self._fade = None
+        return currents + left
+
+    # Watching.
+
+    def _on_silence(self):
+        """Command zero; called by the watchdog, in its thread."""
+        drove = any(self.port.last)
+        self.port.zero()
+        self._drove = drove
+        self._silent_since = self._clock()
+        self.faults.seen('silence', 'no joint_states, or none that are new', lasting=True)
+
+    def _hear_again(self):
+        silence = self._clock() - self._silent_since
+        self._silent_since = None
+        self.faults.gone('silence')
+        if self._drove and silence > GONE and not self.rests:
+            self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
+                              'motor was driven: the driver may have been started anew')
+
+    def look_around(self, others: list[str]) -> None:
+        """Take note of who else has a publisher of the command; to be called often.
+
+        One that comes while this one commands is a fault that latches. One that was there first
+        is waited for: it may be gone already, and only not yet be missed.
+        """
+        now = self._clock()
+        self.faults.look()
+        if not others:
+            self._alone_since = self._alone_since or now
+            self.yields = False
+            return
+        text = f'{", ".join(others)} may command the motor too'
+        if self._alone_since is not None and now - self._alone_since > ALONE:
+            self.faults.latch('commander', text)
+        self.faults.seen('commander', text)
+        self._alone_since = None
+        if not self.yields:
+            self.yields = True
+            self.watchdog.rest()
+            self.port.zero()
+            self.law.reset()
+
+    def leave(self) -> None:
+        """Command zero current and stop watching."""
+        self.watchdog.rest()
+        self.port.zero()

@@ -1,0 +1,133 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is wrong with a node: each fault by its cause, its onset and end in the log once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import threading
+import time
+from typing import Any
+
+WARN, ERROR = b'\x01', b'\x02'
+
+
+@dataclass
+class _Fault:
+    text: str
+    level: bytes
+    begun: float
+    seen: float
+    lasting: bool
+
+
+class Faults:
+    """The faults that a node has now, and those that stay until they are reset.
+
+    May be used from several threads.
+
+    Parameters
+    ----------
+    logger : object
+        With methods `error`, `warning` and `info`.
+    hold : float
+        s after which a fault that is not seen any more has ended: one that flickers is one.
+    clock : callable
+        Returns s.
+    """
+
+    def __init__(self, logger: Any, hold: float = 2.0,
+                 clock: Callable[[], float] = time.monotonic):
+        self._logger, self._hold, self._clock = logger, hold, clock
+        self._faults: dict[str, _Fault] = {}
+        self._latched: dict[str, str] = {}
+        self._lock = threading.RLock()
+        self.count = 0
+
+    def seen(self, cause: str, text: str, level: bytes = ERROR, lasting: bool = False) -> None:
+        """Tell of a fault.
+
+        Parameters
+        ----------
+        cause : str
+            Names the fault; the text may differ from one time to the next.
+        text : str
+        level : bytes
+            WARN or ERROR.
+        lasting : bool
+            Whether it goes on until `gone` is called.
+        """
+        now = self._clock()
+        with self._lock:
+            fault = self._faults.get(cause)
+            if fault is not None:
+                fault.text, fault.seen, fault.lasting = text, now, lasting
+                return
+            self._faults[cause] = _Fault(text, level, now, now, lasting)
+            self.count += 1
+        self._log(level, text)
+
+    def gone(self, cause: str) -> None:
+        """Tell that a lasting fault has ended."""
+        with self._lock:
+            fault = self._faults.get(cause)
+            if fault is not None and fault.lasting:
+                fault.lasting, fault.seen = False, self._clock()
+
+    def latch(self, cause: str, text: str) -> None:
+        """Keep a fault until `reset`."""
+        with self._lock:
+            if cause in self._latched:
+                return
+            self._latched[cause] = text
+            self.count += 1
+        self._log(ERROR, f'{text}; stays until ~/reset_faults is called')
+
+    def reset(self) -> list[str]:
+        """Clear what is latched and return it in words."""
+        with self._lock:
+            texts, self._latched = list(self._latched.values()), {}
+        for text in texts:
+            self._logger.info(f'reset: {text}')
+        return texts
+
+    def look(self) -> None:
+        """Let faults end that are not seen any more; to be called now and then."""
+        now, ended = self._clock(), []
+        with self._lock:
+            for cause, fault in list(self._faults.items()):
+                if not fault.lasting and now - fault.seen > self._hold:
+                    ended.append((fault, self._faults.pop(cause)))
+        for fault, _ in ended:
+            self._logger.info(f'ended after {fault.seen - fault.begun:.3g} s: {fault.text}')
+
+    def clear(self) -> None:
+        """Forget everything, as when the node begins anew."""
+        with self._lock:
+            self._faults.clear()
+            self._latched.clear()
+
+    @property
+    def latched(self) -> bool:
+        """Whether a fault is latched."""
+        return bool(self._latched)
+
+    @property
+    def worst(self) -> tuple[bytes, str] | None:
+        """Level and words of what is wrong now, the latched first; None where nothing is."""
+        with self._lock:
+            if self._latched:
+                return ERROR, '; '.join(self._latched.values()) + ' (latched)'
+            if not self._faults:
+                return None
+            level = max(fault.level for fault in self._faults.values())
+            return level, '; '.join(
+                fault.text for fault in self._faults.values() if fault.level == level)
+
+    def _log(self, level, text):
+        # One call each: rclpy keeps one severity for each place in the code.
+        if level == ERROR:
+            self._logger.error(text)
+        else:
+            self._logger.warning(text)

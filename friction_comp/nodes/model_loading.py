@@ -1,0 +1,112 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Loads models while the control loop goes on: in a thread of their own, within a time limit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+import threading
+import time
+from typing import Any
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.parameter import Parameter
+from rclpy.parameter_service import ParameterService
+
+from friction_comp.errors import InputError
+
+# s that files may take to be read and checked.
+PATIENCE = 10.0
+
+
+class Loading:
+    """Models that are being loaded.
+
+    Parameters
+    ----------
+    files : sequence of str
+    load : callable
+        Takes the files, returns what they hold, raises InputError.
+    patience : float
+        s until they are given up. The thread is then left to itself: it hangs on a file system,
+        and nobody waits for it.
+    """
+
+    def __init__(self, files: Sequence[str], load: Callable[[Sequence[str]], Any],
+                 patience: float = PATIENCE):
+        self.files = tuple(files)
+        self._load, self._end = load, time.monotonic() + patience
+        self._patience = patience
+        self._found: tuple[Any, InputError | None] | None = None
+        threading.Thread(target=self._run, name='model loading', daemon=True).start()
+
+    def _run(self):
+        try:
+            self._found = self._load(self.files), None
+        except InputError as error:
+            self._found = None, error
+        except Exception as error:
+            self._found = None, InputError(f'{", ".join(self.files)}: {error!r}')
+
+    @property
+    def done(self) -> bool:
+        """Whether `result` has an answer."""
+        return self._found is not None or time.monotonic() > self._end
+
+    def result(self) -> Any:
+        """Return what was loaded.
+
+        Raises
+        ------
+        InputError
+            If it could not be, or not in time.
+        """
+        found = self._found
+        if found is None:
+            raise InputError(
+                f'{", ".join(self.files)}: not read within {self._patience:g} s')
+        if found[1] is not None:
+            raise found[1]
+        return found[0]
+
+
+class _Turn:
+    """Awaited, gives the executor its turn."""
+
+    def __await__(self) -> Generator:
+        yield
+
+
+class PatientParameterService(ParameterService):
+    """The parameter services of a node that wait for models to be loaded, and the node does not.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Its method `prepare` takes the parameters that are about to be set and returns a Loading,
+        or None where there is nothing to load.
+    """
+
+    def __init__(self, node: Any):
+        before = set(node.services)
+        super().__init__(node)
+        # Of the node's own group nothing else would run while a service waits.
+        group = ReentrantCallbackGroup()
+        for service in set(node.services) - before:
+            service.callback_group = group
+            group.add_entity(service)
+        self._group = group
+
+    async def _set_parameters_callback(self, request, response):
+        await self._prepared(request)
+        return super()._set_parameters_callback(request, response)
+
+    async def _set_parameters_atomically_callback(self, request, response):
+        await self._prepared(request)
+        return super()._set_parameters_atomically_callback(request, response)
+
+    async def _prepared(self, request):
+        loading = self._get_node().prepare(
+            [Parameter.from_parameter_msg(message) for message in request.parameters])
+        while loading is not None and not loading.done:
+            await _Turn()

@@ -1,0 +1,125 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Identification of joints that are not what they seem: no model, and no current to speak of."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from friction_comp.identification.goal import IdentificationError, IdentificationGoal
+from friction_comp.identification.run import IdentificationRun
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.undeclared import Undeclared
+
+CONFIG = Path(__file__).resolve().parents[1] / 'config'
+GOAL = {'speeds': np.radians([20.0, 60.0, 100.0]).tolist(), 'breakaway_cycles': 2,
+        'longest_cycle': 3.0, 'ramp_period': 6.0, 'ramp_slope': 0.08, 'motion_range': 0.8}
+
+
+def model(number=1):
+    return FrictionModel.load(CONFIG / f'armin_configuration_{number}.yaml')
+
+
+class Bench:
+    """A simulated joint whose sensors, or whose surroundings, may be wrong."""
+
+    def __init__(self, alter=lambda run, sample: sample, torque=lambda run, state: 0.0, seed=3):
+        self.model = model()
+        self.alter, self.torque = alter, torque
+        load = Undeclared.from_dict({
+            'format': 'friction_comp_undeclared', 'version': 1,
+            'effects': [{'name': 'gravity', 'parameters': {'amplitude': 0.0, 'phase': 0.0}}]})
+        self.plant = Plant([self.model], seed=seed, undeclared=[load])
+        self.run = IdentificationRun(IdentificationGoal(**GOAL), self.model.drive)
+        self.largest = self.fastest = 0.0
+
+    def finish(self, longest=400.0):
+        run, state = self.run, self.plant.state
+        while not run.finished and state.time < longest:
+            sample = self.alter(run, [
+                state.time, state.position[0], state.velocity[0], state.current[0]])
+            command = run.update(*sample)
+            self.largest = max(self.largest, abs(command))
+            self.fastest = max(self.fastest, abs(state.velocity[0]))
+            # A torque from outside acts on the joint as a current does, but is not measured.
+            push = self.torque(run, state) / self.model.drive.torque_per_current
+            state = self.plant.step([command + push])
+            state.current[0] -= push
+        return run.result()
+
+
+def scaled(factor, place):
+    def alter(run, sample):
+        sample[place] *= factor
+        return sample
+    return alter
+
+
+def frozen(after):
+    """The position as it was when the run entered a phase for some s."""
+    held = {}
+
+    def alter(run, sample):
+        if run.phase == after[0]:
+            held.setdefault('since', sample[0])
+        if 'since' in held and sample[0] > held['since'] + after[1]:
+            sample[1] = held.setdefault('position', sample[1])
+        return sample
+    return alter
+
+
+@pytest.mark.parametrize(('alter', 'words'), [
+    (scaled(10.0, 3), 'another unit'), (scaled(-1.0, 3), 'wrong sign'),
+    (scaled(0.0, 3), 'not measured'), (scaled(0.0084, 3), 'not measured'),
+    (scaled(57.3, 2), 'velocity'), (scaled(-1.0, 2), 'sign')])
+def test_wrong_units_and_signs_are_found_before_the_joint_is_driven_far(alter, words):
+    bench = Bench(alter)
+    with pytest.raises(IdentificationError, match=words):
+        bench.finish()
+    assert bench.largest <= bench.run.goal.ramp_peak
+    with pytest.raises(IdentificationError):
+        bench.run.result()
+
+
+@pytest.mark.parametrize(('phase', 'delay', 'velocity'), [
+    ('push', 0.0, True), ('velocity', 0.3, True), ('velocity', 0.3, False),
+    ('velocity', 8.0, False), ('breakaway', 1.0, True)])
+def test_an_encoder_that_freezes_ends_the_run(phase, delay, velocity):
+    freeze = frozen((phase, delay))
+
+    def alter(run, sample):
+        sample = freeze(run, sample)
+        if not velocity:
+            sample[2] = math.nan
+        return sample
+    bench = Bench(alter)
+    with pytest.raises(IdentificationError, match=r'stuck|behind|break free|velocity'):
+        bench.finish()
+    # The drive's limit is 3 A, and what friction takes is 0.1 A.
+    assert bench.largest < 0.7
+    assert bench.fastest < 6.0, 'rad/s'
+
+
+def test_a_stop_in_the_way_ends_the_run():
+    def torque(run, state):
+        beyond = state.position[0] - 0.15
+        return -4000.0 * beyond - 40.0 * state.velocity[0] if beyond > 0.0 else 0.0
+    bench = Bench(torque=torque)
+    with pytest.raises(IdentificationError, match=r'blocked|stop|behind|swings'):
+        bench.finish()
+    assert bench.largest < 0.7
+
+
+def test_a_steady_load_is_told():
+    result = Bench(torque=lambda run, state: 0.3).finish()
+    assert any('leant' in text for text in result.warnings)
+    assert Bench().finish().warnings == []
+
+
+def test_somebody_who_leans_on_the_joint_for_a_part_of_the_run_ends_it():
+    bench = Bench(torque=lambda run, state: 0.95 if run.phase == 'breakaway' else 0.0)
+    with pytest.raises(IdentificationError, match=r'leant|pushed|rest|touched'):
+        bench.finish()
