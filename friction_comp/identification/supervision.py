@@ -16,6 +16,7 @@ import math
 
 from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
+from friction_comp.identification.kinetic import KineticPoint
 
 # s over which currents are smoothed before they are compared: longer than any drive's lag.
 _SMOOTHING = 0.05
@@ -56,7 +57,7 @@ class Supervision:
         self._quiet: list[float] = []
         self._begin_block()
         self._moving = False        # whether a velocity other than zero was ever measured
-        self._window: deque = deque(maxlen=10)
+        self._window: deque[tuple[float, float]] = deque(maxlen=10)
         self._begin_answer(0.0, 0.0, 0.0)
 
     def look(self, time: float, position: float, velocity: float | None, current: float,
@@ -97,7 +98,7 @@ class Supervision:
 
     # The measured current follows the commanded one.
 
-    def _compare_currents(self, step, current, command):
+    def _compare_currents(self, step: float, current: float, command: float) -> None:
         if command == 0.0 and self._commanded == 0.0 and len(self._quiet) < 1000:
             self._quiet.append(current)
         share = -math.expm1(-step / _SMOOTHING)
@@ -117,7 +118,7 @@ class Supervision:
                 f'{math.copysign(1.0, self._commanded) * self._level(self._recent):.3g} A: '
                 + _cause(gain))
 
-    def _is_loud(self, products):
+    def _is_loud(self, products: list[float]) -> bool:
         # Smoothing takes a tenth of white noise at a sample a millisecond.
         noise = 0.0
         if len(self._quiet) > 10:
@@ -127,7 +128,7 @@ class Supervision:
         return self._level(products) > max(0.5 * noise, 0.02 * self._peak)
 
     @staticmethod
-    def _level(products):
+    def _level(products: list[float]) -> float:
         return math.sqrt(products[0] / products[2])
 
     def warnings(self) -> list[str]:
@@ -142,23 +143,24 @@ class Supervision:
 
     # The position goes where the velocity leads.
 
-    def _begin_block(self, time=None, position=None):
-        self._block = time, position
+    def _begin_block(self, at: tuple[float, float] | None = None) -> None:
+        self._block = at
         self._way = 0.0
 
-    def _compare_ways(self, step, time, position, velocity):
+    def _compare_ways(self, step: float, time: float, position: float,
+                      velocity: float | None) -> None:
         if velocity is None or not math.isfinite(velocity) or step > _STEP:
             self._begin_block()
             return
-        if self._block[0] is None:
-            self._begin_block(time, position)
+        if self._block is None:
+            self._begin_block((time, position))
             return
         self._moving = self._moving or velocity != 0.0
         self._way += velocity * step
         if time - self._block[0] < _BLOCK:
             return
         went, way = position - self._block[1], self._way
-        self._begin_block(time, position)
+        self._begin_block((time, position))
         # Some drivers fill a velocity that they do not measure with zeros.
         if not self._moving or max(abs(went), abs(way)) < max(
                 _SHORT, _FEW_COUNTS * self._resolution):
@@ -174,14 +176,15 @@ class Supervision:
 
     # A current well above friction accelerates the joint.
 
-    def _begin_answer(self, time, position, sign):
+    def _begin_answer(self, time: float, position: float, sign: float) -> None:
         self._sign, self._since, self._from = sign, time, position
         self._drift = 0.0
         if self._window and time > self._window[0][0]:
             self._drift = (position - self._window[0][1]) / (time - self._window[0][0])
         self._speed = self._expected = 0.0
 
-    def _expect_motion(self, step, time, position, command, friction, acceleration):
+    def _expect_motion(self, step: float, time: float, position: float, command: float,
+                       friction: Sequence[float], acceleration: float) -> None:
         sign = math.copysign(1.0, command)
         surplus = sign * command - _SURPLUS * abs(friction[0] if sign > 0.0 else friction[1])
         if surplus <= 0.0 or sign != self._sign or step > _STEP:
@@ -203,7 +206,7 @@ class Supervision:
         self._begin_answer(time, position, sign)
 
 
-def _cause(gain):
+def _cause(gain: float) -> str:
     if abs(gain) < 0.05:
         return 'effort is not measured, or is not the torque of this motor'
     if gain < 0.0:
@@ -212,7 +215,7 @@ def _cause(gain):
             'are not those of this drive')
 
 
-def loaded(points: Sequence, breakaway: tuple[float, float], spread: float) -> tuple[str, str]:
+def loaded(points: Sequence[KineticPoint], breakaway: tuple[float, float], spread: float) -> tuple[str, str]:
     """Tell from a finished run whether something other than friction was measured.
 
     Friction takes as much in both directions, but for a few per cent. What adds to one and takes
