@@ -215,7 +215,8 @@ def _cause(gain: float) -> str:
             'are not those of this drive')
 
 
-def loaded(points: Sequence[KineticPoint], breakaway: tuple[float, float], spread: float) -> tuple[str, str]:
+def loaded(points: Sequence[KineticPoint], breakaway: tuple[float, float],
+           spread: float) -> tuple[str, str]:
     """Tell from a finished run whether something other than friction was measured.
 
     Friction takes as much in both directions, but for a few per cent. What adds to one and takes
