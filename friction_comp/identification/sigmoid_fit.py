@@ -59,76 +59,89 @@ def _error(speeds: np.ndarray, currents: np.ndarray, steepness: float, shift: fl
 def _descend(speeds: np.ndarray, currents: np.ndarray, transition: np.ndarray, steepest: float,
              gentlest: float, rounds: int) -> float:
     """Improve (steepness, shift) in place: linearised L1 steps, then a shrinking search."""
-    count = speeds.size
-    basis = np.arange(3)
-    coefficients = np.empty(3)
-    design = np.empty((count, 3))
+    basis, coefficients = np.arange(3), np.empty(3)
+    design = np.empty((speeds.size, 3))
     _fill(speeds, transition[0], transition[1], design)
     independent_rows(design, basis)
     error = _error(speeds, currents, transition[0], transition[1], basis, coefficients)
-    full = np.empty((count, 5))
     basis_full = np.arange(5)
-    step = np.empty(5)
-    residual = np.empty(count)
     reach = 0.5
-    span = speeds.max() - speeds.min()
     for _ in range(rounds):
-        steepness, shift = transition[0], transition[1]
-        improved = False
         before = error
-        if count > 5:
-            for i in range(count):
-                share = math.tanh(0.5 * steepness * (speeds[i] - shift))
-                bend = 0.5 * coefficients[1] * (1.0 - share * share)
-                full[i, 0] = 1.0
-                full[i, 1] = share
-                full[i, 2] = speeds[i]
-                full[i, 3] = bend * steepness * (speeds[i] - shift)
-                full[i, 4] = -bend
-                residual[i] = (currents[i] - coefficients[0] - coefficients[1] * share
-                               - coefficients[2] * speeds[i])
-            regular = independent_rows(full, basis_full) == 5
-            if regular and least_absolute(full, residual, basis_full, step) < error:
-                scale = min(1.0, 1.0 / max(abs(step[3]), abs(step[4]) * 0.5, 1e-30))
-                for _halving in range(6):
-                    trial_steepness = min(max(steepness * math.exp(scale * step[3]),
-                                              gentlest), steepest)
-                    trial_shift = shift + scale * step[4] / steepness
-                    if abs(trial_shift) < span:
-                        trial = _error(speeds, currents, trial_steepness, trial_shift,
-                                       basis, coefficients)
-                        if trial < error * (1.0 - 1e-6):
-                            transition[0], transition[1] = trial_steepness, trial_shift
-                            error = trial
-                            improved = True
-                            break
-                    scale *= 0.35
-        if not improved or error > 0.998 * before:
-            steepness, shift = transition[0], transition[1]
-            after = min(max(np.searchsorted(speeds, shift), 1), count - 1)
-            for k in range(12):
-                if k < 8:
-                    angle = math.pi * k / 4.0
-                    trial_steepness = steepness * math.exp(reach * math.cos(angle))
-                    trial_shift = shift + reach * math.sin(angle) / steepness
-                else:
-                    # Along the valleys in which a neighbouring point keeps its share.
-                    point = speeds[after - k % 2]
-                    trial_steepness = steepness * math.exp(reach if k < 10 else -reach)
-                    trial_shift = point + (shift - point) * steepness / trial_steepness
-                if not gentlest <= trial_steepness <= steepest or abs(trial_shift) >= span:
-                    continue
-                trial = _error(speeds, currents, trial_steepness, trial_shift, basis,
-                               coefficients)
-                if trial < error * (1.0 - 1e-7):
-                    transition[0], transition[1] = trial_steepness, trial_shift
-                    error = trial
-                    improved = True
-            if not improved:
+        error = _linearised_step(speeds, currents, transition, steepest, gentlest, error, basis,
+                                 coefficients, basis_full)
+        if error >= 0.998 * before:
+            error = _look_around(speeds, currents, transition, steepest, gentlest, error, basis,
+                                 coefficients, reach)
+            if error >= before:
                 reach *= 0.4
                 if reach < 2e-4:
                     break
         error = _error(speeds, currents, transition[0], transition[1], basis, coefficients)
+    return error
+
+
+@njit(cache=True)
+def _linearised_step(speeds: np.ndarray, currents: np.ndarray, transition: np.ndarray,
+                     steepest: float, gentlest: float, error: float, basis: np.ndarray,
+                     coefficients: np.ndarray, basis_full: np.ndarray) -> float:
+    """Move the transition in place to where the linearised problem has it, if that is better."""
+    count = speeds.size
+    if count <= 5:
+        return error
+    steepness, shift = transition[0], transition[1]
+    full, residual, step = np.empty((count, 5)), np.empty(count), np.empty(5)
+    for i in range(count):
+        share = math.tanh(0.5 * steepness * (speeds[i] - shift))
+        bend = 0.5 * coefficients[1] * (1.0 - share * share)
+        full[i, 0] = 1.0
+        full[i, 1] = share
+        full[i, 2] = speeds[i]
+        full[i, 3] = bend * steepness * (speeds[i] - shift)
+        full[i, 4] = -bend
+        residual[i] = (currents[i] - coefficients[0] - coefficients[1] * share
+                       - coefficients[2] * speeds[i])
+    regular = independent_rows(full, basis_full) == 5
+    if not regular or least_absolute(full, residual, basis_full, step) >= error:
+        return error
+    span = speeds.max() - speeds.min()
+    scale = min(1.0, 1.0 / max(abs(step[3]), abs(step[4]) * 0.5, 1e-30))
+    for _halving in range(6):
+        trial_steepness = min(max(steepness * math.exp(scale * step[3]), gentlest), steepest)
+        trial_shift = shift + scale * step[4] / steepness
+        if abs(trial_shift) < span:
+            trial = _error(speeds, currents, trial_steepness, trial_shift, basis, coefficients)
+            if trial < error * (1.0 - 1e-6):
+                transition[0], transition[1] = trial_steepness, trial_shift
+                return trial
+        scale *= 0.35
+    return error
+
+
+@njit(cache=True)
+def _look_around(speeds: np.ndarray, currents: np.ndarray, transition: np.ndarray,
+                 steepest: float, gentlest: float, error: float, basis: np.ndarray,
+                 coefficients: np.ndarray, reach: float) -> float:
+    """Move the transition in place to the best of twelve places about it, if that is better."""
+    steepness, shift = transition[0], transition[1]
+    span = speeds.max() - speeds.min()
+    after = min(max(np.searchsorted(speeds, shift), 1), speeds.size - 1)
+    for k in range(12):
+        if k < 8:
+            angle = math.pi * k / 4.0
+            trial_steepness = steepness * math.exp(reach * math.cos(angle))
+            trial_shift = shift + reach * math.sin(angle) / steepness
+        else:
+            # Along the valleys in which a neighbouring point keeps its share.
+            point = speeds[after - k % 2]
+            trial_steepness = steepness * math.exp(reach if k < 10 else -reach)
+            trial_shift = point + (shift - point) * steepness / trial_steepness
+        if not gentlest <= trial_steepness <= steepest or abs(trial_shift) >= span:
+            continue
+        trial = _error(speeds, currents, trial_steepness, trial_shift, basis, coefficients)
+        if trial < error * (1.0 - 1e-7):
+            transition[0], transition[1] = trial_steepness, trial_shift
+            error = trial
     return error
 
 
