@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.signal import butter, lfilter, sosfiltfilt
 
 from friction_comp.errors import InputError
 
@@ -133,6 +132,9 @@ def delayed(values, samples, time_constant):
                 result[part] -= time_constant * np.gradient(
                     result[part], max(samples.sample_time, 1e-9), axis=0)
         return result
+    # Here, since scipy's filters take a second to import, and few who load a model use them.
+    from scipy.signal import lfilter
+
     keep = math.exp(-max(samples.sample_time, 1e-9) / time_constant)
     for part in samples.segments():
         stretch = result[part]
@@ -144,6 +146,8 @@ def delayed(values, samples, time_constant):
 def _smooth(signal, sample_time, bandwidth):
     if bandwidth is None or sample_time <= 0 or 2.0 * bandwidth * sample_time >= 0.95:
         return signal
+    from scipy.signal import butter, sosfiltfilt
+
     sections = butter(_ORDER, 2.0 * bandwidth * sample_time, output='sos')
     # Long enough padding for the slow start of narrow filters, short enough for short stretches.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))

@@ -6,12 +6,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import math
+from typing import Any
 
 import numpy as np
 
+from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.files import read_yaml, write_yaml
+from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm_document import one_joint_of
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
@@ -158,7 +160,7 @@ class FrictionModel:
                 document[name] = getattr(self, name)
         if self.arm is not None:
             document['arm'] = self.arm.to_dict()
-        return _plain(document)
+        return plain(document)
 
     def save(self, path):
         """Write the model file; the old file stays whole until the new one is complete."""
@@ -196,29 +198,9 @@ class FrictionModel:
             raise InputError(f"not a model file: 'format: {FORMAT}' is missing")
         if document.get('version') != VERSION:
             raise InputError(f"model version {document.get('version')!r} is not {VERSION}")
-        drive = _section(document, 'drive')
-        unknown = set(drive) - {
-            'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'}
-        if unknown:
-            raise InputError(f'drive has unknown entries: {sorted(map(str, unknown))}')
-        for name in ('torque_constant', 'gear_ratio'):
-            if name not in drive:
-                raise InputError(f'drive.{name} is missing')
         sigmoid = _section(document, 'sigmoid')
         if 'coefficients' not in sigmoid or not isinstance(sigmoid['coefficients'], list):
             raise InputError('sigmoid.coefficients is missing or not a list')
-        breakaway = None
-        if document.get('breakaway') is not None:
-            section = _section(document, 'breakaway')
-            values = {}
-            for side in ('positive', 'negative'):
-                entry = _section(section, side)
-                values[f'{side}_mean'] = _number(entry, 'mean', f'breakaway.{side}')
-                values[f'{side}_std'] = _number(entry, 'std', f'breakaway.{side}', 0.0)
-                if entry.get('position') is not None:
-                    values[f'{side}_position'] = _number(
-                        entry, 'position', f'breakaway.{side}')
-            breakaway = Breakaway(**values)
         optional = {}
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if document.get(name) is not None:
@@ -226,12 +208,36 @@ class FrictionModel:
         if document.get('arm') is not None:
             optional['arm'] = Arm.from_dict(_section(document, 'arm'))
         return cls(
-            drive=Drive(**drive),
+            drive=_drive(_section(document, 'drive')),
             sigmoid=Sigmoid.from_coefficients(
                 sigmoid['coefficients'], sigmoid.get('velocity_unit', 'rad/s')),
-            breakaway=breakaway,
+            breakaway=_breakaway(document),
             effects=[_effect(entry) for entry in _list(document, 'effects')],
             joint=str(document.get('joint') or ''), **optional)
+
+
+def _drive(section: dict[str, Any]) -> Drive:
+    unknown = set(section) - {'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'}
+    if unknown:
+        raise InputError(f'drive has unknown entries: {sorted(map(str, unknown))}')
+    for name in ('torque_constant', 'gear_ratio'):
+        if name not in section:
+            raise InputError(f'drive.{name} is missing')
+    return Drive(**section)
+
+
+def _breakaway(document: dict[str, Any]) -> Breakaway | None:
+    if document.get('breakaway') is None:
+        return None
+    section = _section(document, 'breakaway')
+    values = {}
+    for side in ('positive', 'negative'):
+        entry = _section(section, side)
+        values[f'{side}_mean'] = _number(entry, 'mean', f'breakaway.{side}')
+        values[f'{side}_std'] = _number(entry, 'std', f'breakaway.{side}', 0.0)
+        if entry.get('position') is not None:
+            values[f'{side}_position'] = _number(entry, 'position', f'breakaway.{side}')
+    return Breakaway(**values)
 
 
 def _effect(entry):
@@ -263,21 +269,5 @@ def _list(document, name):
     return value
 
 
-def _number(entry, name, where, default=None):
-    value = entry.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(f'{where}.{name} must be a number, not {value!r}')
-    return float(value)
-
-
-def _plain(value):
-    """Turn numpy values and tuples into what YAML and JSON can write."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return value.item()
-    return value
+def _number(entry: dict[str, Any], name: str, where: str, default: float | None = None) -> float:
+    return check_number(entry.get(name, default), f'{where}.{name}')

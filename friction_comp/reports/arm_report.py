@@ -44,7 +44,7 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     return page
 
 
-def _bodies(page, result, unit):
+def _bodies(page: Report, result: ArmResult, unit: str) -> None:
     arm = result.report()
     page.heading('Weight and inertia of the links')
     page.text(

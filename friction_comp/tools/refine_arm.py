@@ -7,9 +7,14 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 import re
+from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import output_folder, progress, to_json
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.refinement.whole_arm import ArmResult
 
 
 def refine_whole_arm(arguments: Namespace) -> int:
@@ -66,13 +71,13 @@ def refine_whole_arm(arguments: Namespace) -> int:
     return 0
 
 
-def _once(arguments, text):
+def _once(arguments: Namespace, text: str) -> str:
     """Return an error's text with the recording named, unless it names a file already."""
     named = (str(arguments.urdf), str(arguments.recordings[0]))
     return text if text.startswith(named) else f'{arguments.recordings[0]}: {text}'
 
 
-def _start_models(arguments):
+def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
     """Return the models to start from by joint."""
     from friction_comp.files import read_yaml
     from friction_comp.model.arm_document import joints_of
@@ -91,7 +96,7 @@ def _start_models(arguments):
             if arguments.joint in (None, name)}
 
 
-def _write(folder: Path, result, names, joint):
+def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None) -> None:
     from friction_comp.files import write_yaml
     from friction_comp.model.arm_document import arm_document
     from friction_comp.reports.arm_report import arm_report
@@ -122,7 +127,7 @@ def folder_name(joint: str) -> str:
     return re.sub(r'[^\w.-]', '_', joint).lstrip('.') or '_'
 
 
-def _print(result):
+def _print(result: ArmResult) -> None:
     """Print what was found, a line for each joint and effect."""
     from friction_comp.reports.html import number
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import itertools
 
 import numpy as np
@@ -158,32 +158,47 @@ def unexplained(samples, usable, residual, slowest, least=0.0):
         name, strength = best
         found.append(ResidualDependence(name, strength * share, _note(name, strength, values)))
         values = _less_means(values, cells.pop(name))
-    pair = strongest_pair(values, samples, usable, rng)
-    if pair is not None:
-        names, strength = pair
-        share = strength * float(values @ values) / power
+    left, worth = float(values @ values) / power, max(worth, 2.0 * LEAST_STRENGTH)
+    for more in (_of_two_variables(values, samples, usable, rng), _of_a_tone(
+            values, samples.take(usable))):
         known = {item.variable for item in found}
-        if share > max(worth, 2.0 * LEAST_STRENGTH):
-            found += [ResidualDependence(name, share, _note(' and '.join(names), strength, values))
-                      for name in names if name not in known]
-    tone = strongest_tone(values, samples.take(usable))
-    if tone is not None and 'time' not in {item.variable for item in found}:
-        frequency, share = tone
-        share *= float(values @ values) / power
-        if share > max(worth, 2.0 * LEAST_STRENGTH):
-            found.append(ResidualDependence(
-                'time', share, f'the remaining error swings {frequency:.3g} times a second, '
-                'whatever the position; no effect known to the package does'))
+        found += [replace(item, strength=item.strength * left) for item in more
+                  if item.strength * left > worth and item.variable not in known]
     found.sort(key=lambda item: -item.strength)
+    return found + _that_went_along(found, samples, usable)
+
+
+def _of_two_variables(values, samples, usable, rng):
+    pair = strongest_pair(values, samples, usable, rng)
+    if pair is None:
+        return []
+    names, strength = pair
+    return [ResidualDependence(name, strength, _note(' and '.join(names), strength, values))
+            for name in names]
+
+
+def _of_a_tone(values, moving):
+    tone = strongest_tone(values, moving)
+    if tone is None:
+        return []
+    frequency, share = tone
+    return [ResidualDependence(
+        'time', share, f'the remaining error swings {frequency:.3g} times a second, '
+        'whatever the position; no effect known to the package does')]
+
+
+def _that_went_along(found, samples, usable):
+    """Return the variables that the recording cannot tell from those found."""
     known = {item.variable for item in found}
-    for item in tuple(found):
+    more = []
+    for item in found:
         for name in inseparable(item.variable, samples, usable):
             if name not in known:
                 known.add(name)
-                found.append(ResidualDependence(
+                more.append(ResidualDependence(
                     name, item.strength, f'{name} went with {item.variable} all through the '
                     'recording, so that it may as well be this on which the error depends'))
-    return found
+    return more
 
 
 def strongest_tone(values, moving):
