@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from friction_comp.__main__ import main, NODES, TOOLS
+from friction_comp.model.effects.inertia import Inertia
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
@@ -44,8 +45,13 @@ COMMANDS = [
 
 
 def trial(name, direction):
-    """Simulate movements to and fro at several speeds, with the current of configuration 2."""
+    """Simulate movements to and fro at several speeds; return the model that drives them.
+
+    Configuration 2 moves an inertia, and the recording holds no velocity: whoever predicts has to
+    differentiate.
+    """
     model = FrictionModel.load(ROOT / 'config' / 'armin_configuration_2.yaml')
+    model.effects = [Inertia({'coefficients': [0.02]})]
     step, velocity = 4e-3, []
     for speed in (0.3, 0.6, 0.2, 0.9, 0.45, 0.75):
         for sign in (1.0, -1.0):
@@ -56,8 +62,9 @@ def trial(name, direction):
     random = np.random.default_rng(len(name))
     position = np.cumsum(velocity) * step
     write_samples(name, Samples(
-        time=np.arange(len(velocity)) * step, position=position, velocity=velocity,
-        current=model.sigmoid(velocity) + 0.003 * random.standard_normal(len(velocity)),
+        time=np.arange(len(velocity)) * step, position=position,
+        current=(model.sigmoid(velocity) + 0.02 * np.gradient(velocity, step)
+                 + 0.003 * random.standard_normal(len(velocity))),
         load=np.sign(velocity) * (0.5 - 0.3 * direction),
         direction=direction * np.sign(velocity), reference_position=position,
         reference_velocity=velocity, joint='elbow'),
@@ -148,4 +155,4 @@ def test_python(text, workplace):
     names = {}
     exec(compile(text, 'the documentation', 'exec'), names)
     if 'residual' in names:
-        assert np.std(names['residual']) < 0.01
+        assert np.std(names['residual']) < 0.1 * np.std(names['samples'].current)

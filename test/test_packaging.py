@@ -14,6 +14,7 @@ from types import ModuleType
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 import friction_comp
 from friction_comp import __main__ as entry
@@ -313,3 +314,10 @@ def test_the_action_comes_from_the_install_space(workspace):
     install = workspace / 'install' / 'friction_comp'
     assert len(files.split()) == 2
     assert all(install in Path(name).parents for name in files.split())
+
+
+def test_the_same_ruff_runs_before_a_commit_and_in_make_lint():
+    hooks = yaml.safe_load((ROOT / '.pre-commit-config.yaml').read_text(encoding='utf-8'))
+    ruff = next(repo for repo in hooks['repos'] if 'ruff' in repo['repo'])
+    requirements = (ROOT / 'requirements' / 'test.txt').read_text(encoding='utf-8')
+    assert f"ruff=={ruff['rev'].removeprefix('v')}" in requirements.splitlines()
