@@ -22,7 +22,7 @@ _FOLDS = 3
 # clear of nothing: over a hundred groups are tried.
 LEAST_SHARE, LEAST_ERRORS = 0.04, 3.5
 _MOST_GROUPS = 12
-_MOST_ROWS = 12000
+_MOST_ROWS = 8000
 # So many of the groups that fit best are compared on stretches not fitted.
 _SHORT_LIST = 6
 _RIDGE = 1e-6
@@ -48,11 +48,12 @@ def groups_for(names, own):
              for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
     groups = [Group('weight', angles) for angles in sums]
     singles = [()] + [((name, 1),) for name in names]
-    groups += [Group('inertia', angles, (name,)) for name in names for angles in singles
+    pairs = [((one, 1), (two, 1)) for one, two in zip(names, names[1:])]
+    groups += [Group('inertia', angles, (name,)) for name in names for angles in singles + pairs
                if {name, *(one for one, _ in angles)} != {own}]
+    # Products of velocities are left without angles: over angles there would be hundreds.
     groups += [Group('velocities', (), (one, two))
-               for k, one in enumerate(names) for two in names[k:]
-               if {one, two} != {own}]
+               for k, one in enumerate(names) for two in names[k:] if {one, two} != {own}]
     return groups
 
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.recordings import clocks
 from friction_comp.recordings.activity import Activity
+from friction_comp.recordings.joint_motion import beside
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import (
     AnyPath,
@@ -95,7 +96,7 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     -------
     list of Samples
         One per recording, each with `recording` set to its number. Time counts from the
-        recording's first joint state.
+        recording's first joint state. Where it holds other joints, `arm` is their motion.
 
     Raises
     ------
@@ -109,7 +110,7 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
 def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                              torque_constant: float = 1.0, gear_ratio: float = 1.0,
                              signals: Sequence[str] = tuple(SIGNALS),
-                             progress: Progress | None = None
+                             progress: Progress | None = None, others: bool = True
                              ) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings as `read_recording` does, each with its `RecordingInfo`.
 
@@ -119,6 +120,8 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         As for `read_recording`.
     signals : sequence of str
         Topics to read besides ``joint_states``.
+    others : bool
+        Whether the samples are to hold the motion of the other joints too, as `arm`.
 
     Returns
     -------
@@ -131,8 +134,10 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         def report(share: float, number: int = number) -> None:
             if progress:
                 progress((number + share) / len(found))
-        scan = scan_recording(path, with_states(signals), report, joint)
+        scan = scan_recording(path, with_states(signals), report, None if others else joint)
         samples, info = to_samples(scan, joint, torque_per_current)
+        if others and len(info.joints) > 1:
+            samples = samples.with_(arm=beside(samples, info, usable_joints(scan)))
         if joint is None and results and info.joint != results[0][1].joint:
             raise InputError(
                 f'{path}: holds joint {info.joint!r}, but {results[0][1].path} holds '
@@ -141,6 +146,37 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         results.append((samples, info))
         report(1.0)
     return results
+
+
+def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambda joint: 1.0
+                  ) -> dict[str, tuple[Samples, RecordingInfo]]:
+    """Return every joint of a scan whose values can be used.
+
+    Parameters
+    ----------
+    scan : Scan
+    torque_per_current : callable
+        k_t · n in N·m/A for a joint's name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    names = list(dict.fromkeys(name for track in scan.of('joint_states') for name in track.names))
+    read: dict[str, tuple[Samples, RecordingInfo]] = {}
+    reason = None
+    for name in names or [None]:
+        try:
+            entry = to_samples(scan, name, torque_per_current(name or ''))
+        except InputError as error:
+            # A gripper without effort is no reason to refuse an arm.
+            reason = error
+            continue
+        read[entry[1].joint] = entry
+    if not read and reason:
+        raise reason
+    return read
 
 
 def effort_per_ampere(torque_constant: float, gear_ratio: float) -> float:

@@ -35,7 +35,8 @@ def main(argv: list[str] | None = None) -> int:
 
     with progress('reading') as report:
         found = read_recording_with_info(
-            arguments.recordings, arguments.joint, signals=_SIGNALS, progress=report)
+            arguments.recordings, arguments.joint, signals=_SIGNALS, progress=report,
+            others=False)
         report(1.0, 'evaluating')
         names = [str(info.path) for _, info in found]
         models = list(dict.fromkeys(info.model for _, info in found if info.model))

@@ -47,21 +47,17 @@ def main(argv: list[str] | None = None) -> int:
 
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import read_recording_with_info
-    from friction_comp.recordings.arm_reader import read_arm
 
     model = FrictionModel.load(arguments.model, arguments.joint)
     if arguments.output.is_dir():
         raise InputError(f'{arguments.output}: is a folder, a file is wanted')
     with progress('reading') as report:
         joint = arguments.joint
-        if model.arm is None:
-            found = read_recording_with_info(
-                [arguments.recording], joint, model.drive.torque_constant,
-                model.drive.gear_ratio, progress=report)
-        else:
+        if model.arm is not None:
             joint = joint or model.joint
-            found = read_arm([arguments.recording], model.drive.torque_per_current, report,
-                             [joint])[joint]
+        found = read_recording_with_info(
+            [arguments.recording], joint, model.drive.torque_constant,
+            model.drive.gear_ratio, progress=report, others=model.arm is not None)
         if len(found) != 1:
             raise InputError(f'{arguments.recording}: holds {len(found)} recordings, one is wanted')
         samples, info = found[0]

@@ -47,22 +47,16 @@ def main(argv: list[str] | None = None) -> int:
 
         return refine_whole_arm(arguments)
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import read_recording_with_info
-    from friction_comp.recordings.arm_reader import read_arm
+    from friction_comp.recordings import read_recording
     from friction_comp.refinement import refine
     from friction_comp.reports.refinement_report import refinement_report
 
     model = FrictionModel.load(arguments.model, arguments.joint) if arguments.model else None
     drive = drive_of(arguments, model)
     with progress('reading') as report:
-        found = read_recording_with_info(
+        recordings = read_recording(
             arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
             progress=lambda share, *_: report(0.2 * share))
-        if len(found[0][1].joints) > 1:
-            # What other joints did may explain what this one's current shows.
-            joint = found[0][1].joint
-            found = read_arm(arguments.recordings, drive.torque_per_current, joints=[joint])[joint]
-        recordings = [samples for samples, _ in found]
         try:
             result = refine(recordings, model, drive, progress=lambda share, name: report(
                 0.2 + 0.7 * share, f'trying {name}'))

@@ -18,8 +18,8 @@ class Group:
     Parameters
     ----------
     kind : {'weight', 'inertia', 'velocities'}
-        Cosine and sine of a sum of angles; an acceleration, alone or times these; the product of
-        two velocities.
+        Cosine and sine of a sum of angles; an acceleration, or the product of two velocities,
+        alone or times these.
     angles : tuple of (str, int)
         Joint and sign of each angle in the sum.
     joints : tuple of str
@@ -66,7 +66,8 @@ class Group:
             return f'weight over the angle {total}'
         if self.kind == 'inertia':
             return f'acceleration of {self.joints[0]}' + (f' over the angle {total}' * bool(total))
-        return f'velocities of {self.joints[0]} and {self.joints[1]}'
+        return (f'velocities of {self.joints[0]} and {self.joints[1]}'
+                + f' over the angle {total}' * bool(total))
 
 
 @dataclass(frozen=True)
