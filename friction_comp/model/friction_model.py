@@ -18,6 +18,7 @@ from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm_document import one_joint_of
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import EFFECTS
+from friction_comp.model.schema import check_keys
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
@@ -198,6 +199,7 @@ class FrictionModel:
             raise InputError(f"not a model file: 'format: {FORMAT}' is missing")
         if document.get('version') != VERSION:
             raise InputError(f"model version {document.get('version')!r} is not {VERSION}")
+        check_keys(document)
         sigmoid = _section(document, 'sigmoid')
         if 'coefficients' not in sigmoid or not isinstance(sigmoid['coefficients'], list):
             raise InputError('sigmoid.coefficients is missing or not a list')

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import traceback
 
 import numpy as np
@@ -27,6 +28,8 @@ from friction_comp.nodes.parameters import declare, declare_joints, LARGE, load_
 
 # Real s between looks at who else commands, and at faults that have ended.
 _LOOK = 0.1
+# Samples for which a model is tried before it is taken over.
+_TRIAL = 300
 
 
 class CompensatorNode(LifecycleNode):
@@ -96,7 +99,11 @@ class CompensatorNode(LifecycleNode):
         return None
 
     def _load(self, files):
-        return load_models(files, self._joints)
+        """Return models that may be given a motor: checked, and tried in a law of their own."""
+        models = load_models(files, self._joints, for_motor=True)
+        for model, path in zip(models, files):
+            _try(model, self._of('gravity'), path)
+        return models
 
     def _loaded(self, files):
         """Return the models of files; most often they wait already."""
@@ -156,6 +163,9 @@ class CompensatorNode(LifecycleNode):
                 for model in self._loop.law.models]
 
     def _say_left_out(self):
+        for joint, model in zip(self._joints, self._loop.law.models):
+            if model.joint not in ('', joint):
+                self.get_logger().warning(f"{joint}: its model file is that of '{model.joint}'")
         for number, effect, why in self._loop.law.never_applied:
             self.get_logger().warning(f'{self._joints[number]}: {effect} is not fed back: {why}')
 
@@ -353,6 +363,29 @@ class CompensatorNode(LifecycleNode):
                 for signal in signals]
             found.append((self._joints[number], effect, reasons or ['its value is not finite']))
         return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in found]
+
+
+def _try(model, gravity, path):
+    """Let a model run in a law of its own for a movement to and fro.
+
+    Raises
+    ------
+    InputError
+        If that ends in anything but currents.
+    """
+    try:
+        law = CompensationLaw([model], gravity=gravity)
+        for k in range(_TRIAL):
+            angle = 0.02 * k
+            current = law.update(
+                1e-3 * k, [math.sin(angle)], [20.0 * math.cos(angle)], [1.0 - k % 3],
+                temperature=[25.0])
+            if not np.isfinite(current).all():
+                raise InputError('its currents are not finite')
+    except InputError as error:
+        raise InputError(f'{path}: {error}') from None
+    except Exception as error:
+        raise InputError(f'{path}: the law cannot use it: {error!r}') from None
 
 
 def _warm_up(law, joints):

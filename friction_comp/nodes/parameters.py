@@ -4,18 +4,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.schema import check_for_motor
 
 # A range needs an upper end; what has none in nature gets this one.
 LARGE = 1e6
 
 
-def declare(node, name, default, description, low=None, high=None, read_only=False,
-            constraints=''):
+def declare(node: Any, name: str, default: Any, description: str, low: float | None = None,
+            high: float | None = None, read_only: bool = False, constraints: str = '') -> Any:
     """Declare a parameter with its descriptor and return its value.
 
     Parameters
@@ -59,12 +63,12 @@ def declare(node, name, default, description, low=None, high=None, read_only=Fal
         raise InputError(f'parameter {name}: {error}') from None
 
 
-def names_in(values):
+def names_in(values: Sequence[str]) -> list[str]:
     """Return a string array without the empty strings that stand for 'none' in ROS."""
     return [value for value in values if value]
 
 
-def declare_joints(node):
+def declare_joints(node: Any) -> list[str]:
     """Declare `joints` and return them.
 
     Raises
@@ -80,7 +84,8 @@ def declare_joints(node):
     return list(joints)
 
 
-def load_models(model_files, joints):
+def load_models(model_files: Sequence[str], joints: Sequence[str],
+                for_motor: bool = False) -> list[FrictionModel]:
     """Load the model file of each joint.
 
     Parameters
@@ -88,6 +93,9 @@ def load_models(model_files, joints):
     model_files : list of str
         One path per joint; the file of a whole arm may stand for each of its joints.
     joints : list of str
+    for_motor : bool
+        Whether a motor is to be given their currents: then they must also be what a model of a
+        drive can be.
 
     Returns
     -------
@@ -103,4 +111,15 @@ def load_models(model_files, joints):
         raise InputError(
             f'parameter model_files: one file per joint is needed, {len(joints)} for '
             f'{list(joints)}, not {len(files)}')
-    return [FrictionModel.load(path, joint) for path, joint in zip(files, joints)]
+    return [_load(path, joint, joints if for_motor else None)
+            for path, joint in zip(files, joints)]
+
+
+def _load(path: str, joint: str, joints: Sequence[str] | None) -> FrictionModel:
+    model = FrictionModel.load(path, joint)
+    if joints is not None:
+        try:
+            check_for_motor(model, joint, joints)
+        except InputError as error:
+            raise InputError(f'{path}: {error}') from None
+    return model

@@ -1,0 +1,214 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a model must be before a motor is given its currents.
+
+A model file that can be read may still hold a slip of the pen: 99.5 A where 0.0995 A was meant,
+the file of another joint, a coefficient too few. What a model says is therefore held against
+itself, over the motion that it was identified on: its friction, its breakaway currents and its
+effects must be of one size, and below the drive's limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+import math
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.model.effects.base import RESISTS
+from friction_comp.samples import Samples
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+
+KEYS = {
+    '': {'format', 'version', 'joint', 'drive', 'sigmoid', 'breakaway', 'effects', 'lookup_table',
+         'differentiation', 'arm', 'simulation', 'notes'},
+    'drive': {'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'},
+    'sigmoid': {'coefficients', 'velocity_unit'},
+    'breakaway': {'positive', 'negative'},
+    'lookup_table': {'speeds', 'currents', 'standard_deviations'},
+}
+"""Entries of a model file and of its sections."""
+_OF_BREAKAWAY = {'mean', 'std', 'position'}
+_OF_EFFECT = {'name', 'variable', 'parameters', 'intervals'}
+
+# rad/s; the note's largest speed, where the file does not say up to which one it was identified.
+_SPEED = math.radians(100.0)
+# s, Hz: a movement to and fro, and how finely it is looked at.
+_PERIOD, _RATE = 5.0, 100.0
+# Degrees Celsius between which a motor works.
+_COLD, _WARM = 10.0, 60.0
+# How many times as large as sliding friction breakaway may be, and effects that are friction, and
+# how small. The note's drives have 1.05, measured gears 0.8 to 2.
+_MOST, _LEAST = 5.0, 0.2
+# Exponents of friction's laws are 0.5 to 2.
+_STEEPEST = 10.0
+# Share of the sigmoid's span by which it may fall where it should rise; a fit is never exact.
+_DIP = 0.1
+# Share of the largest current in the table by which the sigmoid may miss it.
+_MISS = 0.5
+
+
+def check_keys(document: dict[str, Any]) -> None:
+    """Refuse a model file's document with entries that nobody reads.
+
+    Raises
+    ------
+    InputError
+        Naming them and what is known.
+    """
+    for section, known in KEYS.items():
+        values = document.get(section) if section else document
+        if isinstance(values, dict):
+            _only(values, known, section)
+    breakaway = document.get('breakaway')
+    if isinstance(breakaway, dict):
+        for side, values in breakaway.items():
+            if isinstance(values, dict):
+                _only(values, _OF_BREAKAWAY, f'breakaway.{side}')
+    effects = document.get('effects')
+    for entry in effects if isinstance(effects, list) else ():
+        if isinstance(entry, dict):
+            _only(entry, _OF_EFFECT, f"effect '{entry.get('name')}'")
+
+
+def _only(values: dict[str, Any], known: Collection[str], section: str) -> None:
+    unknown = sorted(str(key) for key in set(values) - set(known))
+    if unknown:
+        where = f'{section} has' if section else 'there are'
+        raise InputError(
+            f'{where} unknown entries: {", ".join(unknown)}; known: {", ".join(sorted(known))}')
+
+
+def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[str] = ()) -> None:
+    """Refuse a model that no motor should be given.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    joint : str
+        The joint that it is to serve.
+    joints : collection of str
+        All joints that are driven together: the model of one of them does not serve another.
+
+    Raises
+    ------
+    InputError
+        Naming what is wrong with it.
+    """
+    if model.joint != joint and model.joint in joints:
+        raise InputError(f"this is the model of joint '{model.joint}', not of '{joint}'")
+    motion = _motion(model)
+    friction = _check_sigmoid(model, motion)
+    resisting = [_check_effect(model, effect, motion, friction) for effect in model.effects]
+    _check_breakaway(model, friction + sum(resisting))
+
+
+def _motion(model):
+    """Return a movement to and fro at the speeds that the model was identified at."""
+    speeds = [abs(v) for v in (model.lookup_table or {}).get('speeds', ())
+              if isinstance(v, (int, float)) and math.isfinite(v)]
+    speed = max(speeds, default=_SPEED) or _SPEED
+    time = np.arange(0.0, 2.0 * _PERIOD, 1.0 / _RATE)
+    turn = 2.0 * math.pi / _PERIOD
+    return Samples(
+        time=time, position=-speed / turn * np.cos(turn * time),
+        velocity=speed * np.sin(turn * time), acceleration=speed * turn * np.cos(turn * time),
+        current=np.zeros(time.size), load=model.drive.torque_per_current * np.sin(3.0 * time),
+        temperature=np.linspace(_COLD, _WARM, time.size), rigid_body=np.zeros(time.size),
+        coupling=np.zeros(time.size))
+
+
+def _check_sigmoid(model, motion):
+    """Return the sliding friction in A that the sigmoid says, at most."""
+    speeds = np.linspace(motion.velocity.min(), motion.velocity.max(), 401)
+    current = np.asarray(model.sigmoid(speeds), dtype=float)
+    if not np.isfinite(current).all():
+        raise InputError('sigmoid: its currents are not finite')
+    if not current[0] < 0.0 < current[-1]:
+        raise InputError(
+            f'sigmoid: {current[-1]:.3g} A forwards and {current[0]:.3g} A backwards do not have '
+            'the sign of friction')
+    span = current[-1] - current[0]
+    if (np.maximum.accumulate(current) - current).max() > _DIP * span:
+        raise InputError('sigmoid: it falls with speed; friction that does is the effect stribeck')
+    largest = np.abs(current).max()
+    if largest > model.drive.current_limit:
+        raise InputError(
+            f'sigmoid: {largest:.3g} A at {speeds[-1]:.3g} rad/s is more than drive.current_limit '
+            f'of {model.drive.current_limit:g} A')
+    _check_table(model)
+    return float(largest)
+
+
+def _check_table(model):
+    table = model.lookup_table
+    if not table:
+        return
+    try:
+        speeds, currents = (np.asarray(table[name], dtype=float).ravel()
+                            for name in ('speeds', 'currents'))
+    except (KeyError, TypeError, ValueError):
+        raise InputError('lookup_table needs speeds and currents, lists of numbers') from None
+    if speeds.size != currents.size or not np.isfinite([*speeds, *currents]).all():
+        raise InputError('lookup_table: speeds and currents must be finite and as many')
+    if speeds.size == 0:
+        return
+    miss = np.abs(model.sigmoid(speeds) - currents).max()
+    if miss > _MISS * np.abs(currents).max():
+        raise InputError(
+            f'sigmoid: it misses the lookup_table, which it was fitted to, by {miss:.3g} A')
+
+
+def _check_effect(model, effect, motion, friction):
+    """Return what an effect adds to sliding friction, at most, in A."""
+    for name, value in effect.values.items():
+        if name == 'exponent' and value > _STEEPEST:
+            raise InputError(f"effect '{effect.name}': exponent {value:g} is above {_STEEPEST:g}")
+    try:
+        with np.errstate(all='ignore'):
+            current = np.asarray(effect.current(motion), dtype=float)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"effect '{effect.name}' cannot be computed: {error}") from None
+    if not np.isfinite(current).all():
+        raise InputError(f"effect '{effect.name}' gives currents that are not finite")
+    largest = float(np.abs(current).max(initial=0.0))
+    if effect.not_fed_back:
+        return 0.0
+    if effect.role == RESISTS:
+        if largest > _MOST * friction:
+            raise InputError(
+                f"effect '{effect.name}': {largest:.3g} A are too many beside sliding friction of "
+                f'{friction:.3g} A')
+        return largest
+    if largest > model.drive.current_limit:
+        raise InputError(
+            f"effect '{effect.name}': {largest:.3g} A are more than drive.current_limit of "
+            f'{model.drive.current_limit:g} A')
+    return 0.0
+
+
+def _check_breakaway(model, friction):
+    if model.breakaway is None:
+        return
+    for side, mean, spread, plateau in (
+            ('positive', model.breakaway.positive_mean, model.breakaway.positive_std,
+             model.sigmoid.upper),
+            ('negative', -model.breakaway.negative_mean, model.breakaway.negative_std,
+             -model.sigmoid.lower)):
+        if mean > model.drive.current_limit:
+            raise InputError(
+                f'breakaway.{side}: {mean:.4g} A is more than drive.current_limit of '
+                f'{model.drive.current_limit:g} A')
+        if mean > _MOST * friction or mean < _LEAST * plateau:
+            raise InputError(
+                f'breakaway.{side}: {mean:.4g} A does not go with sliding friction of '
+                f'{plateau:.3g} to {friction:.3g} A')
+        if spread > mean:
+            raise InputError(
+                f'breakaway.{side}: the standard deviation {spread:.3g} A is more than the mean')
