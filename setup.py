@@ -16,7 +16,7 @@ sys.path.insert(0, str(ROOT / 'build_tools'))
 import interfaces  # noqa: E402 - stands in the folder just added
 
 NAMES = (
-    'plant', 'identification', 'compensator', 'exercise', 'recorder',
+    'plant', 'identification', 'compensator', 'exercise', 'recorder', 'refinement',
     'demo', 'reproduce', 'evaluate', 'refine', 'predict',
 )
 # pip puts scripts into the environment's bin/, where such plain names would be in the way; colcon

@@ -18,6 +18,7 @@ NODES = {
     'compensator': 'feeds the friction forward to the motor',
     'exercise': 'publishes the reference movement and its direction',
     'recorder': 'records topics into a rosbag2 folder',
+    'refinement': 'tells when a model no longer fits, and refines it, as an action server',
 }
 TOOLS = {
     'demo': 'runs the whole loop on this machine, with a report at the end',
@@ -123,6 +124,7 @@ identification = partial(run, 'identification')
 compensator = partial(run, 'compensator')
 exercise = partial(run, 'exercise')
 recorder = partial(run, 'recorder')
+refinement = partial(run, 'refinement')
 demo = partial(run, 'demo')
 reproduce = partial(run, 'reproduce')
 evaluate = partial(run, 'evaluate')

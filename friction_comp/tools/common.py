@@ -160,6 +160,9 @@ def output_folder(path: str | Path) -> Iterator[Path]:
 def progress(description: str) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error while the block runs, if a person is watching.
 
+    A program that watches sets the environment variable FRICTION_COMP_PROGRESS to ``lines`` and
+    gets a line ``progress SHARE DESCRIPTION`` for each report.
+
     Parameters
     ----------
     description : str
@@ -169,6 +172,9 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
     callable
         ``report(share, description=None)`` with the share 0..1 that is done.
     """
+    if os.environ.get('FRICTION_COMP_PROGRESS') == 'lines':
+        yield _progress_lines(description)
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -183,6 +189,16 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
             bar.update(task, completed=min(max(float(share), 0.0), 1.0), description=description)
 
         yield report
+
+
+def _progress_lines(first: str) -> Callable[..., None]:
+    told = [first]
+
+    def report(share, description=None):
+        told[0] = description or told[0]
+        print(f'progress {min(max(float(share), 0.0), 1.0):.4f} {told[0]}', file=sys.stderr,
+              flush=True)
+    return report
 
 
 def to_json(content: dict[str, Any]) -> str:

@@ -1,0 +1,111 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The residual of a running joint: measured rows in, what the model leaves over out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring.residual_watch import ResidualWatch, Verdict
+from friction_comp.samples import Samples
+
+# s before the new rows that are computed again, so that filters and histories have settled, and s
+# at the end that wait for the next time, because a filter without delay needs what comes after.
+_BEFORE, _AFTER = 3.0, 0.3
+# The row: time, position, velocity, current, load, temperature.
+WIDTH = 6
+SIGNALS = ('load', 'temperature')
+
+
+class LiveResidual:
+    """Compares what one joint's motor was given with what its model asks for.
+
+    The motor and the person move the joint together, J·a = k_t·n·i + τ_b - F, so friction in A is
+    i + τ_b/(k_t·n). Without a measured load the current alone is compared; that says nothing while
+    a compensator feeds the very model forward and a person moves the joint, which the caller has
+    to know (`blind`).
+
+    Parameters
+    ----------
+    model : FrictionModel
+    tolerance : float
+        As for `ResidualWatch`.
+    """
+
+    def __init__(self, model: FrictionModel, tolerance: float = 0.25):
+        self.watch = ResidualWatch(tolerance)
+        self.model = model
+        self.blind = ''
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.watch.forget()
+        self._rows = np.empty((0, WIDTH))
+        self._done = -np.inf
+        self._origin: float | None = None
+
+    def take(self, rows: np.ndarray) -> None:
+        """Take rows of measurements.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (N, 6)
+            Time in s, increasing; position; velocity, NaN where there is none; motor current in A;
+            load in N·m and temperature in degrees Celsius, NaN where they are not measured.
+        """
+        rows = np.asarray(rows, dtype=float).reshape(-1, WIDTH)
+        rows = rows[np.isfinite(rows[:, [0, 1, 3]]).all(axis=1)]
+        if not len(rows):
+            return
+        if len(self._rows) and rows[0, 0] < self._rows[-1, 0]:
+            # Time began anew: another run.
+            self.forget()
+        if self._origin is None:
+            self._origin = rows[0, 0]
+        self._rows = np.vstack((self._rows, rows))
+        self._compare()
+        self._rows = self._rows[self._rows[:, 0] >= self._done - _BEFORE]
+
+    def _compare(self):
+        rows = self._rows
+        ready = rows[-1, 0] - _AFTER
+        if ready - self._done < _AFTER or len(rows) < 10:
+            return
+        samples = self._samples(rows)
+        missing = sorted({signal for effect in self.model.effects for signal in effect.needs
+                          if getattr(samples, signal, None) is None})
+        self.blind = f'the model needs the {" and the ".join(missing)}, which is not measured' \
+            if missing else ''
+        if missing:
+            return
+        settings = self.model.differentiation or DEFAULT_SETTINGS
+        if settings.get('source') == 'velocity' and samples.velocity is None:
+            settings = DEFAULT_SETTINGS
+        moved = differentiate(samples, settings)
+        # Effects of time count from the beginning of the run, not from that of the rows kept.
+        moved = moved.with_(time=rows[:, 0] - self._origin)
+        predicted = self.model.current(moved)
+        new = (rows[:, 0] > self._done) & (rows[:, 0] <= ready)
+        self.watch.take(moved.take(new), (moved.current - predicted)[new], predicted[new])
+        self._done = ready
+
+    def _samples(self, rows):
+        columns = {name: rows[:, 4 + place] for place, name in enumerate(SIGNALS)
+                   if np.isfinite(rows[:, 4 + place]).all()}
+        if np.isfinite(rows[:, 2]).all():
+            columns['velocity'] = rows[:, 2]
+        current = rows[:, 3]
+        if 'load' in columns and not self._carries_load():
+            current = current + columns['load'] / self.model.drive.torque_per_current
+        return Samples(time=rows[:, 0], position=rows[:, 1], current=current, **columns)
+
+    def _carries_load(self):
+        return any(effect.by_mechanics(self.model.drive) is not None
+                   for effect in self.model.effects)
+
+    def verdict(self) -> Verdict:
+        """Return what the motion so far tells."""
+        return self.watch.verdict()

@@ -1,0 +1,143 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a joint's model fits what its topics carry, and whether a new one fits better."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState, Temperature
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring.live_residual import LiveResidual
+
+# ns between the states that are looked at, age at which a load or a temperature says nothing more.
+_STEP, _LOAD_AGE, _HEAT_AGE = 8_000_000, 200_000_000, 60_000_000_000
+# A new model is judged by so many blocks of motion, and by no fewer than the first number.
+_FEWEST, _ENOUGH = 30, 300
+# Errors that differ by less are as good as each other.
+_WORSE = 1.05
+
+
+class LiveSignals:
+    """Rows for `LiveResidual` from serialised messages, a hundred or so a second.
+
+    Parameters
+    ----------
+    joints : list of str
+    torque_per_current : list of float
+        N·m/A at each joint.
+    """
+
+    def __init__(self, joints: list[str], torque_per_current: list[float]):
+        self._joints, self._gains = joints, torque_per_current
+        self._due = self._last = 0
+        self._held: dict[tuple[str, str], tuple[int, bytes]] = {}
+        self._rows: list[list[list[float]]] = [[] for _ in joints]
+
+    def hold(self, topic: str, stamp: int, cdr: bytes) -> None:
+        """Keep the newest message of a topic on one joint (its frame_id)."""
+        order = '<' if cdr[1] & 1 else '>'
+        length, = struct.unpack_from(f'{order}I', cdr, 12)
+        frame = bytes(cdr[16:15 + length]).decode(errors='replace')
+        self._held[topic, frame] = stamp, bytes(cdr)
+
+    def see(self, stamp: int, cdr: bytes) -> None:
+        """Take a joint state, unless the one before has only just been taken."""
+        if stamp < self._last:
+            self._due = 0
+        self._last = stamp
+        if stamp < self._due:
+            return
+        self._due = stamp + _STEP
+        message = deserialize_message(bytes(cdr), JointState)
+        for number, joint in enumerate(self._joints):
+            if joint not in message.name:
+                continue
+            place = message.name.index(joint)
+
+            def value(values, place=place):
+                return values[place] if len(values) > place else math.nan
+            self._rows[number].append([
+                stamp * 1e-9, value(message.position), value(message.velocity),
+                value(message.effort) / self._gains[number],
+                self._load(joint, stamp), self._temperature(joint, stamp)])
+
+    def _load(self, joint, stamp):
+        found = self._fresh('interaction_wrench', joint, stamp, WrenchStamped, _LOAD_AGE)
+        return math.nan if found is None else found.wrench.torque.z
+
+    def _temperature(self, joint, stamp):
+        found = self._fresh('motor_temperature', joint, stamp, Temperature, _HEAT_AGE)
+        return math.nan if found is None else found.temperature
+
+    def _fresh(self, topic, joint, stamp, kind, age) -> Any:
+        held = self._held.get((topic, joint))
+        if held is None or abs(stamp - held[0]) > age:
+            return None
+        return deserialize_message(held[1], kind)
+
+    def take(self) -> list[np.ndarray]:
+        """Return the rows of each joint since the last call."""
+        rows, self._rows = self._rows, [[] for _ in self._joints]
+        return [np.array(one).reshape(-1, 6) for one in rows]
+
+
+class JointWatch:
+    """Watches one joint's model, and a new one beside the old one while it is on trial.
+
+    Parameters
+    ----------
+    tolerance : float
+        As for `ResidualWatch`.
+    """
+
+    def __init__(self, tolerance: float):
+        self._tolerance = tolerance
+        self.file = ''
+        self.residual: LiveResidual | None = None
+        self.before: tuple[str, LiveResidual] | None = None
+
+    def use(self, path: str) -> None:
+        """Watch the model of a file, if it is not watched already."""
+        if path != self.file:
+            self.file = path
+            self.residual = LiveResidual(FrictionModel.load(path), self._tolerance)
+            self.before = None
+
+    def try_out(self, path: str) -> None:
+        """Watch a new model, and the one before it on the same motion."""
+        before, old = self.file, FrictionModel.load(self.file)
+        self.use(path)
+        self.before = before, LiveResidual(old, self._tolerance)
+
+    def take(self, rows: np.ndarray) -> None:
+        """Take measurements, as `LiveResidual` does."""
+        if self.residual is not None:
+            self.residual.take(rows)
+        if self.before is not None:
+            self.before[1].take(rows)
+
+    def worse(self) -> str:
+        """Return in words that the new model is worse than the one before; empty if it is not.
+
+        The trial ends by itself when there was motion enough.
+        """
+        if self.before is None or self.residual is None:
+            return ''
+        old, new = self.before[1].watch, self.residual.watch
+        blocks = min(old.blocks, new.blocks)
+        if blocks < _FEWEST:
+            return ''
+        errors = old.error(blocks), new.error(blocks)
+        if blocks >= _ENOUGH:
+            self.before = None
+        if errors[1] <= _WORSE * errors[0]:
+            return ''
+        return (f'on {blocks} blocks of motion its error is {1e3 * errors[1]:.3g} mA, that of '
+                f'the model before {1e3 * errors[0]:.3g} mA')

@@ -1,0 +1,95 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The models that a running compensator uses: asked for, and exchanged, by its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+import time
+from typing import Any
+
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from friction_comp.errors import InputError
+
+# s that an answer may take; a compensator checks a new model before it answers.
+_PATIENCE = 20.0
+
+
+class _Turn:
+    """Awaited, gives the executor its turn."""
+
+    def __await__(self) -> Generator:
+        yield
+
+
+async def turn() -> None:
+    """Let the executor do something else."""
+    await _Turn()
+
+
+class LoadedModels:
+    """The model files of the compensator's joints.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    compensator : str
+        Name of its node.
+    """
+
+    def __init__(self, node: Node, compensator: str):
+        self.compensator = compensator
+        self._get = node.create_client(GetParameters, f'{compensator}/get_parameters')
+        self._set = node.create_client(SetParameters, f'{compensator}/set_parameters')
+
+    @property
+    def there(self) -> bool:
+        """Whether a compensator answers."""
+        return self._get.service_is_ready() and self._set.service_is_ready()
+
+    async def files(self) -> dict[str, str]:
+        """Return the model file of each joint; empty where no compensator is running.
+
+        Raises
+        ------
+        InputError
+            If it does not answer.
+        """
+        if not self.there:
+            return {}
+        reply = await self._answer(self._get.call_async(
+            GetParameters.Request(names=['joints', 'model_files'])))
+        joints, files = (parameter_value_to_python(value) for value in reply.values)
+        return dict(zip(joints or (), files or ()))
+
+    async def load(self, joint: str, path: str) -> str:
+        """Have the compensator take a model over for one joint, and return the file it had.
+
+        Raises
+        ------
+        InputError
+            If there is no compensator of the joint, or it refuses.
+        """
+        files = await self.files()
+        if joint not in files:
+            raise InputError(f'no compensator of {joint} is running as {self.compensator}')
+        before, files[joint] = files[joint], path
+        reply = await self._answer(self._set.call_async(SetParameters.Request(parameters=[
+            ParameterMessage(name='model_files', value=Parameter(
+                'model_files', value=list(files.values())).get_parameter_value())])))
+        result = reply.results[0]
+        if not result.successful:
+            raise InputError(f'{self.compensator} refuses the model: {result.reason}')
+        return before
+
+    async def _answer(self, future) -> Any:
+        end = time.monotonic() + _PATIENCE
+        while not future.done():
+            if time.monotonic() > end:
+                raise InputError(f'{self.compensator} does not answer')
+            await turn()
+        return future.result()

@@ -1,0 +1,328 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Watches whether the models still fit, and refines them on request as an action server."""
+
+from __future__ import annotations
+
+from collections import deque
+from functools import partial
+from pathlib import Path
+import time
+import traceback
+
+from friction_comp_interfaces.action import RefineModel
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from friction_comp.errors import InputError
+from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
+from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
+from friction_comp.nodes.loaded_models import LoadedModels, turn
+from friction_comp.nodes.node_main import run
+from friction_comp.nodes.parameters import declare, declare_joints, load_models
+from friction_comp.nodes.recent_past import Message, RecentPast
+from friction_comp.nodes.recorded_topic import RecordedTopic
+from friction_comp.nodes.recorder import Dates, stamp_of, STATES, TOPICS
+from friction_comp.nodes.refine_job import Refined, RefineJob
+
+# Real s between looks at a running refinement, at publishers, and at the residual.
+_LOOK, _PUBLISHERS, _WATCH = 0.2, 0.1, 1.0
+_NOT_KEPT = ('reference', '/diagnostics')
+
+
+class RefinementNode(Node):
+    """Serves one goal at a time; commands nothing and moves nothing.
+
+    It hears what the recorder hears, keeps the last minutes of it, and compares the motor's
+    current with what the model of each joint asks for.
+    """
+
+    finished = False
+    fast_timers = ()
+    # Nothing waits for it: messages are taken in handfuls.
+    nap = 0.01
+
+    def __init__(self):
+        super().__init__('refinement')
+        self._joints = declare_joints(self)
+        files = declare(
+            self, 'model_files', [], 'model file of each joint, where no compensator says which '
+            'it uses', read_only=True)
+        models = load_models(files, self._joints)
+        self._files = dict(zip(self._joints, (path for path in files if path)))
+        self._output = declare(
+            self, 'output_folder', '.', 'folder that takes a folder with model and report for '
+            'each goal')
+        tolerance = declare(
+            self, 'tolerance', 0.25, 'error of a model as a share of the friction above which it '
+            'no longer fits [1]', 0.01, 10.0, read_only=True)
+        self._past = RecentPast(declare(
+            self, 'memory', 600.0, 'how much of the past is kept [s]', 1.0, 86400.0,
+            read_only=True), round(1e6 * declare(
+                self, 'memory_size', 500.0, 'largest size of what is kept [MB]', 1.0, 1e5,
+                read_only=True)))
+        self._loaded = LoadedModels(self, declare(
+            self, 'compensator', 'compensator', 'name of the node that takes refined models over',
+            read_only=True))
+        self._signals = LiveSignals(
+            self._joints, [model.drive.torque_per_current for model in models])
+        self._watches = {joint: JointWatch(tolerance) for joint in self._joints}
+        for joint, path in self._files.items():
+            self._watches[joint].use(path)
+        self._rate, self._dates, self._undated = Rate(), Dates(), deque()
+        self._job: RefineJob | None = None
+        self._busy = self._looking = False
+        self._fits = dict.fromkeys(self._joints, True)
+        self._goal_handle = None
+        self._said = self._refused = self._trouble = ''
+        self._connect()
+        Diagnostics(self, self._report, ', '.join(self._joints))
+
+    def _connect(self):
+        self._topics = {topic: RecordedTopic(self, kind, topic, partial(
+            self._on_stamped if stamped else self._on_unstamped, topic, name))
+            for topic, kind, name, stamped in TOPICS if topic not in _NOT_KEPT}
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_PUBLISHERS, self._look_at_publishers, clock=steady)
+        self.create_timer(_LOOK, self._look, clock=steady)
+        # Of the node's own group nothing else would run while it waits for the compensator.
+        self.create_timer(
+            _WATCH, self._watch, clock=steady, callback_group=ReentrantCallbackGroup())
+        self._server = ActionServer(
+            self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
+            cancel_callback=self._on_cancel)
+
+    # Topics.
+
+    def _on_stamped(self, topic, name, cdr, info):
+        stamp = stamp_of(cdr) or info['source_timestamp']
+        self._keep(topic, name, stamp, cdr)
+        if topic == STATES:
+            self._rate.tick()
+            self._dates.see(info['source_timestamp'], stamp)
+            self._signals.see(stamp, cdr)
+            self._date()
+        else:
+            self._signals.hold(topic, stamp, cdr)
+
+    def _on_unstamped(self, topic, name, cdr, info):
+        self._undated.append((info['source_timestamp'], topic, name, bytes(cdr)))
+        self._date()
+
+    def _date(self):
+        while self._undated and self._dates.known(self._undated[0][0]):
+            sent, topic, name, cdr = self._undated.popleft()
+            self._keep(topic, name, self._dates.at(sent) or sent, cdr)
+
+    def _keep(self, topic, name, stamp, cdr):
+        self._past.add(Message(stamp, self._topics[topic].name, name, bytes(cdr)))
+
+    def _look_at_publishers(self):
+        for topic in self._topics.values():
+            topic.look()
+
+    # Watching.
+
+    async def _watch(self):
+        if self._looking:
+            return
+        self._looking = True
+        try:
+            await self._compare()
+            self._trouble = ''
+        except InputError as error:
+            self._trouble = str(error)
+        finally:
+            self._looking = False
+
+    async def _compare(self):
+        files = await self._loaded.files()
+        compensated = self._compensated()
+        for joint, rows in zip(self._joints, self._signals.take()):
+            watch = self._watches[joint]
+            if not self._busy:
+                watch.use(files.get(joint, self._files[joint]))
+            if compensated and len(rows):
+                # Without the load, what a person adds to the compensator's own current is unknown.
+                rows = rows[rows[:, 4] == rows[:, 4]]
+                watch.residual.blind = '' if len(rows) else (
+                    'the compensator feeds the model itself forward, and the load that a person '
+                    'adds is not measured')
+            watch.take(rows)
+            await self._judge(joint, watch)
+
+    def _compensated(self):
+        name = self._loaded.compensator.rpartition('/')[2]
+        return any(info.node_name == name for info in self.get_publishers_info_by_topic(
+            self.resolve_topic_name('current_command')))
+
+    async def _judge(self, joint, watch):
+        why = watch.worse()
+        if why:
+            before, _ = watch.before
+            watch.before = None
+            await self._loaded.load(joint, before)
+            worse = watch.file
+            watch.use(before)
+            self._said = f'{joint}: {worse} was taken back: {why}'
+            self.get_logger().warning(self._said)
+        verdict = watch.residual.verdict()
+        if verdict.fits != self._fits[joint]:
+            self._fits[joint] = verdict.fits
+            log = self.get_logger().info if verdict.fits else self.get_logger().warning
+            log(f'{joint}: {verdict.words}')
+
+    # The action.
+
+    def _on_goal(self, request):
+        self._refused = ''
+        if request.joint and request.joint not in self._joints:
+            self._refused = (
+                f'unknown joint {request.joint!r}; known: {", ".join(self._joints)}')
+        elif self._busy:
+            self._refused = 'another goal is running'
+        if self._refused:
+            self.get_logger().warning(f'goal rejected: {self._refused}')
+            return GoalResponse.REJECT
+        self._busy = True
+        return GoalResponse.ACCEPT
+
+    def _on_cancel(self, goal_handle):
+        if self._job is not None:
+            self._job.cancel()
+        return CancelResponse.ACCEPT
+
+    def _look(self):
+        """Say how far a refinement is."""
+        if self._job is not None and self._goal_handle is not None:
+            self._job.poll()
+            self._goal_handle.publish_feedback(RefineModel.Feedback(
+                progress=float(self._job.share), step=self._job.step))
+
+    async def _execute(self, goal_handle):
+        result = RefineModel.Result()
+        request = goal_handle.request
+        joint = request.joint or self._joints[0]
+        self._goal_handle = goal_handle
+        try:
+            refined, start = await self._refine(joint, request)
+            _fill(result, refined)
+            result.message = await self._maybe_load(joint, request, refined, start, result)
+            goal_handle.succeed()
+        except InputError as error:
+            result.message = str(error)
+            if goal_handle.is_cancel_requested:
+                goal_handle.canceled()
+            else:
+                goal_handle.abort()
+        except Exception:
+            self.get_logger().error(traceback.format_exc())
+            result.message = 'an error in the node, see its log'
+            goal_handle.abort()
+        finally:
+            self._job = self._goal_handle = None
+            self._busy = False
+        self._said = f'{joint}: {result.message}'
+        self.get_logger().info(self._said)
+        return result
+
+    async def _refine(self, joint, request):
+        """Return what refinement found and the model file it began with."""
+        files = await self._loaded.files()
+        start = files.get(joint, self._files[joint])
+        output = _new_folder(Path(self.get_parameter('output_folder').value).absolute(), joint)
+        messages = []
+        if not request.recording:
+            if self._watches[joint].residual.blind:
+                raise InputError(
+                    f'{joint}: the recent past shows nothing of the friction: '
+                    f'{self._watches[joint].residual.blind}')
+            messages = self._past.last(request.seconds)
+            if not messages:
+                raise InputError('nothing is kept of the recent past')
+        job = self._job = RefineJob(joint, start, output, request.recording, messages)
+        while not job.poll():
+            end = time.monotonic() + _LOOK
+            while time.monotonic() < end:
+                # The executor does not rest while anything awaits its turn.
+                time.sleep(self.nap)
+                await turn()
+        return job.result(), start
+
+    async def _maybe_load(self, joint, request, refined, start, result):
+        """Load the refined model if that was asked for and may be, and say what was done."""
+        watch = self._watches[joint]
+        watch.use(start)
+        found = ', '.join(result.effects) or 'no effect'
+        said = (f'found {found}; error {1e3 * refined.before:.3g} mA before, '
+                f'{1e3 * refined.after:.3g} mA after')
+        why = refined.refusal(watch.residual.model)
+        if not request.load:
+            return said
+        if why:
+            return f'{said}; not loaded: {why}'
+        try:
+            await self._loaded.load(joint, str(refined.model_file))
+        except InputError as error:
+            return f'{said}; not loaded: {error}'
+        watch.try_out(str(refined.model_file))
+        result.loaded = True
+        return f'{said}; loaded, and on trial beside {start}'
+
+    # Diagnostics.
+
+    def _report(self):
+        values = {'joint_states per second of real time': self._rate.per_second(),
+                  'kept [s]': self._past.span, 'kept [MB]': self._past.size / 1e6,
+                  'last goal': self._said, 'last refusal': self._refused}
+        misfits = []
+        for joint, watch in self._watches.items():
+            verdict = watch.residual.verdict()
+            words = watch.residual.blind or verdict.words
+            values[f'{joint}: residual'] = words
+            values[f'{joint}: error as a share of the friction'] = float(verdict.share)
+            values[f'{joint}: model file'] = watch.file
+            values[f'{joint}: on trial'] = watch.before is not None
+            if not verdict.fits:
+                misfits.append(f'{joint}: {words}: refine it')
+        if self._trouble:
+            return ERROR, self._trouble, values
+        if misfits:
+            return WARN, '; '.join(misfits), values
+        if self._job is not None:
+            return OK, f'refines: {self._job.step}', values
+        if not self._rate.count:
+            return WARN, 'no joint_states yet', values
+        return OK, 'watching', values
+
+    def leave(self):
+        """End a running refinement."""
+        if self._job is not None:
+            self._job.cancel()
+
+
+def _new_folder(parent, joint):
+    """Return a folder that is not there yet."""
+    stem = time.strftime(f'{joint}_%Y-%m-%d_%H-%M-%S')
+    for number in range(1, 1000):
+        path = parent / (stem if number == 1 else f'{stem}_{number}')
+        if not path.exists():
+            return path
+    raise InputError(f'{parent}: too many folders named {stem}')
+
+
+def _fill(result: RefineModel.Result, refined: Refined) -> None:
+    result.success = True
+    result.verdict = refined.verdict
+    result.error_before, result.error_after = refined.before, refined.after
+    result.noise_floor = float(refined.report.get('noise_floor') or 0.0)
+    result.effects = [effect['name'] for effect in refined.report['effects']]
+    result.variables = [effect['variable'] for effect in refined.report['effects']]
+    result.model_file, result.report = str(refined.model_file), str(refined.page)
+
+
+def main(argv=None):
+    """Start the node and return its exit code."""
+    return run('refinement', __doc__, RefinementNode, argv)

@@ -1,0 +1,143 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The watch over the residual: silent where the model fits, and right about why where not."""
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring import LiveResidual, ResidualWatch
+from friction_comp.monitoring.residual_watch import _explained
+from friction_comp.package_files import package_file
+
+MODEL = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
+STEP = 0.02
+RATIO = MODEL.drive.torque_per_current
+
+
+def rows(seconds, change=lambda t, q, heat, v: 1.0, carried=None, seed=0):
+    """Measurements of a joint whose friction is the model's times a change.
+
+    `carried` is the share that a person carries and a torque sensor measures.
+    """
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, STEP)
+    q = 0.6 * np.sin(0.8 * t) + 0.15 * np.sin(0.37 * t)
+    v = np.gradient(q, t)
+    heat = 25.0 + 15.0 * (1.0 - np.exp(-t / 900.0))
+    friction = MODEL.sigmoid(v) * change(t, q, heat, v) + 0.02 * np.gradient(v, t)
+    share = 0.0 if carried is None else carried
+    load = np.full(len(t), np.nan) if carried is None else (
+        share * friction * RATIO + 0.1 * rng.standard_normal(len(t)))
+    current = (1.0 - share) * friction + 5e-3 * rng.standard_normal(len(t))
+    return np.column_stack((t, q, v, current, load, heat))
+
+
+def watched(data, batch=100, model=MODEL):
+    """Give (time, verdict) after each batch of measurements."""
+    residual = LiveResidual(model)
+    for begin in range(0, len(data), batch):
+        part = data[begin:begin + batch]
+        residual.take(part)
+        yield part[-1, 0], residual.verdict()
+
+
+def test_silent_for_an_hour_while_the_model_fits():
+    verdicts = [verdict for _, verdict in watched(rows(3600.0))]
+    assert all(verdict.fits for verdict in verdicts)
+    assert verdicts[-1].known
+    assert 'fits' in verdicts[-1].words
+
+
+def test_what_a_person_carries_counts_as_friction_where_the_load_is_measured():
+    *_, (_, verdict) = watched(rows(60.0, carried=1.0))
+    assert verdict.known
+    assert verdict.fits
+    *_, (_, verdict) = watched(rows(60.0, lambda t, q, heat, v: 1.5, carried=1.0))
+    assert not verdict.fits
+    assert verdict.level == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(('seconds', 'change', 'name'), [
+    (1200.0, lambda t, q, heat, v: 1.0 - 0.04 * (heat - 25.0), 'temperature'),
+    (700.0, lambda t, q, heat, v: np.where(t > 600.0, 1.6, 1.0), 'time'),
+    (120.0, lambda t, q, heat, v: 1.0 + 0.6 * np.sin(4.0 * q), 'position'),
+    (120.0, lambda t, q, heat, v: 1.0 + 0.8 * np.abs(v), 'speed')])
+def test_says_what_the_residual_goes_with(seconds, change, name):
+    *_, (_, verdict) = watched(rows(seconds, change))
+    assert not verdict.fits
+    assert verdict.goes_with
+    assert name in [variable for variable, _ in verdict.goes_with], verdict.words
+    assert name in verdict.words
+
+
+def test_friction_that_is_higher_throughout_is_named_as_that_and_nothing_else():
+    *_, (_, verdict) = watched(rows(120.0, lambda t, q, heat, v: 1.4))
+    assert verdict.level == pytest.approx(0.4, abs=0.05)
+    assert not verdict.goes_with
+
+
+def test_a_worn_joint_is_told_within_a_minute_of_motion():
+    told = [time for time, verdict in watched(
+        rows(300.0, lambda t, q, heat, v: np.where(t > 120.0, 1.5, 1.0)), batch=50)
+        if not verdict.fits]
+    assert told
+    assert 120.0 < told[0] < 180.0
+
+
+def test_inertia_that_the_model_lacks_is_no_change_of_friction():
+    data = rows(120.0)
+    acceleration = np.gradient(data[:, 2], data[:, 0])
+    data[:, 3] += 0.3 * acceleration
+    *_, (_, verdict) = watched(data)
+    assert verdict.fits
+
+
+def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():
+    model = FrictionModel.from_dict(MODEL.to_dict())
+    model.effects.append(EFFECTS['load_friction'](
+        {'exponent': 1.0, 'transition': 0.1, 'coefficients': [0.01]}))
+    residual = LiveResidual(model)
+    residual.take(rows(30.0))
+    assert 'load' in residual.blind
+    assert not residual.verdict().known
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**31), st.integers(30, 3000))
+def test_a_variable_that_has_nothing_to_do_with_it_explains_nearly_nothing(seed, size):
+    rng = np.random.default_rng(seed)
+    assert _explained(rng.standard_normal(size), rng.standard_normal(size)) < 0.3
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.integers(1, 400), min_size=1, max_size=12), st.integers(0, 1000))
+def test_how_measurements_are_dealt_out_makes_no_difference(sizes, seed):
+    data = rows(40.0, lambda t, q, heat, v: 1.2, seed=seed)
+    whole, parts = LiveResidual(MODEL), LiveResidual(MODEL)
+    whole.take(data)
+    begin = 0
+    for size in [*sizes, len(data)]:
+        parts.take(data[begin:begin + size])
+        begin += size
+    assert parts.verdict().known == whole.verdict().known
+    assert parts.verdict().share == pytest.approx(whole.verdict().share, abs=0.02)
+
+
+def test_time_that_begins_anew_and_rows_without_numbers_do_no_harm():
+    data = rows(40.0)
+    residual = LiveResidual(MODEL)
+    broken = data.copy()
+    broken[::7, 1] = np.nan
+    residual.take(np.empty((0, 6)))
+    residual.take(broken)
+    residual.take(data)
+    assert residual.verdict().fits
+
+
+def test_a_tolerance_of_nothing_is_refused():
+    with pytest.raises(InputError, match='tolerance'):
+        ResidualWatch(0.0)

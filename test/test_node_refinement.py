@@ -1,0 +1,163 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The refinement action over DDS: from what is kept in memory to a model that is loaded."""
+
+from pathlib import Path
+import shutil
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
+
+from action_msgs.msg import GoalStatus
+from friction_comp_interfaces.action import RefineModel
+from rcl_interfaces.srv import GetParameters
+from rclpy.action import ActionClient
+from ros_system import joint_state, MODELS, probe_node, Process, RELIABLE
+from sensor_msgs.msg import JointState
+
+from friction_comp.model.friction_model import FrictionModel
+
+JOINT = 'elbow'
+STEP = 0.01
+MODEL = FrictionModel.load(MODELS[0])
+pytestmark = pytest.mark.slow
+
+
+def motion(seconds, ripple, seed=0):
+    """Positions and motor currents of a joint whose friction ripples over its turn."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, STEP)
+    position = 0.7 * np.sin(0.9 * time) + 0.25 * np.sin(2.3 * time + 1.0)
+    velocity = np.gradient(position, time)
+    current = MODEL.sigmoid(velocity) * (1.0 + ripple * np.sin(7.0 * position))
+    return time, position, velocity, current + 1e-3 * rng.standard_normal(len(time))
+
+
+class Bench:
+    """A joint that is moved by hand of the test, and a client of the action."""
+
+    def __init__(self, probe):
+        self.probe = probe
+        self.states = probe.talk(JointState, 'joint_states', RELIABLE)
+        self.stamp = 10**9
+        self.steps = []
+        self.client = ActionClient(probe, RefineModel, 'refine_model')
+        probe.until(self.client.server_is_ready, 'the action server')
+        probe.matched(self.states)
+        # Nobody's goal is refused; the answer shows that both ends have found each other.
+        probe.answered(lambda: self.client.send_goal_async(
+            RefineModel.Goal(joint='nobody')), 'answer to the first goal')
+
+    def move(self, seconds, ripple, seed=0):
+        """Publish motion as fast as it is taken."""
+        begin = self.stamp
+        for k, (t, x, v, i) in enumerate(zip(*motion(seconds, ripple, seed))):
+            self.stamp = begin + round(t * 1e9)
+            self.states.publish(joint_state(
+                self.stamp, [JOINT], [x], [v], [i * MODEL.drive.torque_per_current]))
+            if k % 200 == 199:
+                self.probe.spin_for(0.05)
+        self.stamp += 10_000_000
+
+    def refine(self, **goal):
+        self.steps.clear()
+        handle = self.probe.complete(self.client.send_goal_async(
+            RefineModel.Goal(**{'joint': JOINT, **goal}),
+            lambda message: self.steps.append(message.feedback)), 'answer to the goal')
+        return handle
+
+    def result(self, handle):
+        return self.probe.complete(handle.get_result_async(), 'the result', 180.0)
+
+
+@pytest.fixture(scope='module')
+def room(tmp_path_factory):
+    return tmp_path_factory.mktemp('refinement')
+
+
+@pytest.fixture(scope='module')
+def bench(room):
+    start = {'joints': [JOINT], 'model_files': MODELS[:1], 'output_folder': str(room / 'out')}
+    with probe_node() as probe, \
+            Process(room, 'compensator', {
+                'joints': [JOINT], 'model_files': MODELS[:1], 'autostart': False}), \
+            Process(room, 'refinement', start):
+        bench = Bench(probe)
+        yield bench
+        bench.client.destroy()
+
+
+def loaded(probe):
+    """Return the compensator's model files."""
+    client = probe.create_client(GetParameters, 'compensator/get_parameters')
+    probe.until(client.service_is_ready, 'the parameters of the compensator')
+    reply = probe.answered(lambda: client.call_async(
+        GetParameters.Request(names=['model_files'])), 'the model files')
+    probe.destroy_client(client)
+    return list(reply.values[0].string_array_value)
+
+
+def test_without_any_past_there_is_nothing_to_refine(bench):
+    handle = bench.refine()
+    assert handle.accepted
+    outcome = bench.result(handle)
+    assert outcome.status == GoalStatus.STATUS_ABORTED
+    assert 'nothing is kept' in outcome.result.message
+    assert not bench.refine(joint='nobody').accepted
+
+
+def test_a_model_that_no_longer_fits_is_told_refined_loaded_and_taken_back(bench, room):
+    probe = bench.probe
+    bench.move(20.0, ripple=0.0)
+    fits = probe.status_of('refinement', lambda s: any(
+        'the model fits' in item.value for item in s.values))
+    assert fits.level == b'\x00'
+    bench.move(60.0, ripple=0.6)
+    warned = probe.status_of('refinement', lambda s: s.level == b'\x01')
+    assert 'no longer fits' in warned.message
+    assert 'position' in warned.message
+
+    handle = bench.refine(seconds=60.0, load=True)
+    assert not bench.refine().accepted, 'one goal at a time'
+    outcome = bench.result(handle)
+    result = outcome.result
+    assert outcome.status == GoalStatus.STATUS_SUCCEEDED, result.message
+    assert result.success
+    assert 'position' in list(result.variables)
+    assert result.error_after < 0.7 * result.error_before
+    assert result.loaded, result.message
+    assert loaded(probe) == [result.model_file]
+    model = FrictionModel.load(result.model_file)
+    assert model.breakaway == MODEL.breakaway
+    assert Path(result.report).is_file()
+    shares = [step.progress for step in bench.steps]
+    assert shares == sorted(shares)
+    assert any(step.step.startswith('trying') for step in bench.steps)
+
+    # The joint is as it was at first: the refined model is the worse one now.
+    bench.move(40.0, ripple=0.0, seed=1)
+    probe.until(lambda: loaded(probe) == MODELS[:1], 'the model that fits is back')
+    status = probe.status_of('refinement', lambda s: any(
+        'taken back' in item.value for item in s.values))
+    assert status
+
+
+def test_a_recording_that_cannot_be_read_is_named_and_a_goal_can_be_cancelled(bench, room):
+    outcome = bench.result(bench.refine(recording=str(room / 'nothing')))
+    assert outcome.status == GoalStatus.STATUS_ABORTED
+    assert 'nothing' in outcome.result.message
+    assert not outcome.result.success
+    written = set((room / 'out').glob('*'))
+    bench.move(20.0, ripple=0.6)
+    handle = bench.refine()
+    bench.probe.until(lambda: bench.steps, 'feedback')
+    bench.probe.complete(handle.cancel_goal_async(), 'answer to the cancellation')
+    outcome = bench.result(handle)
+    assert outcome.status == GoalStatus.STATUS_CANCELED
+    assert not outcome.result.model_file
+    for folder in set((room / 'out').glob('*')) - written:
+        assert not (folder / 'model.yaml').exists()
+        shutil.rmtree(folder)
