@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from friction_comp.errors import InputError
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.residual_watch import ResidualWatch, Verdict
@@ -66,10 +69,10 @@ class LiveResidual:
         if self._origin is None:
             self._origin = rows[0, 0]
         self._rows = np.vstack((self._rows, rows))
-        self._compare()
+        self._compare(self._origin)
         self._rows = self._rows[self._rows[:, 0] >= self._done - _BEFORE]
 
-    def _compare(self):
+    def _compare(self, origin: float) -> None:
         rows = self._rows
         ready = rows[-1, 0] - _AFTER
         if ready - self._done < _AFTER or len(rows) < 10:
@@ -86,15 +89,21 @@ class LiveResidual:
             settings = DEFAULT_SETTINGS
         moved = differentiate(samples, settings)
         # Effects of time count from the beginning of the run, not from that of the rows kept.
-        moved = moved.with_(time=rows[:, 0] - self._origin)
-        predicted = self.model.current(moved)
+        moved = moved.with_(time=rows[:, 0] - origin)
+        try:
+            predicted = self.model.current(moved)
+        except InputError as error:
+            # For instance the motion of other joints, which a model of an arm asks for.
+            self.blind = str(error)
+            return
         new = (rows[:, 0] > self._done) & (rows[:, 0] <= ready)
         self.watch.take(moved.take(new), (moved.current - predicted)[new], predicted[new])
         self._done = ready
 
-    def _samples(self, rows):
-        columns = {name: rows[:, 4 + place] for place, name in enumerate(SIGNALS)
-                   if np.isfinite(rows[:, 4 + place]).all()}
+    def _samples(self, rows: np.ndarray) -> Samples:
+        columns: dict[str, Any] = {
+            name: rows[:, 4 + place] for place, name in enumerate(SIGNALS)
+            if np.isfinite(rows[:, 4 + place]).all()}
         if np.isfinite(rows[:, 2]).all():
             columns['velocity'] = rows[:, 2]
         current = rows[:, 3]
@@ -102,7 +111,7 @@ class LiveResidual:
             current = current + columns['load'] / self.model.drive.torque_per_current
         return Samples(time=rows[:, 0], position=rows[:, 1], current=current, **columns)
 
-    def _carries_load(self):
+    def _carries_load(self) -> bool:
         return any(effect.by_mechanics(self.model.drive) is not None
                    for effect in self.model.effects)
 

@@ -8,6 +8,7 @@ samples, so that a few numbers a second say all there is to know.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,52 +157,54 @@ class ResidualWatch:
         if not self._warned:
             return Verdict(True, True, share, error)
         level = _level(last, residual)
-        return Verdict(True, False, share, error, self._goes_with(bool(level)), level)
-
-    def _goes_with(self, throughout):
-        """Return what the residual goes with, in the one of three readings that is clearest.
-
-        What resists turns round with the motion, what pushes does not, and a wear or a warming
-        changes friction by a share of itself, which is the only reading if it does so throughout.
-        """
-        blocks = self._blocks
-        residual = _without_inertia(blocks)
-        columns = {'temperature': blocks[:, _TEMPERATURE], 'time': blocks[:, _TIME],
-                   'position': blocks[:, _POSITION], 'load': blocks[:, _LOAD],
-                   'speed': np.abs(blocks[:, _VELOCITY])}
-        readings = [_ratio(blocks, residual)]
-        if not throughout:
-            readings += [residual, residual * np.sign(blocks[:, _VELOCITY])]
-        found = max(
-            ([(name, max(_explained(values, variable),
-                         _change(values) if name == 'time' else 0.0))
-              for name, variable in columns.items()] for values in readings),
-            key=lambda shares: max(share for _, share in shares))
-        found = sorted((item for item in found if item[1] >= _WORTH_NAMING),
-                       key=lambda item: -item[1])
-        return tuple(item for item in found if item[1] >= found[0][1] - _NEARLY)
+        # What has only just begun shows in the last blocks alone.
+        named = _goes_with(self._blocks, bool(level)) or _goes_with(last, bool(level))
+        return Verdict(True, False, share, error, named, level)
 
 
-def _ratio(blocks, residual):
+def _goes_with(blocks: np.ndarray, throughout: bool) -> tuple[tuple[str, float], ...]:
+    """Return what the residual goes with, in the one of three readings that is clearest.
+
+    What resists turns round with the motion, what pushes does not, and a wear or a warming
+    changes friction by a share of itself, which is the only reading if it does so throughout.
+    """
+    residual = _without_inertia(blocks)
+    columns = {'temperature': blocks[:, _TEMPERATURE], 'time': blocks[:, _TIME],
+               'position': blocks[:, _POSITION], 'load': blocks[:, _LOAD],
+               'speed': np.abs(blocks[:, _VELOCITY])}
+    readings = [_ratio(blocks, residual)]
+    if not throughout:
+        readings += [residual, residual * np.sign(blocks[:, _VELOCITY])]
+    found = max(
+        ([(name, max(_explained(values, variable),
+                     _change(values) if name == 'time' else 0.0))
+          for name, variable in columns.items()] for values in readings),
+        key=lambda shares: max(share for _, share in shares))
+    found = sorted((item for item in found if item[1] >= _WORTH_NAMING),
+                   key=lambda item: -item[1])
+    return tuple(item for item in found if item[1] >= found[0][1] - _NEARLY)
+
+
+def _ratio(blocks: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Return the residual as a share of the friction that the model gives, with its sign."""
     friction = np.abs(blocks[:, _PREDICTED])
     floor = 0.3 * np.median(friction)
     return residual * np.sign(blocks[:, _VELOCITY]) / np.maximum(friction, max(floor, 1e-12))
 
 
-def _level(blocks, residual):
+def _level(blocks: np.ndarray, residual: np.ndarray) -> float:
     ratio = _ratio(blocks, residual)
     mean = float(ratio.mean())
     return mean if mean ** 2 > _THROUGHOUT * float(np.mean(ratio ** 2)) else 0.0
 
 
-def _pieces(samples, moving):
+def _pieces(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
     """Give the slices of samples that become blocks."""
-    step = samples.sample_time
-    if step <= 0.0:
+    step, velocity = samples.sample_time, samples.velocity
+    if step <= 0.0 or velocity is None:
         return
     shortest, length = max(2, round(_SHORTEST / step)), max(2, round(_BLOCK / step))
-    side = np.where(moving, np.sign(samples.velocity), 0.0)
+    side = np.where(moving, np.sign(velocity), 0.0)
     for part in samples.segments():
         turns = np.nonzero(np.diff(side[part]))[0] + 1 + part.start
         edges = [part.start, *turns, part.stop]
@@ -213,7 +216,7 @@ def _pieces(samples, moving):
             yield from (slice(a, b) for a, b in zip(bounds[:-1], bounds[1:]))
 
 
-def _without_inertia(blocks):
+def _without_inertia(blocks: np.ndarray) -> np.ndarray:
     """Return the residual without what goes with acceleration: inertia is no friction."""
     residual, acceleration = blocks[:, _RESIDUAL], blocks[:, _ACCELERATION]
     columns = np.column_stack((np.ones(len(blocks)), np.sign(blocks[:, _VELOCITY]), acceleration))
@@ -221,7 +224,7 @@ def _without_inertia(blocks):
     return residual - fit[2] * acceleration
 
 
-def _explained(values, variable):
+def _explained(values: np.ndarray, variable: np.ndarray) -> float:
     """Return the share of the variance of values that a variable explains, chance taken off.
 
     The variable is cut into ranges that hold equally many blocks; what the averages of the ranges
@@ -246,7 +249,7 @@ def _explained(values, variable):
     return max(0.0, 1.0 - within / (size - groups) * (size - 1) / total)
 
 
-def _change(values):
+def _change(values: np.ndarray) -> float:
     """Return the share of the variance of values, in order, that one change of them explains."""
     size = len(values)
     total = float(np.sum((values - values.mean()) ** 2))
