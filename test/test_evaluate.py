@@ -156,8 +156,6 @@ def test_incomplete_and_odd_repetitions_are_left_out():
 
 def test_recordings_without_what_is_needed():
     samples = trial([1.0] * 2)
-    with pytest.raises(InputError, match=r'trial_1: no interaction_wrench'):
-        evaluate([samples.with_(load=None)], ['trial_1'])
     still = samples.with_(reference_velocity=None, reference_position=None,
                           position=np.zeros(len(samples)))
     with pytest.raises(InputError, match='no movement'):
@@ -183,29 +181,34 @@ def test_the_tool_from_recordings_to_report(tmp_path, capsys):
                               '--output', str(tmp_path / 'out')])
     assert status == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())
-    assert set(report) == {'joint', 'conditions', 'peak_reduction', 'rms_reduction', 'model'}
+    assert set(report) == {
+        'joint', 'conditions', 'peak_reduction', 'rms_reduction', 'model', 'torque_measured',
+        'comparisons', 'trends', 'notes'}
     assert (report['joint'], report['model']) == ('elbow', 'elbow.yaml')
     assert report['peak_reduction'] == pytest.approx(0.75, abs=1e-3)
     assert len(report['conditions']) == 4
     for condition in report['conditions']:
         assert set(condition) == {
             'direction', 'movement', 'repetitions', 'peak_torque', 'peak_torque_std', 'peak_time',
-            'rms_torque', 'mean_torque_constant_velocity', 'false_starts'}
+            'rms_torque', 'mean_torque_constant_velocity', 'false_starts', 'law', 'model',
+            'figures', 'false_start_share'}
         assert condition['repetitions'] == 1
         assert condition['peak_torque_std'] == 0.0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert '75 %' in page
     assert 'elbow.yaml' in page
     assert '75 % less' in capsys.readouterr().out
-    assert sorted(p.name for p in (tmp_path / 'out').iterdir()) == ['report.html', 'report.json']
+    assert sorted(p.name for p in (tmp_path / 'out').iterdir()) == [
+        'repetitions.csv', 'report.html', 'report.json']
 
 
 def test_the_tool_on_unusable_input(tmp_path, capsys):
-    write_samples(tmp_path / 'no_torque', trial([1.0] * 2).with_(load=None))
+    write_samples(tmp_path / 'still', trial([1.0] * 2).with_(
+        reference_velocity=np.zeros(round((2 * PERIOD + REST) / STEP))))
     for argv, words in (
             ([tmp_path / 'nothing'], 'no such file'),
-            ([tmp_path / 'no_torque'], 'no interaction_wrench'),
-            ([tmp_path / 'no_torque', '--joint', 'hip'], "no joint 'hip'")):
+            ([tmp_path / 'still'], 'no movement'),
+            ([tmp_path / 'still', '--joint', 'hip'], "no joint 'hip'")):
         assert run('evaluate', [str(a) for a in argv] + ['--output', str(tmp_path / 'out')]) == 2
         error = capsys.readouterr().err
         assert error.count('\n') == 1

@@ -1,41 +1,52 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Backdriving torque of recorded trials, evaluated as in the note's section 2.6.
+"""Recorded trials, evaluated as in the note's section 2.6, and compared with each other.
 
-Repetitions are synchronised at the start of the movement, and averaged over each condition: the
-announced direction d and the way the movement goes.
+Repetitions are synchronised at the start of the movement, and averaged over each condition: what
+was active (law, model), the announced direction d, and the way the movement goes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.evaluation.compare import compare, Comparison
+from friction_comp.evaluation.intervals import Interval, mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
+from friction_comp.evaluation.repetitions import (
+    FIGURES,
+    Help,
+    LEAD,
+    measure,
+    NAMES,
+    PEAK_LEAD,
+    Repetition,
+)
+from friction_comp.evaluation.trend import Trend, trends
 
 if TYPE_CHECKING:
-    from friction_comp.evaluation.movements import Movement
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-# s before a movement that the figure shows, and that count for its peak.
-_LEAD, _PEAK_LEAD = 1.0, 0.5
-# A joint has started by itself when it covers this share of the movement while the person does
-# not push that way, by this share of the torque's peak.
-_STARTED, _PUSHED = 0.01, 0.1
-# s for which the joint must have been still before; an oscillation is no start.
-_STILL = 0.2
-_NAMES = {1: 'positive', -1: 'negative'}
+# Repetitions that last much longer or shorter than the usual one, by this share, are odd.
+_ODD = 0.25
 
 
 @dataclass
 class Condition:
-    """Ensemble of the repetitions under one condition.
+    """Ensemble of the repetitions under one condition; torques are NaN where none was measured.
 
     Attributes
     ----------
+    help : Help
+        What was active.
     direction : int
         Announced direction d.
     movement : str
@@ -55,6 +66,10 @@ class Condition:
         joint pulls ahead of the person.
     false_starts : int
         Repetitions in which the joint set out before the movement and nobody pushed.
+    figures : dict of str to Interval
+        Mean over repetitions of each one's own figures, by the names in `FIGURES`, with its
+        95 % confidence interval.
+    false_start_share : Interval
     time : ndarray
         s since the start of the movement, shape (N,).
     torque, torque_std, position, position_std, reference : ndarray
@@ -62,6 +77,7 @@ class Condition:
         None where it was not recorded.
     """
 
+    help: Help
     direction: int
     movement: str
     repetitions: int
@@ -71,6 +87,8 @@ class Condition:
     rms_torque: float
     mean_torque_constant_velocity: float
     false_starts: int
+    figures: dict[str, Interval]
+    false_start_share: Interval
     time: np.ndarray
     torque: np.ndarray
     torque_std: np.ndarray
@@ -85,9 +103,13 @@ class Condition:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures without the curves."""
-        return {name: getattr(self, name) for name in (
+        named = {name: _plain(getattr(self, name)) for name in (
             'direction', 'movement', 'repetitions', 'peak_torque', 'peak_torque_std',
             'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts')}
+        return {
+            **named, 'law': self.help.law or None, 'model': self.help.model or None,
+            'figures': {name: value.as_dict() for name, value in self.figures.items()},
+            'false_start_share': self.false_start_share.as_dict()}
 
 
 @dataclass
@@ -96,16 +118,46 @@ class Evaluation:
 
     Attributes
     ----------
-    peak_reduction, rms_reduction : float or None
-        1 - torque with d = ±1 / torque with d = 0, each the mean over the movements for which both
-        are there; None without such a pair.
+    joint : str
+    conditions : list of Condition
+    model : str or None
+        Model files that were active.
+    repetitions : list of Repetition
+    comparisons : list of Comparison
+        Paired tests between all conditions that share a movement.
+    trends : list of Trend
+        Where repetitions are of several days.
     notes : list of str
     """
 
     joint: str
     conditions: list[Condition]
     model: str | None = None
+    repetitions: list[Repetition] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
+    trends: list[Trend] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def measured(self) -> bool:
+        """Whether the back-driving torque was measured."""
+        return any('peak_torque' in r.figures for r in self.repetitions)
+
+    def pair(self) -> tuple[Help, Help] | None:
+        """Return what d = ±1 is compared with: d = 0 under the same law and model.
+
+        Where that is nowhere, and there is but one of either, these two; None where several
+        could be meant. Of several laws or models, the one with the most repetitions counts.
+        """
+        counts: dict[Help, int] = {}
+        for condition in self.conditions:
+            counts[condition.help] = counts.get(condition.help, 0) + condition.repetitions
+        plain = [known for known in counts if known.announced == 0]
+        assisted = [known for known in counts if known.announced == 1]
+        same = [(a, b) for a in plain for b in assisted if (a.law, a.model) == (b.law, b.model)]
+        if same:
+            return max(same, key=lambda two: (min(counts[two[0]], counts[two[1]]), two))
+        return (plain[0], assisted[0]) if len(plain) == len(assisted) == 1 else None
 
     def compared(self, name: str) -> tuple[float, float] | None:
         """Return a figure with d = 0 and with d = ±1, or None where nothing can be compared.
@@ -120,13 +172,13 @@ class Evaluation:
         tuple of float, or None
             Means over the movements for which both conditions are there, N·m.
         """
-        pairs = []
-        for movement in _NAMES.values():
-            here = [c for c in self.conditions if c.movement == movement]
-            plain = [getattr(c, name) for c in here if c.direction == 0]
-            assisted = [getattr(c, name) for c in here if c.assisted]
-            if plain and assisted:
-                pairs.append((plain[0], assisted[0]))
+        two = self.pair()
+        if two is None:
+            return None
+        values = {(c.help, c.movement): getattr(c, name) for c in self.conditions}
+        pairs = [(values[two[0], m], values[two[1], m]) for m in NAMES.values()
+                 if (two[0], m) in values and (two[1], m) in values]
+        pairs = [pair for pair in pairs if np.isfinite(pair).all()]
         if not pairs:
             return None
         plain_mean, assisted_mean = np.mean(pairs, axis=0)
@@ -151,22 +203,43 @@ class Evaluation:
         return {
             'joint': self.joint, 'conditions': [c.as_dict() for c in self.conditions],
             'peak_reduction': self.peak_reduction, 'rms_reduction': self.rms_reduction,
-            'model': self.model,
+            'model': self.model, 'torque_measured': self.measured,
+            'comparisons': [c.as_dict() for c in self.comparisons],
+            'trends': [t.as_dict() for t in self.trends], 'notes': self.notes,
         }
 
+    def table(self) -> list[list[Any]]:
+        """Return one row per repetition, after a row of names."""
+        rows: list[list[Any]] = [[
+            'joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law',
+            'model', *FIGURES, 'false_start']]
+        for r in self.repetitions:
+            rows.append([
+                self.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
+                NAMES[r.movement.sign], r.movement.direction, r.help.law, r.help.model,
+                *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
+                int(r.false_start)])
+        return rows
 
-def evaluate(recordings: list[Samples], names: list[str] | None = None,
-             model: str | None = None) -> Evaluation:
+
+def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
+             model: str | None = None, about: Sequence[RecordingInfo] | None = None,
+             friction: FrictionModel | None = None) -> Evaluation:
     """Evaluate trials of one joint.
 
     Parameters
     ----------
     recordings : list of Samples
-        One or more recordings; those under the same condition are merged.
+        One or more recordings; repetitions under the same condition are averaged.
     names : list of str, optional
         What to call the recordings in messages.
     model : str, optional
         The model file that was active.
+    about : list of RecordingInfo, optional
+        What `read_recording_with_info` says of each recording: what was active, and when.
+    friction : FrictionModel, optional
+        With it, the current is known that a movement asks for beyond what was commanded, also
+        without a torque sensor.
 
     Returns
     -------
@@ -175,121 +248,195 @@ def evaluate(recordings: list[Samples], names: list[str] | None = None,
     Raises
     ------
     InputError
-        If a recording lacks the back-driving torque, or no movement is found.
+        If no movement is found.
     """
     names = [str(name) for name in names or [f'recording {k}' for k in range(len(recordings))]]
     if not recordings:
         raise InputError('no recording to evaluate')
-    evaluation = Evaluation(recordings[0].joint, [], model)
-    groups: dict[tuple[int, int, int], list[tuple[Samples, Movement]]] = {}
-    for samples, name in zip(recordings, names):
-        if samples.load is None:
-            raise InputError(
-                f'{name}: no interaction_wrench of joint {samples.joint!r} in it: the back-driving '
-                'torque is needed')
-        movements = find_movements(samples)
-        if not movements:
+    notes: list[str] = []
+    repetitions: list[Repetition] = []
+    for k, (samples, name) in enumerate(zip(recordings, names)):
+        info = about[k] if about else None
+        found = repetitions_of(samples, name, info, friction, notes)
+        if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
-        if samples.direction is None:
-            evaluation.notes.append(f'{name}: no direction was recorded, d = 0 is assumed')
-        if samples.reference_position is None and samples.reference_velocity is None:
-            evaluation.notes.append(
-                f'{name}: no reference was recorded, repetitions begin with the motion itself')
-        for movement in movements:
-            if movement.end > samples.time[-1] - samples.sample_time and len(movements) > 1:
-                evaluation.notes.append(f'{name}: the last movement is cut off and left out')
-                continue
-            groups.setdefault((abs(movement.direction), movement.direction, -movement.sign),
-                              []).append((samples, movement))
+        repetitions.extend(found)
+    return evaluate_repetitions(recordings[0].joint, repetitions, model, notes)
+
+
+def evaluate_repetitions(joint: str, repetitions: list[Repetition], model: str | None = None,
+                         notes: list[str] | None = None) -> Evaluation:
+    """Evaluate movements that were measured one by one.
+
+    Parameters
+    ----------
+    joint : str
+    repetitions : list of Repetition
+        At least one.
+    model : str, optional
+        The model file that was active.
+    notes : list of str, optional
+        What is to be known of them already.
+
+    Returns
+    -------
+    Evaluation
+    """
+    evaluation = Evaluation(joint, [], model, repetitions, notes=[] if notes is None else notes)
+    groups: dict[tuple[Any, ...], list[Repetition]] = {}
+    for repetition in evaluation.repetitions:
+        movement = repetition.movement
+        groups.setdefault((
+            abs(movement.direction), repetition.help.law, repetition.help.model,
+            movement.direction, -movement.sign), []).append(repetition)
+    kept = []
     for key in sorted(groups):
-        evaluation.conditions.append(_condition(groups[key], evaluation.notes))
+        usual = _usual(groups[key], evaluation.notes)
+        kept.extend(usual)
+        evaluation.conditions.append(_condition(usual, evaluation.notes))
+    evaluation.comparisons = compare(kept)
+    evaluation.trends = trends(kept)
     return evaluation
 
 
-def _condition(repetitions: list[tuple[Samples, Movement]], notes: list[str]) -> Condition:
-    durations = np.array([m.end - m.begin for _, m in repetitions])
+def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
+                   friction: FrictionModel | None, notes: list[str],
+                   whole: bool = True) -> list[Repetition]:
+    """Find and measure the movements of a recording, or of a stretch of it.
+
+    Parameters
+    ----------
+    samples : Samples
+    name : str
+        What to call the recording.
+    info : RecordingInfo, optional
+    friction : FrictionModel, optional
+        As for `evaluate`.
+    notes : list of str
+        Gets what a reader of the results should know, each line once.
+    whole : bool
+        Whether the recording ends with the samples.
+
+    Returns
+    -------
+    list of Repetition
+        None that reaches the end, unless it is the only one of a whole recording.
+    """
+    movements = find_movements(samples)
+    said = []
+    if samples.load is None:
+        said.append(f'{name}: no interaction_wrench of joint {samples.joint!r}: the back-driving '
+                    'torque is not known, only what position and current tell')
+    if samples.direction is None:
+        said.append(f'{name}: no direction was recorded, d = 0 is assumed')
+    if samples.reference_position is None and samples.reference_velocity is None:
+        said.append(f'{name}: no reference was recorded, repetitions begin with the motion itself')
+    residual = None
+    if friction is not None and movements:
+        applied = samples.current if samples.command is None else samples.command
+        residual = friction.predict(samples) - applied
+    found = []
+    for movement in movements:
+        if movement.end > samples.time[-1] - samples.sample_time and (
+                len(movements) > 1 or not whole):
+            if whole:
+                said.append(f'{name}: the last movement is cut off and left out')
+            continue
+        found.append(measure(samples, movement, name, info, residual))
+    notes.extend(note for note in said if note not in notes)
+    return found
+
+
+def _usual(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
+    durations = np.array([r.duration for r in repetitions])
     usual = float(np.median(durations))
-    kept = [r for r, d in zip(repetitions, durations) if abs(d - usual) <= 0.25 * usual]
-    first = kept[0][1]
+    kept = [r for r, d in zip(repetitions, durations) if abs(d - usual) <= _ODD * usual]
     if len(kept) < len(repetitions):
         notes.append(
-            f'{len(repetitions) - len(kept)} repetitions with d = {first.direction} lasted much '
-            'longer or shorter than the others and are left out')
-    step = max(np.median([s.sample_time for s, _ in kept]), 1e-3)
-    time = np.arange(-round(_LEAD / step), round(usual / step) + 1) * step
-    torque = _ensemble(kept, 'load', time)
-    # The standstill is shown only as far back as every other repetition has it.
-    seen = np.isfinite(torque).mean(axis=0) >= 0.5
-    time, torque = time[seen], torque[:, seen]
-    position = _ensemble(kept, 'position', time)
-    reference = None
-    if all(s.reference_position is not None for s, _ in kept):
-        reference = np.nanmean(_ensemble(kept, 'reference_position', time), axis=0)
-    mean, spread = _mean_and_std(torque)
-    slowing = np.median([m.constant_end - m.begin for _, m in kept])
-    counted = (time >= -_PEAK_LEAD) & (time <= slowing)
-    peak = int(np.argmax(np.where(counted, np.abs(mean), -1.0)))
-    own_peaks = np.nanmax(np.abs(torque[:, counted]), axis=1)
-    moving = torque[:, time >= 0.0]
-    constant = (time <= slowing) & (
-        time >= np.median([m.constant_begin - m.begin for _, m in kept]))
-    middle, deviation = _mean_and_std(position)
-    restless = sum(_restless(s, m) for s, m in kept)
+            f'{len(repetitions) - len(kept)} repetitions with {repetitions[0].help.label} lasted '
+            'much longer or shorter than the others and are left out')
+    # With an even number, the median itself may be far from all.
+    return kept or repetitions
+
+
+def _condition(kept: list[Repetition], notes: list[str]) -> Condition:
+    first = kept[0]
+    time, curves = _ensemble(kept)
+    mean, spread = _mean_and_std(curves['load'])
+    middle, deviation = _mean_and_std(curves['position'])
+    peak, rms, constant = _of_average(kept, time, curves['load'], mean)
+    peaks = [r.figures['peak_torque'] for r in kept if 'peak_torque' in r.figures]
+    restless = sum(r.restless for r in kept)
     if restless:
         notes.append(
             f'the joint did not come to rest before {restless} of {len(kept)} movements with '
-            f'd = {first.direction} in the {_NAMES[first.sign]} direction')
+            f'{first.help.label} in the {NAMES[first.movement.sign]} direction')
+    starts = sum(r.false_start for r in kept)
     return Condition(
-        direction=first.direction, movement=_NAMES[first.sign], repetitions=len(kept),
+        help=first.help, direction=first.movement.direction,
+        movement=NAMES[first.movement.sign], repetitions=len(kept),
         peak_torque=float(abs(mean[peak])),
-        peak_torque_std=float(np.std(own_peaks, ddof=1)) if len(kept) > 1 else 0.0,
-        peak_time=float(time[peak]), rms_torque=float(np.sqrt(np.nanmean(moving ** 2))),
-        mean_torque_constant_velocity=float(first.sign * np.nanmean(mean[constant])),
-        false_starts=sum(_started_by_itself(s, m, peak) for (s, m), peak in zip(kept, own_peaks)),
+        peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
+            0.0 if peaks else float('nan')),
+        peak_time=float(time[peak]) if peaks else float('nan'), rms_torque=rms,
+        mean_torque_constant_velocity=constant, false_starts=starts,
+        figures={name: mean_interval(values) for name in FIGURES if (values := [
+            r.figures[name] for r in kept if name in r.figures])},
+        false_start_share=share_interval(starts, len(kept)),
         time=time, torque=mean, torque_std=spread, position=middle, position_std=deviation,
-        reference=reference)
+        reference=np.mean(curves['reference_position'], axis=0)
+        if np.isfinite(curves['reference_position']).all() else None)
 
 
-def _ensemble(repetitions: list[tuple[Samples, Movement]], name: str,
-              time: np.ndarray) -> np.ndarray:
-    """Return a signal of every repetition on one time base, shape (R, N); NaN where it has none."""
-    rows = []
-    for samples, movement in repetitions:
-        at = movement.begin + time
-        values = np.interp(at, samples.time, getattr(samples, name), left=np.nan, right=np.nan)
-        rows.append(np.where(at >= movement.rest_begin, values, np.nan))
-    return np.array(rows)
+def _ensemble(kept: list[Repetition]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return the curves of all repetitions on one time base, each of shape (R, N).
+
+    It ends where the first of them ends: an average over fewer would jump there.
+    """
+    step = max(float(np.median(np.diff(r.time))) for r in kept)
+    usual = float(np.median([r.duration for r in kept]))
+    time = np.arange(-round(LEAD / step), round(usual / step) + 1) * step
+    curves = {}
+    for name in ('load', 'position', 'reference_position'):
+        curves[name] = np.array([
+            np.interp(time, r.time, r.curves[name], left=np.nan, right=np.nan)
+            if name in r.curves else np.full(len(time), np.nan) for r in kept])
+    whole = np.isfinite(curves['position']).all(axis=0)
+    if not (whole & (time >= 0)).any():
+        whole = np.isfinite(curves['position']).any(axis=0)
+    return time[whole], {name: values[:, whole] for name, values in curves.items()}
+
+
+def _of_average(kept: list[Repetition], time: np.ndarray, torque: np.ndarray,
+                mean: np.ndarray) -> tuple[int, float, float]:
+    """Return where the averaged torque peaks, its RMS and its mean at constant velocity."""
+    slowing = np.median([r.movement.constant_end - r.movement.begin for r in kept])
+    steady = np.median([r.movement.constant_begin - r.movement.begin for r in kept])
+    counted = (time >= -PEAK_LEAD) & (time <= slowing)
+    peak = int(np.argmax(np.where(counted, np.nan_to_num(np.abs(mean), nan=-1.0), -1.0)))
+    moving, constant = time >= 0.0, (time <= slowing) & (time >= steady)
+    known = np.isfinite(torque).all(axis=1)
+    if not known.any():
+        return peak, float('nan'), float('nan')
+    rms = float(np.sqrt(np.mean(torque[known][:, moving] ** 2)))
+    along = float(kept[0].movement.sign * np.mean(mean[constant])) if constant.any() \
+        else float('nan')
+    return peak, rms, along
 
 
 def _mean_and_std(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    spread = np.nanstd(values, axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])
-    return np.nanmean(values, axis=0), np.nan_to_num(spread)
+    known = values[np.isfinite(values).all(axis=1)]
+    if not len(known):
+        nothing = np.full(values.shape[1], np.nan)
+        return nothing, nothing
+    spread = np.std(known, axis=0, ddof=1) if len(known) > 1 else np.zeros(values.shape[1])
+    return np.mean(known, axis=0), spread
 
 
-def _restless(samples: Samples, movement: Movement) -> bool:
-    """Return whether the joint kept moving to and fro right before the movement."""
-    first, last = np.searchsorted(
-        samples.time, [max(movement.begin - _PEAK_LEAD, movement.rest_begin), movement.begin])
-    travelled = np.abs(np.diff(samples.position[first:last])).sum()
-    return bool(travelled > 2.0 * _STARTED * movement.travel)
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def _started_by_itself(samples: Samples, movement: Movement, peak: float) -> bool:
-    """Return whether the joint set out during the standstill although nobody pushed it."""
-    settled = 0.5 * (movement.rest_begin + movement.begin)
-    begin = max(settled, movement.begin - _LEAD)
-    first, last = np.searchsorted(samples.time, [begin, movement.begin])
-    still = np.searchsorted(samples.time, begin + _STILL)
-    if not first < still < last:
-        return False
-    way = samples.position[first:last] - samples.position[first]
-    if np.abs(way[:still - first]).max() > 0.2 * _STARTED * movement.travel:
-        return False
-    gone = np.nonzero(np.abs(way) > _STARTED * movement.travel)[0]
-    if not len(gone):
-        return False
-    onset = first + gone[0]
-    before = np.searchsorted(samples.time, samples.time[onset] - 0.1)
-    assert samples.load is not None, 'recordings without it were refused'
-    push = np.mean(samples.load[before:onset + 1]) * np.sign(way[gone[0]])
-    return bool(push < _PUSHED * peak)
+def models_of(evaluation: Evaluation) -> list[str]:
+    """Return the model files that were active, by name."""
+    return sorted({Path(r.help.model).name for r in evaluation.repetitions if r.help.model})

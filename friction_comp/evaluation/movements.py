@@ -70,7 +70,8 @@ def find_movements(samples: Samples) -> list[Movement]:
     """
     velocity, moving, constant, least = _shown(samples), _MOVING, _CONSTANT, 0.0
     if velocity is None:
-        velocity, moving, constant = _measured(samples), _MOVING_MEASURED, _CONSTANT_MEASURED
+        velocity = measured_velocity(samples)
+        moving, constant = _MOVING_MEASURED, _CONSTANT_MEASURED
         least = _LEAST_STEPS * samples.position_step
     top = np.quantile(np.abs(velocity), 0.99) if len(velocity) else 0.0
     if not top > 0:
@@ -104,7 +105,7 @@ def _shown(samples: Samples) -> np.ndarray | None:
     return np.gradient(samples.reference_position, samples.time)
 
 
-def _measured(samples: Samples) -> np.ndarray:
+def measured_velocity(samples: Samples) -> np.ndarray:
     """Return velocity in rad/s by a zero-phase mean over a short window, shape (N,)."""
     width = max(round(_SMOOTHING / max(samples.sample_time, 1e-6)), 1)
     kernel = np.ones(width) / width

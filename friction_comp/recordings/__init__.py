@@ -11,12 +11,12 @@ from friction_comp.recordings.reader import (
     RecordingInfo,
 )
 from friction_comp.recordings.samples_writer import write_samples
-from friction_comp.recordings.scan import find_recordings
-from friction_comp.recordings.stream import stream_recording
+from friction_comp.recordings.scan import find_recordings, recorded_joints
+from friction_comp.recordings.stream import stream_recording, stream_recording_with_info
 from friction_comp.recordings.writer import RecordingWriter
 
 __all__ = [
     'Activity', 'RecordingInfo', 'RecordingWriter', 'find_recordings', 'inspect_recording',
     'read_joints', 'read_recording', 'read_recording_with_info',
-    'stream_recording', 'write_samples',
+    'recorded_joints', 'stream_recording', 'stream_recording_with_info', 'write_samples',
 ]

@@ -37,6 +37,8 @@ SIGNALS = {
     'motor_temperature': cdr.TEMPERATURE,
 }
 _BATCH = 20_000
+# Messages after which all joints have been named, where several publishers share a topic.
+_FIRST = 200
 
 
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
@@ -185,6 +187,33 @@ def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(SIGNALS),
     return scanner.finish()
 
 
+def recorded_joints(path: AnyPath) -> list[str]:
+    """Return the joints that a recording's first joint states name.
+
+    Parameters
+    ----------
+    path : path-like
+        One recording, as `find_recordings` returns it.
+
+    Returns
+    -------
+    list of str
+        '' for a joint without a name.
+
+    Raises
+    ------
+    InputError
+        If the recording cannot be read.
+    """
+    scanner = Scanner(Path(path), ('joint_states',), batch=_FIRST)
+    for _ in scanner.batches():
+        break
+    for store in scanner.stores.values():
+        store.flush()
+    return list(dict.fromkeys(
+        name for track in scanner.finish().of('joint_states') for name in track.names))
+
+
 class Scanner:
     """Reads one recording batch by batch into its tracks.
 
@@ -194,10 +223,13 @@ class Scanner:
     signals : sequence of str
     joint : str, optional
         As for `scan_recording`.
+    batch : int
+        Messages that are decoded at once.
     """
 
     def __init__(self, path: Path, signals: Sequence[str] = tuple(SIGNALS),
-                 joint: str | None = None) -> None:
+                 joint: str | None = None, batch: int = _BATCH) -> None:
+        self._batch = batch
         self.path = path
         self.stores: dict[str, Store] = {}
         self._signals = signals
@@ -224,7 +256,8 @@ class Scanner:
                 if store is None:
                     signal = signal_of(topic, kind)
                     assert signal is not None
-                    store = self.stores[topic] = Store(topic, signal, self._joint)
+                    store = self.stores[topic] = Store(
+                        topic, signal, self._joint, self._batch)
                 if store.add(receive, raw, number):
                     yield store
             for store in self.stores.values():
@@ -257,9 +290,13 @@ class Store:
     topic, signal : str
     joint : str, optional
         Keep this joint's values only, where messages name joints.
+    batch : int
+        Messages that are decoded at once.
     """
 
-    def __init__(self, topic: str, signal: str, joint: str | None = None) -> None:
+    def __init__(self, topic: str, signal: str, joint: str | None = None,
+                 batch: int = _BATCH) -> None:
+        self._batch = batch
         self.topic, self.signal = topic, signal
         self._joint = joint
         self._raw: list[bytes] = []
@@ -280,7 +317,7 @@ class Store:
         self._raw.append(raw)
         self._receive.append(receive)
         self._order.append(order)
-        if len(self._raw) < _BATCH:
+        if len(self._raw) < self._batch:
             return False
         self.flush()
         return True

@@ -10,7 +10,12 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.recordings.clocks import gap_length, GAPS
-from friction_comp.recordings.reader import effort_per_ampere, to_samples, with_states
+from friction_comp.recordings.reader import (
+    effort_per_ampere,
+    RecordingInfo,
+    to_samples,
+    with_states,
+)
 from friction_comp.recordings.scan import (
     AnyPath,
     find_recordings,
@@ -59,32 +64,55 @@ def stream_recording(path: AnyPath, joint: str | None = None, torque_constant: f
     InputError
         If the recording, the joint or a value cannot be used.
     """
+    for samples, info in stream_recording_with_info(
+            path, joint, torque_constant, gear_ratio, seconds, signals):
+        if notes is not None:
+            notes.extend(note for note in info.notes if note not in notes)
+        if len(samples):
+            yield samples
+
+
+def stream_recording_with_info(path: AnyPath, joint: str | None = None,
+                               torque_constant: float = 1.0, gear_ratio: float = 1.0,
+                               seconds: float = 60.0, signals: Sequence[str] = tuple(SIGNALS)
+                               ) -> Iterator[tuple[Samples, RecordingInfo]]:
+    """Read a recording as `stream_recording` does, each stretch with its `RecordingInfo`.
+
+    All count time from the recording's first joint state. What concerns the whole recording, such
+    as gaps or a file that breaks off, is known at its end: the last has no samples, but the notes.
+
+    Parameters
+    ----------
+    path, joint, torque_constant, gear_ratio, seconds, signals
+        As for `stream_recording`.
+
+    Yields
+    ------
+    Samples, RecordingInfo
+    """
     gain = effort_per_ampere(torque_constant, gear_ratio)
     if not seconds > 0:
         raise InputError(f'seconds must be positive, not {seconds}')
     found = find_recordings(path)
     if len(found) != 1:
         raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    said: list[str] = [] if notes is None else notes
     scanner = Scanner(found[0], with_states(signals), joint)
     cutter = _Cutter(seconds)
     clock = _OneClock()
+    info, samples = None, None
     for scan, last in _scans(scanner, cutter):
-        if last and not scan.of('joint_states') and clock.any:
-            _note(said, scan.notes)
+        if last and info is not None and not scan.of('joint_states'):
+            info.notes = list(scan.notes)
             break
         samples, info = to_samples(scan, joint, gain)
-        _note(said, info.notes)
-        samples = clock.follow(samples, info.start, said)
-        if len(samples):
-            yield samples
-    if clock.gaps:
-        said.append(f'{len(clock.gaps)}{GAPS}, the longest of {max(clock.gaps):.3g} s')
-
-
-def _note(said: list[str], notes: list[str]) -> None:
-    # Gaps are counted over all stretches.
-    said.extend(note for note in notes if note not in said and GAPS not in note)
+        # Gaps are counted over all stretches.
+        info.notes = [note for note in info.notes if GAPS not in note]
+        samples = clock.follow(samples, info)
+        yield samples, info
+    if info is not None and samples is not None:
+        if clock.gaps:
+            info.notes.append(f'{len(clock.gaps)}{GAPS}, the longest of {max(clock.gaps):.3g} s')
+        yield samples.take(slice(0, 0)), info
 
 
 def _scans(scanner: Scanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
@@ -159,22 +187,23 @@ class _OneClock:
     """Puts the stretches' times, each from its own beginning, onto one clock."""
 
     def __init__(self) -> None:
-        self.any = False
         self.gaps: list[float] = []
-        self._origin = self._last = 0.0
+        self._origin: float | None = None
+        self._last = 0.0
 
-    def follow(self, samples: Samples, start: float, notes: list[str]) -> Samples:
-        if not self.any:
-            self.any, self._origin = True, start
-        time = samples.time + (start - self._origin)
+    def follow(self, samples: Samples, info: RecordingInfo) -> Samples:
+        if self._origin is None:
+            self._origin = info.start
+        since = info.start - self._origin
+        time = samples.time + since
         if self._last > 0 and time[0] <= self._last:
             behind = self._last - time[0]
             if behind > 1.0:
                 shift = behind + 10.0 * samples.sample_time
                 self._origin -= shift
-                time = time + shift
-                notes.append(f'the clock was set back by {behind:.3g} s after {self._last:.3f} s: '
-                             'what follows is put behind')
+                since, time = since + shift, time + shift
+                info.notes.append(f'the clock was set back by {behind:.3g} s after '
+                                  f'{self._last:.3f} s: what follows is put behind')
             else:
                 fresh = time > self._last
                 samples, time = samples.take(fresh), time[fresh]
@@ -182,6 +211,8 @@ class _OneClock:
             steps = np.diff(time, prepend=self._last or time[0])
             self.gaps.extend(float(step) for step in steps[steps > gap_length(steps)])
             self._last = float(time[-1])
+        info.start = self._origin
+        info.activity = [(moment + since, activity) for moment, activity in info.activity]
         return samples.with_(time=time)
 
 

@@ -30,7 +30,8 @@ class TimeBase:
 
     def moment(self, receive: int) -> float:
         """Return the time in s of the joint states' clock at a receive time in ns."""
-        return float(np.interp(receive, self.receive, self.stamp)) * 1e-9
+        ahead = np.interp(receive, self.receive, self.stamp - self.receive)
+        return float(receive + ahead) * 1e-9
 
     def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
         """Return the last value at each joint state; `before` where there was none yet."""

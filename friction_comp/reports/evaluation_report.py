@@ -1,20 +1,34 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The evaluation as a page: the note's Fig. 5, a table, and what they mean in plain words."""
+"""The evaluation as a page: a verdict, the note's Fig. 5, tables, and what they mean in words."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from datetime import date
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.reports.figures import band, new_figure, styled
+from friction_comp.evaluation.repetitions import FIGURES
+from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from friction_comp.evaluation.compare import Comparison
     from friction_comp.evaluation.conditions import Condition, Evaluation
+    from friction_comp.evaluation.intervals import Interval
+    from friction_comp.evaluation.repetitions import Help
+    from friction_comp.evaluation.trend import Trend
+
+# Comparisons that a page shows; report.json has all.
+_SHOWN = 24
+# What a table of conditions lists, as far as it is known.
+_LISTED = ('peak_torque', 'rms_torque', 'constant_velocity_torque', 'residual_current',
+           'rms_current', 'onset', 'announcement_to_motion', 'smoothness', 'log_jerk')
+_MARKERS = 'osD^vPX*'
 
 
 @styled
@@ -31,67 +45,178 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
     """
     movements = [name for name in ('positive', 'negative')
                  if any(c.movement == name for c in evaluation.conditions)]
-    figure, axes = new_figure(2, len(movements), width=8.4, height=2.5, sharex='col',
+    colours = _colours(evaluation)
+    rows = 2 if evaluation.measured else 1
+    figure, axes = new_figure(rows, len(movements), width=8.4, height=2.5, sharex='col',
                               sharey='row', squeeze=False)
     for column, movement in enumerate(movements):
-        above, below = axes[:, column]
+        above = axes[0, column]
         above.set_title(f'Movement in the {movement} direction')
         conditions = [c for c in evaluation.conditions if c.movement == movement]
         shown = next((c for c in conditions if c.reference is not None), None)
         if shown is not None and shown.reference is not None:
-            above.plot(shown.time, np.degrees(shown.reference), '--', color='#87909a',
+            above.plot(shown.time, np.degrees(shown.reference), '--', color=COLOURS['grey'],
                        linewidth=1.0, label='shown to the person')
         for condition in conditions:
-            colour = _colour(condition)
-            label = f'{_condition_name(condition)}, n = {condition.repetitions}'
+            colour = colours[condition.help]
+            label = f'{condition.help.label}, n = {condition.repetitions}'
             band(above, condition.time, np.degrees(condition.position),
                  np.degrees(condition.position_std), colour, label)
-            band(below, condition.time, condition.torque, condition.torque_std, colour, label)
-        below.axhline(0.0, color='#87909a', linewidth=0.8)
-        below.set_xlabel('time since the movement began [s]')
-        above.legend(loc='best')
+            if evaluation.measured:
+                band(axes[1, column], condition.time, condition.torque, condition.torque_std,
+                     colour, label)
+        if evaluation.measured:
+            axes[1, column].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
+        axes[-1, column].set_xlabel('time since the movement began [s]')
     axes[0, 0].set_ylabel('joint angle [deg]')
-    axes[1, 0].set_ylabel('back-driving torque [N·m]')
+    if evaluation.measured:
+        axes[1, 0].set_ylabel('back-driving torque [N·m]')
+    handles = {label: handle for ax in axes[0] for handle, label in zip(
+        *ax.get_legend_handles_labels())}
+    figure.legend(handles.values(), handles.keys(), loc='outside lower center',
+                  ncols=2 if len(handles) > 3 else max(len(handles), 1))
+    return figure
+
+
+@styled
+def trend_figure(trends: Sequence[Trend], colours: dict[Help, str]) -> Figure:
+    """Draw each day's mean with its interval, and the line through them where it is sure.
+
+    Parameters
+    ----------
+    trends : sequence of Trend
+        Of one figure.
+    colours : dict
+        Help to colour's name.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    figure, axes = new_figure(1, 1, width=8.4, height=3.0)
+    for k, trend in enumerate(trends):
+        # Beside each other, so that intervals of one day do not cover each other.
+        shift = 0.12 * (k - 0.5 * (len(trends) - 1))
+        days = np.array([date.fromisoformat(day).toordinal() for day in trend.days]) + shift
+        values = list(trend.days.values())
+        means = np.array([value.mean for value in values])
+        reach = np.array([[v.mean - (v.mean if v.low is None else v.low),
+                           (v.mean if v.high is None else v.high) - v.mean] for v in values]).T
+        colour = COLOURS[colours[trend.help]]
+        axes.errorbar(days, means, yerr=reach, fmt=_MARKERS[k % len(_MARKERS)], color=colour,
+                      markersize=5, capsize=3, linewidth=1.2, label=trend.help.label)
+        if trend.sure and trend.per_week is not None:
+            line = means.mean() + trend.per_week.mean / 7.0 * (days - days.mean())
+            axes.plot(days, line, color=colour, linewidth=1.0)
+    ticks = sorted({date.fromisoformat(day).toordinal() for t in trends for day in t.days})
+    step = max(1, -(-len(ticks) // 10))
+    axes.set_xticks(ticks[::step], [date.fromordinal(k).isoformat() for k in ticks[::step]],
+                    rotation=30, ha='right')
+    name, unit = FIGURES[trends[0].figure]
+    axes.set_ylabel(f'{name} [{unit}]' if unit else name)
+    figure.legend(loc='outside lower center', ncols=2)
     return figure
 
 
 def add_evaluation(report: Report, evaluation: Evaluation) -> None:
-    """Add figures, table and words of an evaluation to a report.
+    """Add verdict, figures and tables of an evaluation to a report.
 
     Parameters
     ----------
     report : Report
     evaluation : Evaluation
     """
-    report.numbers(_tiles(evaluation))
     report.text(summary(evaluation))
+    tiles = _tiles(evaluation)
+    if tiles:
+        report.numbers(tiles)
+    torque = ' and back-driving torque' if evaluation.measured else ''
     report.figure(
         evaluation_figure(evaluation),
-        'Trajectory and back-driving torque, average and standard deviation over the '
-        "repetitions, synchronised at the start of the movement (style of the note's Fig. 5).")
+        f'Trajectory{torque}, average and standard deviation over the repetitions, synchronised '
+        "at the start of the movement (style of the note's Fig. 5).")
+    _add_conditions(report, evaluation)
+    _add_comparisons(report, evaluation)
+    _add_trends(report, evaluation)
+
+
+def _add_conditions(report: Report, evaluation: Evaluation) -> None:
+    known = [name for name in _LISTED
+             if any(name in c.figures for c in evaluation.conditions)]
+    report.text('## Conditions')
     report.table(
-        ['condition', 'movement', 'repetitions', 'peak |τ_b| [N·m]', '± [N·m]', 'peak at [s]',
-         'RMS [N·m]', 'constant velocity [N·m]', 'false starts'],
-        [[_condition_name(c), c.movement, c.repetitions, c.peak_torque, c.peak_torque_std,
-          c.peak_time, c.rms_torque, c.mean_torque_constant_velocity, c.false_starts]
-         for c in evaluation.conditions],
-        'Torque that the person had to exert on the joint.')
+        ['condition', 'movement', 'n', *(_heading(name) for name in known), 'false starts'],
+        [[c.help.label, c.movement, c.repetitions,
+          *(_with_interval(c.figures.get(name)) for name in known),
+          f'{c.false_starts} ({_percent(c.false_start_share)})'] for c in evaluation.conditions],
+        "Means over the repetitions of each one's own figure, with 95 % confidence intervals.")
+    words = []
+    if evaluation.measured:
+        words.append(
+            'The peak is the largest torque from 0.5 s before the movement until it slows down. '
+            'RMS is taken over the movement, standstill not counted. The torque at constant '
+            'velocity is positive where the person pushes the joint along, and negative where the '
+            'joint pulls ahead.')
+        words.append('A false start is a repetition in which the joint set out during the '
+                     'standstill although nobody pushed it.')
+    else:
+        words.append('A false start is a repetition in which the joint set out during the '
+                     'standstill; whether somebody pushed it cannot be known without a torque '
+                     'sensor.')
+    if any('residual_current' in c.figures for c in evaluation.conditions):
+        words.append('The residual current is what the model says the movement asks for beyond '
+                     'what was commanded, RMS: it is as good as the model.')
+    words.append('Smoothness is the spectral arc length of the speed: a single bell-shaped '
+                 'movement has about \u22121.4, hesitations take it down. The log dimensionless '
+                 'jerk is the larger, the smoother.')
+    report.text(' '.join(words))
+
+
+def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
+    if not evaluation.comparisons:
+        return
+    shown = sorted(evaluation.comparisons, key=lambda c: (
+        list(FIGURES).index(c.figure), c.probability is None, c.probability or 0.0))[:_SHOWN]
+    report.text('## Compared with each other')
+    report.table(
+        ['figure', 'first', 'second', 'pairs', 'mean of the first', 'of the second',
+         'difference', 'p'],
+        [[_heading(c.figure), c.first.label, c.second.label, c.pairs, number(c.before),
+          number(c.after), _with_interval(c.difference), _probability(c)] for c in shown],
+        'The n-th repetition under one condition with the n-th under the other, in the same '
+        'movement.')
+    left = len(evaluation.comparisons) - len(shown)
     report.text(
-        'The peak is that of the averaged torque, from 0.5 s before the movement until it slows '
-        "down; the number behind ± is the standard deviation of the single repetitions' own "
-        'peaks. RMS is '
-        'taken over the movement, standstill not counted. The torque at constant velocity is '
-        'positive where the person pushes the joint along, and negative where the joint pulls '
-        'ahead. A false start is a repetition in which the joint set out during the standstill '
-        'although nobody pushed it.')
+        "p is the probability of such differences by chance: Wilcoxon's signed-rank test, "
+        f'corrected after Holm for all {len(evaluation.comparisons)} comparisons; below five pairs '
+        'none is given.' + (f' {left} more are in `report.json`.' if left else ''))
 
 
-def evaluation_report(evaluation: Evaluation, recordings: list[str]) -> Report:
+def _add_trends(report: Report, evaluation: Evaluation) -> None:
+    if not evaluation.trends:
+        return
+    report.text('## Day by day')
+    colours = _colours(evaluation)
+    for figure in dict.fromkeys(trend.figure for trend in evaluation.trends):
+        trends = [trend for trend in evaluation.trends if trend.figure == figure]
+        report.figure(trend_figure(trends, colours),
+                      f"{_heading(figure)}: each day's mean with its 95 % interval; a line where "
+                      'the trend is more than chance.')
+        report.table(
+            ['condition', 'days', 'first', 'last', 'change per week', 'p'],
+            [[t.help.label, len(t.days), _with_interval(next(iter(t.days.values()))),
+              _with_interval(list(t.days.values())[-1]), _with_interval(t.per_week),
+              '–' if t.probability is None else _p(t.probability)] for t in trends],
+            "A straight line through the days' means.")
+
+
+def evaluation_report(evaluations: Sequence[Evaluation], recordings: list[str]) -> Report:
     """Return the whole page of `evaluate`.
 
     Parameters
     ----------
-    evaluation : Evaluation
+    evaluations : sequence of Evaluation
+        One a joint.
     recordings : list of str
         The recordings' names.
 
@@ -99,56 +224,93 @@ def evaluation_report(evaluation: Evaluation, recordings: list[str]) -> Report:
     -------
     Report
     """
+    several = len(evaluations) > 1
+    joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
+    count = sum(len(evaluation.repetitions) for evaluation in evaluations)
+    torque = any(evaluation.measured for evaluation in evaluations)
     report = Report(
-        f'Back-driving torque of {evaluation.joint or "the joint"}',
-        f'{sum(c.repetitions for c in evaluation.conditions)} movements from '
-        f'{len(recordings)} recording{"s" if len(recordings) > 1 else ""}')
-    add_evaluation(report, evaluation)
+        f'{"Back-driving torque" if torque else "Movements"} of {joints}',
+        f'{count} movements from {len(recordings)} recording{"s" if len(recordings) > 1 else ""}')
+    for evaluation in evaluations:
+        if several:
+            report.text(f'## Joint {evaluation.joint}')
+        add_evaluation(report, evaluation)
     report.text('## Where this comes from')
     report.text('\n'.join(f'- recording `{name}`' for name in recordings))
-    if evaluation.model:
-        report.text(f'The model file that was active: `{evaluation.model}`.')
-    if evaluation.notes:
-        report.text('\n'.join(f'- {note}' for note in evaluation.notes))
+    models = dict.fromkeys(e.model for e in evaluations if e.model)
+    for model in models:
+        report.text(f'The model files that were active: `{model}`.')
+    notes = dict.fromkeys(note for evaluation in evaluations for note in evaluation.notes)
+    if notes:
+        report.text('\n'.join(f'- {note}' for note in notes))
     return report
 
 
 def summary(evaluation: Evaluation) -> str:
-    """Return in plain words what the trials show."""
-    words = ['The back-driving torque is what a person must apply to move the joint; a perfectly '
-             'backdrivable joint would ask for no more than its inertia.']
-    compared, change = evaluation.compared('peak_torque'), evaluation.peak_reduction
-    if compared is not None and change is not None:
-        before, after = compared
-        verb = 'less' if change >= 0 else 'more'
-        words.append(
-            f'With the direction announced (d = ±1) it took **{number(after)} N·m** to set the '
-            f'joint in motion instead of **{number(before)} N·m** without (d = 0): '
-            f'**{abs(100 * change):.0f} % {verb}**.')
-    else:
-        words.append('No movement was recorded both with d = 0 and with d = ±1, so nothing is '
-                     'compared.')
-    started = sum(c.false_starts for c in evaluation.conditions)
-    words.append('The joint never started by itself.' if not started else
-                 f'**In {started} repetitions the joint started by itself.** A lower '
-                 '`breakaway_gain` or a new identification is called for.')
-    against = [c for c in evaluation.conditions if c.direction != 0 and not c.assisted]
+    """Return in plain words what the trials show, the verdict first."""
+    words = [_verdict(evaluation)]
+    words.extend(_trend_words(trend) for trend in evaluation.trends if trend.sure)
+    starts = sum(c.false_starts for c in evaluation.conditions)
+    words.append('The joint never started by itself.' if not starts else
+                 f'**In {starts} repetitions the joint started by itself.** A lower '
+                 '`breakaway_gain` or a new identification is called for.' if evaluation.measured
+                 else f'In {starts} repetitions the joint set out early, by itself or pushed.')
+    against = [c for c in evaluation.conditions if c.help.announced < 0]
     if against:
         words.append(
             f'{sum(c.repetitions for c in against)} movements went against the direction '
-            'announced; they are listed but not compared.')
+            'announced; they are listed apart.')
     return ' '.join(words)
 
 
+def condition_line(condition: Condition) -> str:
+    """Return one condition in a line of a terminal."""
+    figures = [f'{FIGURES[name][0]} {_with_interval(condition.figures[name])} '
+               f'{FIGURES[name][1]}'.strip()
+               for name in ('peak_torque', 'rms_torque', 'residual_current', 'onset',
+                            'smoothness') if name in condition.figures]
+    return (f'{condition.help.label}, {condition.movement} movement '
+            f'({condition.repetitions} repetitions): {", ".join(figures)}')
+
+
+def _verdict(evaluation: Evaluation) -> str:
+    compared, change = evaluation.compared('peak_torque'), evaluation.peak_reduction
+    two = evaluation.pair()
+    if compared is not None and change is not None and two is not None:
+        before, after = compared
+        verb = 'less' if change >= 0 else 'more'
+        words = (f'With the direction announced (d = ±1) it took **{number(after)} N·m** to set '
+                 f'the joint in motion instead of **{number(before)} N·m** without (d = 0): '
+                 f'**{abs(100 * change):.0f} % {verb}**')
+        test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
+                     and (c.first, c.second) == two), None)
+        if test is None or test.probability is None:
+            return words + ', of too few repetitions to rule out chance.'
+        if not test.sure:
+            return words + f', which may be chance ({_probability(test)}, {test.pairs} pairs).'
+        return words + f', more than chance ({_probability(test)}, {test.pairs} pairs).'
+    if not evaluation.measured:
+        return ('**The back-driving torque was not measured.** What follows is what position, '
+                'current and reference tell: when the joint set out and how smoothly it went, not '
+                'what it cost the person.')
+    return ('No movement was recorded both with d = 0 and with d = ±1 under the same law and '
+            'model, so no such pair leads this page; all comparisons are below.')
+
+
+def _trend_words(trend: Trend) -> str:
+    assert trend.per_week is not None
+    name, unit = FIGURES[trend.figure]
+    verb = 'rises' if trend.per_week.mean > 0 else 'falls'
+    return (f'Over {len(trend.days)} days, {name} with {trend.help.label} **{verb} by '
+            f'{number(abs(trend.per_week.mean))} {unit} a week** ({_p(trend.probability or 0.0)}).')
+
+
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
-    tiles = []
-    for name, group in (
-            ('peak, direction not announced (d = 0)',
-             [c for c in evaluation.conditions if c.direction == 0]),
-            ('peak, direction announced (d = ±1)',
-             [c for c in evaluation.conditions if c.assisted])):
-        if group:
-            tiles.append((f'{number(float(np.mean([c.peak_torque for c in group])))} N·m', name))
+    compared = evaluation.compared('peak_torque')
+    if compared is None:
+        return []
+    tiles = [(f'{number(compared[0])} N·m', 'peak, direction not announced (d = 0)'),
+             (f'{number(compared[1])} N·m', 'peak, direction announced (d = ±1)')]
     for name, value in (('peak', evaluation.peak_reduction),
                         ('RMS torque', evaluation.rms_reduction)):
         if value is not None:
@@ -157,14 +319,40 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
     return tiles
 
 
-def _condition_name(condition: Condition) -> str:
-    if condition.direction == 0:
-        return 'd = 0'
-    name = f'd = {condition.direction:+d}'.replace('-', '\u2212')
-    return name if condition.assisted else f'{name} (against)'
+def _heading(name: str) -> str:
+    title, unit = FIGURES[name]
+    return f'{title} [{unit}]' if unit else title
 
 
-def _colour(condition: Condition) -> str:
-    if condition.direction == 0:
-        return 'blue'
-    return 'orange' if condition.assisted else 'pink'
+def _with_interval(value: Interval | None) -> str:
+    if value is None:
+        return '–'
+    if value.low is None or value.high is None:
+        return number(value.mean)
+    return f'{number(value.mean)} ({number(value.low)} to {number(value.high)})'
+
+
+def _percent(value: Interval) -> str:
+    low, high = 100 * (value.low or 0.0), 100 * (value.high or 0.0)
+    return f'{low:.0f} to {high:.0f} %'
+
+
+def _p(probability: float) -> str:
+    return 'p < 0.001' if probability < 0.001 else f'p = {probability:.2g}'
+
+
+def _probability(comparison: Comparison) -> str:
+    return '–' if comparison.probability is None else _p(comparison.probability)
+
+
+def _colours(evaluation: Evaluation) -> dict[Help, str]:
+    """Return a colour for each condition: blue without announcement, orange with, then others."""
+    plain, assisted = ['blue', 'green', 'violet', 'grey'], ['orange', 'red', 'yellow', 'pink']
+    found: dict[Help, str] = {}
+    for condition in evaluation.conditions:
+        if condition.help not in found:
+            palette = assisted if condition.help.announced > 0 else (
+                plain if not condition.help.announced else ['pink', 'grey'])
+            used = sum((known.announced > 0) == (condition.help.announced > 0) for known in found)
+            found[condition.help] = palette[used % len(palette)]
+    return found

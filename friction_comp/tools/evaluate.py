@@ -1,16 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``evaluate``: the note's Fig. 5 from recordings."""
+"""The tool ``evaluate``: what recorded trials say of the help a person gets."""
 
 from __future__ import annotations
 
-from friction_comp.tools.common import Arguments, output_folder, progress, to_json
+import csv
+import io
+from pathlib import Path
 
-_SIGNALS = ('direction', 'reference', 'interaction_wrench')
+from friction_comp.tools.common import Arguments, output_folder, progress, to_json
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Evaluate the back-driving torque of recorded trials.
+    """Evaluate recorded trials, compare their conditions, and follow them over the days.
 
     Parameters
     ----------
@@ -25,31 +27,44 @@ def main(argv: list[str] | None = None) -> int:
     Raises
     ------
     InputError
-        If a recording cannot be used.
+        If no recording can be used.
     """
-    arguments = Arguments('evaluate', __doc__).add_recordings().add_output().parse(argv)
-    from friction_comp.evaluation.conditions import evaluate
-    from friction_comp.recordings import read_recording_with_info
-    from friction_comp.reports.evaluation_report import evaluation_report, summary
-    from friction_comp.reports.html import number
+    parser = Arguments('evaluate', __doc__).add_recordings().add_output()
+    parser.add_argument(
+        '--model', metavar='FILE', type=Path,
+        help='model file: tells, also without a torque sensor, what current the movements asked '
+             'for beyond what was commanded')
+    arguments = parser.parse(argv)
+    from friction_comp.evaluation.sessions import evaluate_recordings
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import find_recordings
+    from friction_comp.reports.evaluation_report import condition_line, evaluation_report, summary
 
+    friction = FrictionModel.load(arguments.model) if arguments.model else None
     with progress('reading') as report:
-        found = read_recording_with_info(
-            arguments.recordings, arguments.joint, signals=_SIGNALS, progress=report,
-            others=False)
+        names = [str(path) for path in find_recordings(arguments.recordings)]
+        evaluations = evaluate_recordings(
+            arguments.recordings, arguments.joint, friction, progress=report)
         report(1.0, 'evaluating')
-        names = [str(info.path) for _, info in found]
-        models = list(dict.fromkeys(info.model for _, info in found if info.model))
-        evaluation = evaluate([samples for samples, _ in found], names, ', '.join(models) or None)
-        for _, info in found:
-            evaluation.notes.extend(f'{info.path}: {note}' for note in info.notes)
+        content = evaluations[0].as_dict()
+        if len(evaluations) > 1:
+            content['joints'] = [evaluation.as_dict() for evaluation in evaluations]
+        table = io.StringIO()
+        rows = [evaluation.table() for evaluation in evaluations]
+        csv.writer(table, lineterminator='\n').writerows(
+            [rows[0][0], *(row for part in rows for row in part[1:])])
         with output_folder(arguments.output) as folder:
-            (folder / 'report.json').write_text(to_json(evaluation.as_dict()), encoding='utf-8')
-            evaluation_report(evaluation, names).save(folder / 'report.html')
-    for condition in evaluation.conditions:
-        print(f'd = {condition.direction:+d}, {condition.movement} movement: peak '
-              f'{number(condition.peak_torque)} ± {number(condition.peak_torque_std)} N·m, RMS '
-              f'{number(condition.rms_torque)} N·m ({condition.repetitions} repetitions)')
-    print(summary(evaluation).replace('**', ''))
+            (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+            (folder / 'repetitions.csv').write_text(table.getvalue(), encoding='utf-8')
+            evaluation_report(evaluations, names).save(folder / 'report.html')
+    for evaluation in evaluations:
+        if len(evaluations) > 1:
+            print(f'{evaluation.joint}:')
+        for condition in evaluation.conditions:
+            print(condition_line(condition))
+        print(summary(evaluation).replace('**', '').replace('`', ''))
+    for note in evaluations[0].notes:
+        if note.startswith('left out: '):
+            print(note)
     print(arguments.output / 'report.html')
     return 0

@@ -1,0 +1,120 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Conditions compared, repetition by repetition."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from friction_comp.evaluation.intervals import Interval, mean_interval
+from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
+
+# What is compared, as far as known. The first two need a torque sensor; smoothness is compared
+# wherever there is motion.
+COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
+            'smoothness')
+# Below this probability a difference is not put down to chance.
+SIGNIFICANT = 0.05
+
+
+@dataclass
+class Comparison:
+    """One figure under two conditions.
+
+    Attributes
+    ----------
+    figure : str
+        By its name in `FIGURES`.
+    first, second : Help
+    pairs : int
+        The n-th repetition of the one with the n-th of the other, in the same movement.
+    before, after : float
+        Means over the pairs.
+    difference : Interval
+        Second minus first.
+    probability : float or None
+        That differences of this kind come by chance: Wilcoxon's signed-rank test, two-sided,
+        after Holm's correction for the number of comparisons; None below five pairs.
+    """
+
+    figure: str
+    first: Help
+    second: Help
+    pairs: int
+    before: float
+    after: float
+    difference: Interval
+    probability: float | None
+
+    @property
+    def sure(self) -> bool:
+        """Whether the difference is more than chance."""
+        return self.probability is not None and self.probability < SIGNIFICANT
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what report.json holds."""
+        def help_of(one: Help) -> dict[str, Any]:
+            return {'law': one.law or None, 'model': one.model or None,
+                    'announced': one.announced}
+        return {
+            'figure': self.figure, 'unit': FIGURES[self.figure][1],
+            'first': help_of(self.first), 'second': help_of(self.second), 'pairs': self.pairs,
+            'mean_first': self.before, 'mean_second': self.after,
+            'difference': self.difference.as_dict(), 'p_value': self.probability}
+
+
+def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
+    """Compare all conditions that have movements in the same way in common.
+
+    Parameters
+    ----------
+    repetitions : sequence of Repetition
+        Of one joint.
+
+    Returns
+    -------
+    list of Comparison
+        Those with an announced direction against those without first.
+    """
+    groups: dict[Help, dict[int, list[Repetition]]] = {}
+    for repetition in repetitions:
+        groups.setdefault(repetition.help, {}).setdefault(
+            repetition.movement.sign, []).append(repetition)
+    found = []
+    ordered = sorted(groups, key=lambda one: (abs(one.announced), one.law != 'none', one))
+    for first, second in combinations(ordered, 2):
+        two = [(a, b) for sign in (1, -1) for a, b in zip(
+            groups[first].get(sign, []), groups[second].get(sign, []))]
+        for figure in COMPARED:
+            values = np.array([(a.figures[figure], b.figures[figure]) for a, b in two
+                               if figure in a.figures and figure in b.figures])
+            if len(values):
+                found.append(_compared(figure, first, second, values))
+    _correct(found)
+    return found
+
+
+def _compared(figure: str, first: Help, second: Help, values: np.ndarray) -> Comparison:
+    difference = values[:, 1] - values[:, 0]
+    probability = None
+    if len(values) >= 5:
+        probability = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
+    before, after = values.mean(axis=0)
+    return Comparison(figure, first, second, len(values), float(before), float(after),
+                      mean_interval(difference.tolist()), probability)
+
+
+def _correct(comparisons: list[Comparison]) -> None:
+    """Correct probabilities for their number, by Holm's step-down method."""
+    tested = sorted((c for c in comparisons if c.probability is not None),
+                    key=lambda c: c.probability or 0.0)
+    largest = 0.0
+    for k, comparison in enumerate(tested):
+        largest = max(largest, min(1.0, (len(tested) - k) * (comparison.probability or 0.0)))
+        comparison.probability = largest

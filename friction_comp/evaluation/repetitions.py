@@ -1,0 +1,334 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""One movement of a trial: under what help it was made, and what its signals say of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from pathlib import Path
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.evaluation.movements import measured_velocity
+
+if TYPE_CHECKING:
+    from friction_comp.evaluation.movements import Movement
+    from friction_comp.recordings import RecordingInfo
+    from friction_comp.samples import Samples
+
+# s before a movement that the figure shows, and that count for its peak.
+LEAD, PEAK_LEAD = 1.0, 0.5
+# A joint has started by itself when it covers this share of the movement while the person does
+# not push that way, by this share of the torque's peak.
+STARTED, _PUSHED = 0.01, 0.1
+# s for which the joint must have been still before; an oscillation is no start.
+_STILL = 0.2
+# s between the points of the curves that are kept.
+_CURVE_STEP = 2e-3
+# Encoder steps that a joint moves when it has set out.
+_LEAST_STEPS = 3
+# Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): Hz that count, share of
+# the largest amplitude below which nothing does, and zero padding as a power of two.
+_HIGHEST, _FAINTEST, _PADDING = 10.0, 0.05, 4
+NAMES = {1: 'positive', -1: 'negative'}
+# What each repetition is measured by, with its unit; the first that is known leads.
+FIGURES = {
+    'peak_torque': ('peak |τ_b|', 'N·m'), 'peak_time': ('peak at', 's'),
+    'rms_torque': ('RMS of τ_b', 'N·m'), 'constant_velocity_torque': ('constant velocity', 'N·m'),
+    'residual_current': ('residual current', 'A'), 'rms_current': ('RMS of the current', 'A'),
+    'onset': ('motion after the reference', 's'),
+    'announcement_to_motion': ('motion after the announcement', 's'),
+    'smoothness': ('smoothness (SPARC)', ''), 'log_jerk': ('log dimensionless jerk', ''),
+}
+
+
+@dataclass(frozen=True, order=True)
+class Help:
+    """What was active during a movement.
+
+    Attributes
+    ----------
+    law : str
+        Compensation law; 'none' where no current was commanded, 'other' where another than the
+        compensator commanded, '' where the recording does not say.
+    model : str
+        Model file; '' where there was none or the recording does not say.
+    announced : int
+        0 where no direction was announced, 1 where that of the movement was, -1 the other one.
+    """
+
+    law: str
+    model: str
+    announced: int
+
+    @property
+    def label(self) -> str:
+        """The same in a few words."""
+        words = {0: 'd = 0', 1: 'd = ±1', -1: 'd = ±1 (against)'}[self.announced]
+        law = {'': '', 'none': 'no compensation', 'other': 'another commander'}.get(
+            self.law, self.law)
+        return ' · '.join(filter(None, (words, law, Path(self.model).name)))
+
+
+@dataclass
+class Repetition:
+    """One movement and what was measured of it.
+
+    Attributes
+    ----------
+    recording : str
+    day : str
+        ISO date; '' where nothing tells it.
+    begin : float
+        s since the recording's first joint state.
+    movement : Movement
+    help : Help
+    figures : dict of str to float
+        By the names in `FIGURES`; those that cannot be known are missing.
+    false_start : bool
+        The joint set out during the standstill and, as far as torque was measured, unpushed.
+    restless : bool
+        The joint kept moving to and fro before the movement.
+    time : ndarray
+        s since the movement began, shape (N,), evenly spaced.
+    curves : dict of str to ndarray
+        'load', 'position' and 'reference_position', as far as recorded, NaN beyond the
+        recording and before the standstill, shape (N,).
+    """
+
+    recording: str
+    day: str
+    begin: float
+    movement: Movement
+    help: Help
+    figures: dict[str, float]
+    false_start: bool
+    restless: bool
+    time: np.ndarray
+    curves: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def duration(self) -> float:
+        """Time in s from begin to end of the movement."""
+        return self.movement.end - self.movement.begin
+
+
+def measure(samples: Samples, movement: Movement, name: str = '',
+            info: RecordingInfo | None = None,
+            residual: np.ndarray | None = None) -> Repetition:
+    """Measure one movement.
+
+    Parameters
+    ----------
+    samples : Samples
+        The recording that it is in.
+    movement : Movement
+    name : str
+        The recording's name.
+    info : RecordingInfo, optional
+        Says what was active, and when it was recorded.
+    residual : ndarray, optional
+        Current in A that the joint asks for by a model beyond what was commanded, shape (N,).
+
+    Returns
+    -------
+    Repetition
+    """
+    part = _between(samples, movement.begin, movement.end)
+    shown = samples.reference_position is not None or samples.reference_velocity is not None
+    figures = {'rms_current': _rms(samples.current[part])}
+    figures.update(_torque_figures(samples, movement, part))
+    if residual is not None:
+        figures['residual_current'] = _rms(residual[part])
+    onset = _onset(samples, movement) if shown else None
+    if onset is not None:
+        figures['onset'] = onset - movement.begin
+        announced = _announcement(samples, movement)
+        if announced is not None and onset > announced:
+            figures['announcement_to_motion'] = onset - announced
+    if part.stop - part.start > 10:
+        velocity = measured_velocity(samples.take(part))
+        figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
+        jerk = log_dimensionless_jerk(velocity, samples.sample_time)
+        if np.isfinite(jerk):
+            figures['log_jerk'] = jerk
+    step = max(samples.sample_time, _CURVE_STEP)
+    time = np.arange(-round(LEAD / step), round((movement.end - movement.begin) / step * 1.25)
+                     + 1) * step
+    return Repetition(
+        name, _day(info, movement), movement.begin, movement, _help(samples, movement, info),
+        {key: value for key, value in figures.items() if np.isfinite(value)},
+        _started_by_itself(samples, movement, figures.get('peak_torque')),
+        _restless(samples, movement), time, _curves(samples, movement, time))
+
+
+def _between(samples: Samples, begin: float, end: float) -> slice:
+    first, last = np.searchsorted(samples.time, [begin, end])
+    return slice(int(first), max(int(last), int(first) + 1))
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values ** 2)))
+
+
+def _torque_figures(samples: Samples, movement: Movement, part: slice) -> dict[str, float]:
+    load = samples.load
+    if load is None:
+        return {}
+    first = max(movement.begin - PEAK_LEAD, movement.rest_begin)
+    counted = _between(samples, first, movement.constant_end)
+    peak = counted.start + int(np.argmax(np.abs(load[counted])))
+    constant = _between(samples, movement.constant_begin, movement.constant_end)
+    return {
+        'peak_torque': float(abs(load[peak])),
+        'peak_time': float(samples.time[peak] - movement.begin),
+        'rms_torque': _rms(load[part]),
+        'constant_velocity_torque': float(movement.sign * np.mean(load[constant]))}
+
+
+def _onset(samples: Samples, movement: Movement) -> float | None:
+    """Return when the joint set out, s; None if it did not."""
+    part = _between(samples, max(movement.begin - PEAK_LEAD, movement.rest_begin), movement.end)
+    way = movement.sign * (samples.position[part] - samples.position[part.start])
+    gone = np.nonzero(way > max(
+        STARTED * movement.travel, _LEAST_STEPS * samples.position_step))[0]
+    return float(samples.time[part.start + gone[0]]) if len(gone) else None
+
+
+def _announcement(samples: Samples, movement: Movement) -> float | None:
+    """Return when the movement's direction was announced, s; None if it was not."""
+    if samples.direction is None or movement.direction != movement.sign:
+        return None
+    last = int(np.searchsorted(samples.time, movement.constant_begin))
+    others = np.nonzero(samples.direction[:last] != movement.sign)[0]
+    return float(samples.time[others[-1] + 1]) if len(others) and others[-1] + 1 < last else None
+
+
+def _help(samples: Samples, movement: Movement, info: RecordingInfo | None) -> Help:
+    announced = 0 if movement.direction == 0 else (
+        1 if movement.direction == movement.sign else -1)
+    law, model, active = '', (info.model or '') if info else '', True
+    known = [activity for since, activity in (info.activity if info else [])
+             if since <= movement.constant_end]
+    if known:
+        active = known[-1].state in ('', 'active')
+        law, model = known[-1].law, known[-1].model or model
+    if samples.command is not None:
+        idle = not samples.command[_between(samples, movement.begin, movement.end)].any()
+        if idle or not active:
+            law, model = ('none', '') if idle else ('other', '')
+    elif not active:
+        law, model = 'none', ''
+    return Help(law, model, announced)
+
+
+def _day(info: RecordingInfo | None, movement: Movement) -> str:
+    """Return the date by the stamps or, where these are a simulation's, by the name; '' without."""
+    if info is None:
+        return ''
+    moment = info.start + movement.begin
+    # Stamps before 2000 count from the start of something else than the calendar.
+    if moment > 946_684_800:
+        return datetime.fromtimestamp(moment, timezone.utc).date().isoformat()
+    dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
+    if dated:
+        try:
+            return datetime(*map(int, dated.groups())).date().isoformat()  # type: ignore[arg-type]
+        except ValueError:
+            return ''
+    return ''
+
+
+def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
+    """Return how smooth a movement is: the spectral arc length of its speed, dimensionless.
+
+    Parameters
+    ----------
+    velocity : ndarray
+        rad/s, shape (N,).
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    float
+        Negative; a single bell-shaped movement has about -1.4, each hesitation takes it down.
+    """
+    speed = np.abs(velocity)
+    size = 2 ** (int(np.ceil(np.log2(len(speed)))) + _PADDING)
+    amplitude = np.abs(np.fft.rfft(speed, size))
+    frequency = np.fft.rfftfreq(size, sample_time)
+    if not amplitude.max() > 0:
+        return float('nan')
+    chosen = frequency <= _HIGHEST
+    amplitude, frequency = amplitude[chosen] / amplitude.max(), frequency[chosen]
+    last = int(np.nonzero(amplitude >= _FAINTEST)[0][-1]) + 1
+    if last < 2:
+        return float('nan')
+    steps = np.diff(frequency[:last]) / (frequency[last - 1] - frequency[0])
+    return float(-np.sum(np.hypot(steps, np.diff(amplitude[:last]))))
+
+
+def log_dimensionless_jerk(velocity: np.ndarray, sample_time: float) -> float:
+    """Return minus the logarithm of the jerk, made free of duration and speed.
+
+    Parameters
+    ----------
+    velocity : ndarray
+        rad/s, shape (N,).
+    sample_time : float
+        s.
+
+    Returns
+    -------
+    float
+        The larger, the smoother.
+    """
+    top, duration = float(np.abs(velocity).max()), len(velocity) * sample_time
+    jerk = np.gradient(np.gradient(velocity, sample_time), sample_time)
+    total = float(np.sum(jerk ** 2)) * sample_time
+    return float(-np.log(duration ** 3 / top ** 2 * total)) if top > 0 < total else float('nan')
+
+
+def _curves(samples: Samples, movement: Movement, time: np.ndarray) -> dict[str, np.ndarray]:
+    at = movement.begin + time
+    curves = {}
+    for name in ('load', 'position', 'reference_position'):
+        values = getattr(samples, name)
+        if values is not None:
+            curve = np.interp(at, samples.time, values, left=np.nan, right=np.nan)
+            curves[name] = np.where(at >= movement.rest_begin, curve, np.nan)
+    return curves
+
+
+def _restless(samples: Samples, movement: Movement) -> bool:
+    """Return whether the joint kept moving to and fro right before the movement."""
+    first, last = np.searchsorted(
+        samples.time, [max(movement.begin - PEAK_LEAD, movement.rest_begin), movement.begin])
+    travelled = np.abs(np.diff(samples.position[first:last])).sum()
+    return bool(travelled > 2.0 * STARTED * movement.travel)
+
+
+def _started_by_itself(samples: Samples, movement: Movement, peak: float | None) -> bool:
+    """Return whether the joint set out during the standstill although nobody pushed it."""
+    settled = 0.5 * (movement.rest_begin + movement.begin)
+    begin = max(settled, movement.begin - LEAD)
+    first, last = np.searchsorted(samples.time, [begin, movement.begin])
+    still = np.searchsorted(samples.time, begin + _STILL)
+    if not first < still < last:
+        return False
+    way = samples.position[first:last] - samples.position[first]
+    if np.abs(way[:still - first]).max() > 0.2 * STARTED * movement.travel:
+        return False
+    gone = np.nonzero(np.abs(way) > STARTED * movement.travel)[0]
+    if not len(gone):
+        return False
+    if samples.load is None or peak is None:
+        return True
+    onset = first + gone[0]
+    before = np.searchsorted(samples.time, samples.time[onset] - 0.1)
+    push = np.mean(samples.load[before:onset + 1]) * np.sign(way[gone[0]])
+    return bool(push < _PUSHED * peak)

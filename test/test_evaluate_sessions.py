@@ -1,0 +1,242 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Conditions are told apart and compared, within recordings, between them and over weeks."""
+
+import csv
+from datetime import date, timedelta
+import json
+
+import numpy as np
+import pytest
+from rosbags.typesys import get_typestore, Stores
+from test_evaluate import PERIOD, REST, STEP, trial
+
+from friction_comp.__main__ import run
+from friction_comp.errors import InputError
+from friction_comp.evaluation.conditions import evaluate
+from friction_comp.evaluation.intervals import mean_interval, share_interval
+from friction_comp.evaluation.repetitions import log_dimensionless_jerk, spectral_arc_length
+from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.recordings import RecordingInfo, RecordingWriter, write_samples
+from friction_comp.recordings.activity import Activity
+from friction_comp.recordings.storage import Storage
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+def info_of(path='trial', activity=(), model=None, start=1.0):
+    return RecordingInfo(path, 'elbow', ['elbow'], start=start, model=model, activity=[
+        (since, Activity(0, 'active', law, name)) for since, law, name in activity])
+
+
+def both(heights, seed=0):
+    """Make a trial whose peaks, two a repetition, differ a little."""
+    random = np.random.default_rng(seed)
+    peaks = [height * (1.0 + 0.05 * random.normal()) for height in heights]
+    return trial(peaks, directions=[1, -1] * (len(heights) // 2))
+
+
+def test_laws_and_models_are_never_averaged():
+    recordings = [both([1.0] * 6), both([0.5] * 6, 1), both([0.3] * 6, 2)]
+    about = [info_of(activity=[(0.0, 'paper', 'a.yaml')]),
+             info_of(activity=[(0.0, 'continuous', 'a.yaml')]),
+             info_of(activity=[(0.0, 'continuous', 'b.yaml')])]
+    evaluation = evaluate(recordings, about=about)
+    found = {(c.help.law, c.help.model): c for c in evaluation.conditions
+             if c.movement == 'positive'}
+    assert {key: round(c.peak_torque, 1) for key, c in found.items()} == {
+        ('paper', 'a.yaml'): 1.0, ('continuous', 'a.yaml'): 0.5, ('continuous', 'b.yaml'): 0.3}
+    # No condition without announcement: nothing is said to be better than d = 0.
+    assert evaluation.peak_reduction is None
+    differences = {(c.first.law, c.first.model, c.second.law, c.second.model): c
+                   for c in evaluation.comparisons if c.figure == 'peak_torque'}
+    assert len(differences) == 3
+    for comparison in differences.values():
+        assert comparison.pairs == 6
+        assert comparison.difference.low <= comparison.difference.mean
+
+
+def test_what_changes_within_a_recording_is_told_apart():
+    samples = both([1.0] * 4 + [0.4] * 4)
+    change = 4 * PERIOD + 0.5 * REST
+    about = info_of(activity=[(0.0, 'paper', 'a.yaml'), (change, 'continuous', 'a.yaml')])
+    conditions = evaluate([samples], about=[about]).conditions
+    assert {(c.help.law, c.movement, c.repetitions) for c in conditions} == {
+        (law, way, 2) for law in ('paper', 'continuous') for way in ('positive', 'negative')}
+    # A command of zero is no compensation, whatever else was active.
+    off = samples.with_(command=np.where(samples.time < change, 0.0, 0.1))
+    conditions = evaluate([off], about=[about]).conditions
+    assert {c.help.law for c in conditions} == {'none', 'continuous'}
+    # Somebody else's command while the compensator was inactive is not its doing.
+    other = RecordingInfo('trial', 'elbow', activity=[(0.0, Activity(0, 'inactive', '', ''))])
+    assert {c.help.law for c in evaluate(
+        [samples.with_(command=np.ones(len(samples)))], about=[other]).conditions} == {'other'}
+
+
+def test_a_difference_is_found_and_chance_is_not_taken_for_one():
+    plain, helped = trial([1.2 + 0.05 * k for k in range(10)]), both([0.5] * 10)
+    evaluation = evaluate([plain, helped])
+    comparison = next(c for c in evaluation.comparisons if c.figure == 'peak_torque')
+    assert comparison.sure
+    assert comparison.difference.high < -0.5
+    assert comparison.pairs == 10
+    wrong = 0
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        first = trial(1.0 + 0.1 * random.normal(size=8))
+        second = trial(1.0 + 0.1 * random.normal(size=8), directions=[1, -1] * 4)
+        wrong += any(c.sure for c in evaluate([first, second]).comparisons
+                     if c.figure == 'peak_torque')
+    # At most one in twenty by design; twelve would be one in 5,000 runs.
+    assert wrong <= 8
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    random = np.random.default_rng(0)
+    held = sum((i := mean_interval(random.normal(3.0, 1.0, 6))).low <= 3.0 <= i.high
+               for _ in range(2000))
+    assert held == pytest.approx(0.95 * 2000, abs=50)
+    assert mean_interval([2.0]).low is None
+    share = share_interval(0, 10)
+    assert (share.mean, share.low) == (0.0, pytest.approx(0.0, abs=1e-12))
+    assert 0.2 < share.high < 0.35
+
+
+def test_averages_end_with_their_shortest_repetition():
+    samples = trial([1.0] * 6)
+    evaluation = evaluate([samples.take(slice(0, -round(1.5 / STEP)))])
+    for condition in evaluation.conditions:
+        assert np.isfinite(condition.torque).all()
+        assert np.abs(np.diff(condition.torque)).max() < 0.3
+
+
+def test_without_a_torque_sensor_motion_and_current_still_speak():
+    # The joint follows the reference, announced 0.5 s ahead, by a tenth of a second.
+    samples = trial([1.0] * 8, directions=[1, -1] * 4)
+    late = np.interp(samples.time - 0.1, samples.time, samples.position)
+    evaluation = evaluate([samples.with_(load=None, position=late,
+                                         current=np.full(len(samples), 0.3))])
+    assert not evaluation.measured
+    assert any('no interaction_wrench' in note for note in evaluation.notes)
+    for condition in evaluation.conditions:
+        assert np.isnan(condition.peak_torque)
+        assert condition.as_dict()['peak_torque'] is None
+        assert 'peak_torque' not in condition.figures
+        # It sets out when it has covered a hundredth of the way.
+        assert condition.figures['onset'].mean == pytest.approx(0.25, abs=0.06)
+        assert condition.figures['announcement_to_motion'].mean == pytest.approx(0.75, abs=0.06)
+        assert condition.figures['rms_current'].mean == pytest.approx(0.3)
+        assert condition.figures['smoothness'].mean < -1.0
+
+
+def test_smoothness_falls_with_hesitation():
+    time = np.arange(0.0, 2.0, 2e-3)
+    bell = np.sin(0.5 * np.pi * time) ** 2
+    halting = bell * (1.0 + 0.6 * np.sin(2 * np.pi * 3.0 * time))
+    for figure in (spectral_arc_length, log_dimensionless_jerk):
+        assert figure(halting, 2e-3) < figure(bell, 2e-3) - 0.2
+        # Whatever its size and sign.
+        assert figure(-7.0 * bell, 2e-3) == pytest.approx(figure(bell, 2e-3))
+    assert spectral_arc_length(bell, 2e-3) == pytest.approx(-1.4, abs=0.1)
+
+
+def weeks(folder, days=8, slope=0.02):
+    """Write a session a day whose peaks with d = ±1 rise by `slope` N·m a day."""
+    for k in range(days):
+        day = date(2026, 3, 2) + timedelta(days=k)
+        noon = (day.toordinal() - 719_163) * 86_400 + 43_200
+        for name, heights, directions in (
+                ('plain', [1.0] * 4, None), ('helped', [0.3 + slope * k] * 4, [1, -1] * 2)):
+            random = np.random.default_rng(k)
+            peaks = [h + 0.01 * random.normal() for h in heights]
+            write_samples(folder / f'{name}_{k}', trial(peaks, directions=directions),
+                          start_ns=noon * 1_000_000_000, custom_data={'model_file': 'm.yaml'})
+
+
+def test_weeks_of_sessions_are_a_trend(tmp_path, capsys):
+    weeks(tmp_path / 'sessions')
+    (tmp_path / 'sessions' / 'broken.mcap').write_bytes(b'no recording')
+    assert run('evaluate', [str(tmp_path / 'sessions'), '--output', str(tmp_path / 'out')]) == 0
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    trends = {t['announced']: t for t in report['trends']}
+    assert trends[1]['per_week']['mean'] == pytest.approx(0.14, abs=0.02)
+    assert trends[1]['p_value'] < 0.001
+    assert trends[0]['p_value'] > 0.01
+    assert list(trends[1]['days'])[:2] == ['2026-03-02', '2026-03-03']
+    assert trends[1]['days']['2026-03-02']['count'] == 4
+    out = capsys.readouterr().out
+    assert 'rises by 0.1' in out
+    assert 'left out: ' in out
+    assert 'broken.mcap' in out
+    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
+    assert 'Day by day' in page
+    with (tmp_path / 'out' / 'repetitions.csv').open(encoding='utf-8') as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 8 * 2 * 4
+    assert {row['day'] for row in rows} == set(trends[1]['days'])
+    assert all(0.2 < float(row['peak_torque']) < 1.2 for row in rows)
+
+
+def test_every_joint_is_evaluated(tmp_path):
+    first = trial([1.0] * 4)
+    second = trial([0.5] * 4).with_(joint='wrist')
+    write_samples(tmp_path / 'r', [first, second])
+    evaluations = evaluate_recordings([tmp_path / 'r'])
+    assert {e.joint: round(e.conditions[0].peak_torque, 2) for e in evaluations} == {
+        'elbow': 1.0, 'wrist': 0.5}
+    assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out')]) == 0
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert [joint['joint'] for joint in report['joints']] == ['elbow', 'wrist']
+
+
+def test_a_stream_finds_the_same_movements_as_the_whole(tmp_path):
+    peaks = [1.0 + 0.02 * k for k in range(24)]
+    write_samples(tmp_path / 'long', trial(peaks, directions=[1, -1] * 12))
+    whole, = evaluate_recordings([tmp_path / 'long'])
+    for seconds in (9.0, 17.0, 40.0):
+        parts, = evaluate_recordings([tmp_path / 'long'], seconds=seconds)
+        assert len(parts.repetitions) == len(whole.repetitions) == 24
+        for a, b in zip(whole.repetitions, parts.repetitions):
+            assert b.begin == pytest.approx(a.begin, abs=1e-6)
+            assert b.figures['peak_torque'] == pytest.approx(a.figures['peak_torque'])
+            assert b.figures['rms_torque'] == pytest.approx(a.figures['rms_torque'], rel=1e-3)
+
+
+def record_with_diagnostics(path, samples, changes):
+    """Write samples with what a compensator says of itself once a second."""
+    write_samples(path.parent / 'draft', samples)
+    kind = 'diagnostic_msgs/msg/DiagnosticArray'
+    types = STORE.types
+    with RecordingWriter(path) as recording:
+        said = 0
+        for topic, name, when, payload in Storage(path.parent / 'draft').messages(
+                lambda *_: True):
+            recording.write(topic, name, when, payload)
+            second = when // 1_000_000_000
+            if second > said:
+                said = second
+                law, model = next(pair for since, pair in reversed(changes)
+                                  if second - 1 >= since)
+                items = [types['diagnostic_msgs/msg/KeyValue'](key, value) for key, value in (
+                    ('state', 'active'), ('law', law), ('model_files', f"['{model}']"))]
+                status = types['diagnostic_msgs/msg/DiagnosticStatus'](
+                    0, 'arm/compensator: compensation', 'compensating', '', items)
+                header = types['std_msgs/msg/Header'](
+                    types['builtin_interfaces/msg/Time'](second, 0), '')
+                recording.write('/diagnostics', kind, when, bytes(STORE.serialize_cdr(
+                    types[kind](header, [status]), kind)))
+
+
+def test_what_the_compensator_said_decides_the_condition(tmp_path):
+    record_with_diagnostics(tmp_path / 'r', both([1.0] * 4 + [0.4] * 4), [
+        (0, ('paper', 'old.yaml')), (round(4 * PERIOD + 0.5), ('continuous', 'new.yaml'))])
+    for seconds in (600.0, 8.0):
+        evaluation, = evaluate_recordings([tmp_path / 'r'], seconds=seconds)
+        assert {(c.help.law, c.help.model, c.repetitions) for c in evaluation.conditions} == {
+            ('paper', 'old.yaml', 2), ('continuous', 'new.yaml', 2)}
+
+
+def test_one_bad_recording_alone_is_an_error(tmp_path):
+    (tmp_path / 'broken.mcap').write_bytes(b'no recording')
+    with pytest.raises(InputError, match=r'broken\.mcap'):
+        evaluate_recordings([tmp_path / 'broken.mcap'])
