@@ -12,7 +12,7 @@ FORMAT = 'friction_comp_arm'
 VERSION = 1
 
 
-def arm_document(models: dict[str, dict]) -> dict:
+def arm_document(models: dict[str, dict[str, Any]]) -> dict[str, Any]:
     """Return the document of a whole arm.
 
     Parameters

@@ -13,8 +13,10 @@ import math
 from typing import Any
 
 from numba import float64, njit, types
+import numpy as np
 
-from friction_comp.model.effects.base import Effect, SHARPEST_LIVE, Signals
+from friction_comp.model.effects.base import Effect, SHARPEST_LIVE
+from friction_comp.model.effects.scene import Signals
 
 SIGNATURE = float64(
     float64, float64, float64, float64, float64, types.Array(float64, 1, 'C'))
@@ -52,7 +54,8 @@ def compiled_current(effects: Sequence[Effect]) -> Callable[..., float]:
 
 
 @njit
-def _nothing(time, position, velocity, temperature, load, began, memory):
+def _nothing(time: float, position: float, velocity: float, temperature: float, load: float,
+             began: bool, memory: np.ndarray) -> float:
     return 0.0
 
 
@@ -66,7 +69,8 @@ def _with(rest: Any, effect: Effect, place: int) -> Any:
     start = float(effect.start(0.0, c))
 
     @njit
-    def total(time, position, velocity, temperature, load, began, memory):
+    def total(time: float, position: float, velocity: float, temperature: float, load: float,
+              began: bool, memory: np.ndarray) -> float:
         side = math.tanh(velocity / transition) if transition > 0.0 else 0.0
         if remembers:
             if began:
@@ -87,13 +91,14 @@ def _with(rest: Any, effect: Effect, place: int) -> Any:
 
 
 @njit
-def _keep(state, dt, dq, velocity, c):
+def _keep(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
     return state
 
 
 def _with_clock(total: Any) -> Any:
     @njit(SIGNATURE)
-    def function(time, position, velocity, temperature, load, memory):
+    def function(time: float, position: float, velocity: float, temperature: float, load: float,
+                 memory: np.ndarray) -> float:
         began = memory[_BEGAN] > 0.0
         if not began or time < memory[_START]:
             memory[_START] = time

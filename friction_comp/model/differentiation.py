@@ -5,10 +5,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
+
+if TYPE_CHECKING:
+    from friction_comp.samples import Samples
 
 METHOD = 'zero-phase Butterworth'
 # Where a model does not say how it was fitted.
@@ -17,7 +21,7 @@ _ORDER = 2
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
-def differentiate(samples, settings):
+def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     """Return samples with velocity and acceleration by a zero-phase filter.
 
     The signal is filtered forwards and backwards by a second-order Butterworth low pass, which
@@ -48,6 +52,7 @@ def differentiate(samples, settings):
         raise InputError('the model wants the recorded velocity, but the recording has none')
     velocity = np.zeros(len(samples))
     acceleration = np.zeros(len(samples))
+    measured = np.asarray(samples.velocity)
     for part in samples.segments():
         time = samples.time[part]
         if len(time) < 3:
@@ -57,14 +62,14 @@ def differentiate(samples, settings):
             speed = np.gradient(_smooth(samples.position[part], samples.sample_time, bandwidth),
                                 time)
         else:
-            speed = _smooth(samples.velocity[part], samples.sample_time, bandwidth)
+            speed = _smooth(measured[part], samples.sample_time, bandwidth)
         velocity[part] = speed
         acceleration[part] = np.gradient(speed, time)
     return samples.with_(
         time=elapsed(samples), velocity=velocity, acceleration=acceleration)
 
 
-def elapsed(samples):
+def elapsed(samples: Samples) -> np.ndarray:
     """Return the time in s since the start of each sample's own recording, shape (N,)."""
     time = np.array(samples.time, dtype=float)
     starts = np.nonzero(np.diff(samples.recording, prepend=samples.recording[:1] - 1))[0]
@@ -73,7 +78,7 @@ def elapsed(samples):
     return time
 
 
-def advance(samples, lag):
+def advance(samples: Samples, lag: float) -> Samples:
     """Return samples whose motion, load and temperature are those of the time t + lag.
 
     Parameters
@@ -89,7 +94,7 @@ def advance(samples, lag):
         for name in _MOTION if getattr(samples, name) is not None})
 
 
-def earlier(values, samples, lag):
+def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     """Return values as they will be at the time t + lag, stretch by stretch.
 
     Parameters
@@ -109,7 +114,7 @@ def earlier(values, samples, lag):
     return result
 
 
-def delayed(values, samples, time_constant):
+def delayed(values: np.ndarray, samples: Samples, time_constant: float) -> np.ndarray:
     """Return values behind a first-order low pass, as a filter in the sensor makes them.
 
     A negative time constant undoes such a low pass: what a current was before an actuator made
@@ -143,7 +148,7 @@ def delayed(values, samples, time_constant):
     return result
 
 
-def _smooth(signal, sample_time, bandwidth):
+def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
     if bandwidth is None or sample_time <= 0 or 2.0 * bandwidth * sample_time >= 0.95:
         return signal
     from scipy.signal import butter, sosfiltfilt
@@ -154,7 +159,7 @@ def _smooth(signal, sample_time, bandwidth):
     return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)
 
 
-def _increasing(time):
+def _increasing(time: np.ndarray) -> np.ndarray:
     """Return times without equal neighbours, which repeated stamps would make."""
     step = np.diff(time)
     if np.all(step > 0):

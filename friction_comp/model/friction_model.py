@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm_document import one_joint_of
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
-from friction_comp.model.effects import EFFECTS
+from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.schema import check_keys
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
@@ -41,7 +42,7 @@ class Breakaway:
     positive_position: float | None = None
     negative_position: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('positive_mean', 'negative_mean', 'positive_std', 'negative_std'):
             if not math.isfinite(getattr(self, name)):
                 raise InputError(f'breakaway.{name} must be finite')
@@ -84,13 +85,13 @@ class FrictionModel:
     drive: Drive
     sigmoid: Sigmoid
     breakaway: Breakaway | None = None
-    effects: list = field(default_factory=list)
+    effects: list[Effect] = field(default_factory=list)
     joint: str = ''
-    lookup_table: dict | None = None
-    differentiation: dict = field(default_factory=dict)
+    lookup_table: dict[str, Any] | None = None
+    differentiation: dict[str, Any] = field(default_factory=dict)
     arm: Arm | None = None
-    simulation: dict = field(default_factory=dict)
-    notes: dict = field(default_factory=dict)
+    simulation: dict[str, Any] = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
 
     def predict(self, samples: Samples) -> np.ndarray:
         """Return the motor current in A, shape (N,), that the model expects for recorded samples.
@@ -114,8 +115,8 @@ class FrictionModel:
 
     def with_arm(self, samples: Samples) -> Samples:
         """Return recorded samples with what the rest of the arm asks of the joint."""
-        known = self.arm is None or samples.rigid_body is not None or samples.coupling is not None
-        return samples if known else self.arm.on(samples, self.joint)
+        known = samples.rigid_body is not None or samples.coupling is not None
+        return samples if known or self.arm is None else self.arm.on(samples, self.joint)
 
     def current(self, samples: Samples) -> np.ndarray:
         """Return the motor current in A, shape (N,), for samples that are differentiated already.
@@ -128,7 +129,7 @@ class FrictionModel:
         seen = samples
         for effect in self.effects:
             seen = effect.seen_by(seen, effect.values)
-        current = np.asarray(self.sigmoid(seen.velocity), dtype=float)
+        current = np.asarray(self.sigmoid(np.asarray(seen.velocity)), dtype=float)
         for effect in self.effects:
             if not effect.reshapes:
                 current = current + effect.current(seen)
@@ -136,7 +137,7 @@ class FrictionModel:
             current = effect.recorded_as(current, seen, effect.values)
         return current
 
-    def to_dict(self):
+    def to_dict(self) -> dict[str, Any]:
         """Return the model as the plain values of its file."""
         document = {'format': FORMAT, 'version': VERSION, 'joint': self.joint}
         drive = {
@@ -163,12 +164,12 @@ class FrictionModel:
             document['arm'] = self.arm.to_dict()
         return plain(document)
 
-    def save(self, path):
+    def save(self, path: Path | str) -> None:
         """Write the model file; the old file stays whole until the new one is complete."""
         write_yaml(path, self.to_dict())
 
     @classmethod
-    def load(cls, path, joint=None):
+    def load(cls, path: str | Path, joint: str | None = None) -> FrictionModel:
         """Read a model file.
 
         Parameters
@@ -191,7 +192,7 @@ class FrictionModel:
             raise InputError(f'{path}: holds a number that is too large') from None
 
     @classmethod
-    def from_dict(cls, document):
+    def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
         """Make a model of the plain values of its file."""
         if not isinstance(document, dict):
             raise InputError('not a model file: a mapping is expected')
@@ -203,7 +204,7 @@ class FrictionModel:
         sigmoid = _section(document, 'sigmoid')
         if 'coefficients' not in sigmoid or not isinstance(sigmoid['coefficients'], list):
             raise InputError('sigmoid.coefficients is missing or not a list')
-        optional = {}
+        optional: dict[str, Any] = {}
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if document.get(name) is not None:
                 optional[name] = _section(document, name)
@@ -242,7 +243,7 @@ def _breakaway(document: dict[str, Any]) -> Breakaway | None:
     return Breakaway(**values)
 
 
-def _effect(entry):
+def _effect(entry: dict[str, Any]) -> Effect:
     if not isinstance(entry, dict) or 'name' not in entry:
         raise InputError(f'an effect needs a name: {entry!r}')
     kind = EFFECTS.get(str(entry['name']))
@@ -257,14 +258,14 @@ def _effect(entry):
         raise InputError(f"effect '{entry['name']}': {error}") from None
 
 
-def _section(document, name):
+def _section(document: dict[str, Any], name: str) -> dict[str, Any]:
     value = document.get(name)
     if not isinstance(value, dict):
         raise InputError(f'{name} is missing or not a mapping')
     return value
 
 
-def _list(document, name):
+def _list(document: dict[str, Any], name: str) -> list[Any]:
     value = document.get(name) or []
     if not isinstance(value, list):
         raise InputError(f'{name} is not a list')

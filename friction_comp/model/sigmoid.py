@@ -4,13 +4,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from scipy.special import expit
 
 from friction_comp.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
 
@@ -45,21 +50,22 @@ class Sigmoid:
     shift: float = 0.0
     viscous: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
             if not math.isfinite(getattr(self, name)):
                 raise InputError(f'sigmoid.{name} must be finite, not {getattr(self, name)!r}')
         if self.steepness <= 0:
             raise InputError(f'sigmoid.steepness must be positive, not {self.steepness!r}')
 
-    def __call__(self, velocity):
+    def __call__(self, velocity: ArrayLike) -> Any:
         """Return the current in A at joint velocity in rad/s, of the same shape."""
         velocity = np.asarray(velocity, dtype=float)
         share = expit(self.steepness * (velocity - self.shift))
         return self.viscous * velocity + self.lower + (self.upper - self.lower) * share
 
     @classmethod
-    def from_coefficients(cls, coefficients, velocity_unit='rad/s'):
+    def from_coefficients(cls, coefficients: Sequence[float],
+                          velocity_unit: str = 'rad/s') -> Sigmoid:
         """Make a sigmoid of c1..c6 of Eq. 6.
 
         Parameters
@@ -87,7 +93,8 @@ class Sigmoid:
             upper=c1 / c4, lower=-c3 / c5, steepness=c2 / unit,
             shift=-math.log(c4 / c5) / c2 * unit, viscous=c6 / unit)
 
-    def coefficients(self, velocity_unit='rad/s', scale=None):
+    def coefficients(self, velocity_unit: str = 'rad/s',
+                     scale: float | None = None) -> tuple[float, ...]:
         """Return c1..c6 of Eq. 6.
 
         Parameters
@@ -110,7 +117,7 @@ class Sigmoid:
                 self.viscous * unit)
 
 
-def _unit(name):
+def _unit(name: str) -> float:
     if not isinstance(name, str) or name not in VELOCITY_UNITS:
         raise InputError(f'velocity unit must be one of {sorted(VELOCITY_UNITS)}, not {name!r}')
     return VELOCITY_UNITS[name]

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -31,16 +32,22 @@ class Arm:
 
     tree: Tree | None = None
     coupling: Coupling | None = None
-    differentiation: dict = field(default_factory=dict)
+    differentiation: dict[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if (self.tree is None) == (self.coupling is None):
             raise InputError('arm: either links or groups are needed')
 
     @property
+    def _part(self) -> Tree | Coupling:
+        part = self.coupling if self.tree is None else self.tree
+        assert part is not None, 'checked when the arm was made'
+        return part
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints whose motion is needed."""
-        return tuple(self.tree.joints if self.tree else self.coupling.joints)
+        return tuple(self._part.joints)
 
     def on(self, samples: Samples, joint: str = '') -> Samples:
         """Return samples with `rigid_body` or `coupling` for their joint.
@@ -58,10 +65,11 @@ class Arm:
             If a joint was not recorded, or the joint is not one of the arm's.
         """
         motion = moving_states(samples, self.joints, self.differentiation)
-        if self.tree is None:
-            return samples.with_(coupling=self.coupling.current(self.joints, *motion))
+        part = self._part
+        if isinstance(part, Coupling):
+            return samples.with_(coupling=part.current(self.joints, *motion))
         return samples.with_(
-            rigid_body=self.tree.torques(*motion)[:, self.place_of(joint or samples.joint)])
+            rigid_body=part.torques(*motion)[:, self.place_of(joint or samples.joint)])
 
     def place_of(self, joint: str) -> int:
         """Return the number of a joint.
@@ -85,18 +93,18 @@ class Arm:
             In the order of `joints`, rad.
         joint : str
         """
-        if self.tree is not None:
-            return float(self.tree.weight(position)[self.place_of(joint)])
+        part = self._part
+        if isinstance(part, Tree):
+            return float(part.weight(position)[self.place_of(joint)])
         q = np.asarray(position, dtype=float)[None]
-        return float(self.coupling.current(self.joints, q, 0.0 * q, 0.0 * q)[0])
+        return float(part.current(self.joints, q, 0.0 * q, 0.0 * q)[0])
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the arm as the plain values of a model file."""
-        part = self.tree if self.tree is not None else self.coupling
-        return {**part.to_dict(), 'differentiation': dict(self.differentiation)}
+        return {**self._part.to_dict(), 'differentiation': dict(self.differentiation)}
 
     @classmethod
-    def from_dict(cls, document: dict) -> Arm:
+    def from_dict(cls, document: dict[str, Any]) -> Arm:
         """Make an arm of the plain values of a model file."""
         if not isinstance(document, dict):
             raise InputError('arm is not a mapping')

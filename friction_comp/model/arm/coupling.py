@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -27,10 +29,11 @@ class Group:
     """
 
     kind: str
-    angles: tuple = ()
-    joints: tuple = ()
+    angles: tuple[tuple[str, int], ...] = ()
+    joints: tuple[str, ...] = ()
 
-    def columns(self, names, q, v, a):
+    def columns(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
+                a: np.ndarray) -> np.ndarray:
         """Return the terms.
 
         Parameters
@@ -54,11 +57,11 @@ class Group:
         return factor[:, None] * np.column_stack((np.cos(total), np.sin(total)))
 
     @property
-    def everyone(self):
+    def everyone(self) -> set[str]:
         """Names of all joints in it."""
         return {name for name, _ in self.angles} | set(self.joints)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the group in words."""
         total = ' '.join(('+' if side > 0 else '-') + name for name, side in self.angles)
         total = total.removeprefix('+')
@@ -81,11 +84,12 @@ class Coupling:
         A per unit of each term.
     """
 
-    groups: tuple
-    coefficients: tuple
-    errors: tuple = field(default=(), compare=False)
+    groups: tuple[Group, ...]
+    coefficients: tuple[tuple[float, ...], ...]
+    errors: tuple[Any, ...] = field(default=(), compare=False)
 
-    def current(self, names, q, v, a):
+    def current(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
+                a: np.ndarray) -> np.ndarray:
         """Return the current in A, shape (N,), for the motion of all joints."""
         lacking = {name for group in self.groups for name in group.everyone} - set(names)
         if lacking:
@@ -96,12 +100,12 @@ class Coupling:
         return total
 
     @property
-    def joints(self):
+    def joints(self) -> list[str]:
         """Names of the joints that matter, in order of appearance."""
         return list(dict.fromkeys(
             name for group in self.groups for name in sorted(group.everyone)))
 
-    def to_dict(self):
+    def to_dict(self) -> dict[str, Any]:
         """Return the coupling as the plain values of a model file."""
         return {'groups': [
             {'kind': group.kind, 'angles': [[name, side] for name, side in group.angles],
@@ -109,7 +113,7 @@ class Coupling:
             for group, coefficients in zip(self.groups, self.coefficients)]}
 
     @classmethod
-    def from_dict(cls, document):
+    def from_dict(cls, document: Any) -> Coupling:
         """Make a coupling of the plain values of a model file.
 
         Raises

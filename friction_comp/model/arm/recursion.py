@@ -12,7 +12,7 @@ import numpy as np
 
 
 @njit(cache=True)
-def turned(axis, angle, vector):
+def turned(axis: np.ndarray, angle: float, vector: np.ndarray) -> np.ndarray:
     """Return a vector turned about a unit axis by an angle (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
     along = (axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]) * (1.0 - c)
@@ -21,14 +21,14 @@ def turned(axis, angle, vector):
 
 
 @njit(cache=True)
-def cross(a, b):
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return the vector product."""
     return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
                      a[0] * b[1] - a[1] * b[0]))
 
 
 @njit(cache=True)
-def inertia_times(parameters, vector):
+def inertia_times(parameters: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Return the product of a link's inertia about its joint's origin with a vector."""
     xx, xy, yy, xz, yz, zz = parameters[4:]
     x, y, z = vector
@@ -36,8 +36,9 @@ def inertia_times(parameters, vector):
 
 
 @njit(cache=True)
-def joint_torques(parents, prismatic, rotations, places, axes, parameters, gravity, q, v, a,
-                  torques):
+def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndarray,
+                  places: np.ndarray, axes: np.ndarray, parameters: np.ndarray, gravity: np.ndarray,
+                  q: np.ndarray, v: np.ndarray, a: np.ndarray, torques: np.ndarray) -> None:
     """Compute the torque that every joint has to supply in every sample.
 
     Parameters

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from friction_comp.model.differentiation import differentiate
 from friction_comp.samples import Samples
 
 
-def moving_states(samples: Samples, joints: Sequence[str], settings: dict
+def moving_states(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return position, velocity and acceleration of all joints.
 
@@ -51,5 +52,7 @@ def moving_states(samples: Samples, joints: Sequence[str], settings: dict
             velocity=None if states_velocity is None else states_velocity[:, k],
             recording=samples.recording, joint=joint)
         moved.append(differentiate(one, settings))
-    return tuple(np.column_stack([getattr(one, name) for one in moved])
-                 for name in ('position', 'velocity', 'acceleration'))
+    position, velocity, acceleration = (
+        np.column_stack([getattr(one, name) for one in moved])
+        for name in ('position', 'velocity', 'acceleration'))
+    return position, velocity, acceleration

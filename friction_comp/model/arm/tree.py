@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +56,7 @@ class Tree:
     parameters: np.ndarray
     gravity: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         size = len(self.joints)
         shapes = {'rotations': (size, 3, 3), 'places': (size, 3), 'axes': (size, 3),
                   'parameters': (size, PARAMETERS), 'gravity': (3,)}
@@ -79,11 +80,12 @@ class Tree:
             raise InputError('arm.axes must be unit vectors')
 
     @property
-    def prismatic(self):
+    def prismatic(self) -> np.ndarray:
         """Which joints are prismatic, shape (L,)."""
         return np.array([kind == 'prismatic' for kind in self.kinds])
 
-    def torques(self, q, v, a, gravity=None):
+    def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray,
+                gravity: np.ndarray | None = None) -> np.ndarray:
         """Return the torque that each joint has to supply, without friction and rotors.
 
         Parameters
@@ -108,13 +110,13 @@ class Tree:
             self.gravity if gravity is None else np.asarray(gravity, dtype=float), q, v, a, result)
         return result
 
-    def weight(self, position):
+    def weight(self, position: np.ndarray) -> np.ndarray:
         """Return the torque that holds the arm at rest, shape (L,), at a position of shape (L,)."""
         q = np.asarray(position, dtype=float)[None]
         rest = np.zeros_like(q)
         return self.torques(q, rest, rest)[0]
 
-    def to_dict(self):
+    def to_dict(self) -> dict[str, Any]:
         """Return the tree as the plain values of a model file."""
         return {
             'gravity': self.gravity.tolist(),
@@ -126,7 +128,7 @@ class Tree:
             } for k in range(len(self.joints))]}
 
     @classmethod
-    def from_dict(cls, document):
+    def from_dict(cls, document: Any) -> Tree:
         """Make a tree of the plain values of a model file.
 
         Raises
@@ -139,11 +141,12 @@ class Tree:
             joints = tuple(str(link['joint']) for link in links)
             parents = [-1 if link['parent'] is None else joints.index(str(link['parent']))
                        for link in links]
+            rotations, places, axes, parameters = (
+                np.array([link[name] for link in links], dtype=float)
+                for name in ('rotation', 'place', 'axis', 'inertial_parameters'))
             return cls(
                 joints, tuple(str(link['kind']) for link in links), np.array(parents, dtype=int),
-                *(np.array([link[name] for link in links], dtype=float)
-                  for name in ('rotation', 'place', 'axis', 'inertial_parameters')),
-                np.array(document['gravity'], dtype=float))
+                rotations, places, axes, parameters, np.array(document['gravity'], dtype=float))
         except KeyError as error:
             raise InputError(f'arm: {error.args[0]} is missing') from None
         except (TypeError, ValueError, OverflowError) as error:

@@ -3,17 +3,7 @@
 """Effects that a model can have beside the sigmoid: one file each, and one line in the list."""
 
 from friction_comp.model.effects.actuation_lag import ActuationLag
-from friction_comp.model.effects.base import (
-    CARRIES,
-    Effect,
-    LiveTerm,
-    NEITHER,
-    RESISTS,
-    Scene,
-    Search,
-    Signals,
-    VARIABLES,
-)
+from friction_comp.model.effects.base import Effect, LiveTerm
 from friction_comp.model.effects.bump import Bump
 from friction_comp.model.effects.direction_asymmetry import DirectionAsymmetry
 from friction_comp.model.effects.gravity import Gravity
@@ -27,6 +17,15 @@ from friction_comp.model.effects.other_joints import (
 )
 from friction_comp.model.effects.rest_time import RestTime
 from friction_comp.model.effects.ripple import Cogging, FrictionRipple
+from friction_comp.model.effects.scene import (
+    CARRIES,
+    NEITHER,
+    RESISTS,
+    Scene,
+    Search,
+    Signals,
+    VARIABLES,
+)
 from friction_comp.model.effects.spring import Spring
 from friction_comp.model.effects.stribeck import Stribeck
 from friction_comp.model.effects.temperature import Temperature

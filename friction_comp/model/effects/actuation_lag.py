@@ -4,11 +4,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import advance, delayed, earlier
-from friction_comp.model.effects.base import Effect, NEITHER, Search
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import NEITHER, Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
+    from friction_comp.samples import Samples
 
 # The longest lag tried, s.
 _LONGEST = 0.15
@@ -35,7 +43,7 @@ class ActuationLag(Effect):
         'to make up for a delay the compensator would have to know the motion in advance')
 
     @classmethod
-    def check(cls, values):
+    def check(cls, values: dict[str, float]) -> None:
         """Refuse a time constant that is none."""
         super().check(values)
         if values['first_order'] not in (-1.0, 0.0, 1.0):
@@ -44,7 +52,7 @@ class ActuationLag(Effect):
             raise InputError(f"lag must be positive for a low pass, not {values['lag']!r}")
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Lags of half a sample to some thirty, either way, and low passes of as much."""
         step = scene.sample_time
         steps = np.array([0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128])
@@ -55,7 +63,7 @@ class ActuationLag(Effect):
                        for value in steps for side in (1.0, -1.0)]
 
     @classmethod
-    def forms(cls, scene):
+    def forms(cls, scene: Scene) -> list[dict[str, float]]:
         """Return the constants that all samples of a recording are asked to choose between."""
         sizes = np.geomspace(scene.sample_time, max(_LONGEST, 2.0 * scene.sample_time), 14)
         return [{'lag': float(side * size), 'first_order': form}
@@ -63,48 +71,51 @@ class ActuationLag(Effect):
                 for size in sizes]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return no column."""
         return ()
 
     @classmethod
-    def seen_by(cls, samples, constants):
+    def seen_by(cls, samples: Samples, constants: dict[str, float]) -> Samples:
         """Return the samples with the motion of the time t + lag."""
         return samples if constants['first_order'] else advance(samples, constants['lag'])
 
     @classmethod
-    def recorded_as(cls, values, samples, constants):
+    def recorded_as(cls, values: np.ndarray, samples: Samples,
+                    constants: dict[str, float]) -> np.ndarray:
         """Return the current as its low pass leaves it."""
         return delayed(values, samples, constants['first_order'] * constants['lag'])
 
     @classmethod
-    def moved(cls, values, samples, constants):
+    def moved(cls, values: np.ndarray, samples: Samples,
+              constants: dict[str, float]) -> np.ndarray:
         """Return values, shape (N, M), computed without a lag as they would be with one."""
         if constants['first_order']:
             return cls.recorded_as(values, samples, constants)
         return earlier(values, samples, constants['lag'])
 
     @property
-    def smooths(self):
+    def smooths(self) -> bool:  # type: ignore[override] # the others say so for all of a kind
         """Whether the recorded current is behind a low pass, which lowers its noise as well."""
         return self.values['first_order'] > 0.0
 
     @classmethod
-    def limited(cls, name, value, constants, scene):
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """A low pass has a time constant above zero."""
         return max(value, 0.1 * scene.sample_time) if constants['first_order'] else value
 
     @classmethod
-    def plausible(cls, coefficients, constants, scene):
+    def plausible(cls, coefficients: Sequence[float], constants: dict[str, float],
+                  scene: Scene) -> bool:
         """A fraction of a sample is how the signals were sampled, no effect."""
         return abs(constants['lag']) > 0.7 * scene.sample_time
 
     @classmethod
-    def worth(cls, share, constants, scene):
+    def worth(cls, share: float, constants: dict[str, float], scene: Scene) -> float:
         """A lag of a sample or two may be how the signals were sampled, and asks for more."""
         return share if abs(constants['lag']) > 2.0 * scene.sample_time else _SHARE_OF_SHORT_LAG
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         lag = 1e3 * self.values['lag']
         if self.values['first_order'] > 0:
@@ -115,7 +126,7 @@ class ActuationLag(Effect):
             return f'Lag: the recorded current comes {-lag:.2g} ms after the motion'
         return f'Lag: torque follows the recorded current by {lag:.2g} ms'
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         if self.values['first_order'] > 0:
             return f'all behind 1/(1 + {self.values["lag"]:.4g}·s)'

@@ -6,133 +6,25 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import namedtuple
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.model.effects.scene import (
+    RESISTS,
+    Scene,
+    Search,
+    Signals,
+)
 from friction_comp.samples import Samples
-
-VARIABLES = (
-    'velocity', 'direction', 'position', 'acceleration', 'load', 'temperature', 'time', 'history',
-    'other joints')
-
-RESISTS, CARRIES, NEITHER = 'resists', 'carries', 'neither'
-"""What an effect does to the joint: takes energy from every motion, as friction does; pushes
-whatever the direction, as gravity does; or is no torque at all."""
 
 SHARPEST_LIVE = 0.01
 """Velocity in rad/s over which what is fed back changes its sign at the soonest."""
-
-
-class Signals(NamedTuple):
-    """What a formula may ask for: arrays over samples, or one sample's numbers.
-
-    Parameters
-    ----------
-    time : float or ndarray
-        s since the recording began, or since the compensator did.
-    position, velocity, acceleration : float or ndarray
-        rad, rad/s, rad/s².
-    load : float or ndarray
-        Back-driving torque, N·m.
-    temperature : float or ndarray
-        Degrees Celsius.
-    side : float or ndarray
-        Sign of friction, -1..1, which passes through zero smoothly: see `sign`.
-    memory : float or ndarray
-        State of an effect that has one, 0 otherwise.
-    rigid_body : float or ndarray
-        Torque that the rigid bodies of the whole arm ask of the joint, N·m.
-    coupling : float or ndarray
-        Current that other joints ask of the joint's motor, A.
-    """
-
-    time: Any = 0.0
-    position: Any = 0.0
-    velocity: Any = 0.0
-    acceleration: Any = 0.0
-    load: Any = 0.0
-    temperature: Any = 0.0
-    side: Any = 0.0
-    memory: Any = 0.0
-    rigid_body: Any = 0.0
-    coupling: Any = 0.0
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What a set of recordings covers: the frame within which constants are searched.
-
-    Parameters
-    ----------
-    transition : float
-        Velocity in rad/s over which friction changes sign: tanh(v/transition).
-    speed : float
-        95th percentile of the speed while moving, rad/s.
-    slowest : float
-        Speed in rad/s below which samples count as standstill.
-    lowest, highest : float
-        Range of position in rad (1st to 99th percentile).
-    duration : float
-        Length of the longest recording in s.
-    sample_time : float
-        Of the recordings, s.
-    temperature : float
-        Median temperature in degrees Celsius.
-    gear_ratio : float
-        n; a hint for spatial frequencies.
-    resolution : float
-        Smallest step of the recorded position in rad.
-    both_directions : bool
-        Whether there is motion in both directions.
-    """
-
-    transition: float
-    speed: float
-    slowest: float
-    lowest: float
-    highest: float
-    duration: float
-    sample_time: float
-    temperature: float = 25.0
-    gear_ratio: float = 1.0
-    resolution: float = 0.0
-    both_directions: bool = True
-
-    @property
-    def span(self) -> float:
-        """Width of the range of position in rad."""
-        return self.highest - self.lowest
-
-
-@dataclass(frozen=True)
-class Search:
-    """How a constant is searched around a first value.
-
-    Parameters
-    ----------
-    width : float
-        Half width of the bracket: a factor, or a number of units where there is one.
-    unit : callable, optional
-        ``unit(scene, constants)``: size of one unit of the constant, for constants that are
-        searched on a linear scale; the scale is logarithmic when omitted.
-    joint_only : bool
-        Searched together with all else only, never by itself.
-    """
-
-    width: float
-    unit: Callable[[Scene, dict], float] | None = None
-    joint_only: bool = False
-
-    @property
-    def logarithmic(self) -> bool:
-        """Whether the constant is searched on a logarithmic scale."""
-        return self.unit is None
 
 
 class Effect(ABC):
@@ -204,38 +96,38 @@ class Effect(ABC):
     not_fed_back = ''
     weight = False
     fades_at_rest = False
-    smooths: bool | property = False
+    smooths: bool = False
     _positive = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width',
                  'distance', 'time_constant', 'speed')
 
     Constants: Any
 
-    def __init_subclass__(cls, **options):
+    def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         # Compiled code reads constants by name too, and finds the type again by this path.
         cls.Constants = namedtuple('Constants', tuple(cls.constants))  # type: ignore[misc]
         cls.Constants.__module__ = cls.__module__
         cls.Constants.__qualname__ = f'{cls.__qualname__}.Constants'
 
-    def __init__(self, parameters: dict):
+    def __init__(self, parameters: dict[str, Any]) -> None:
         parameters = dict(parameters)
         coefficients = parameters.pop('coefficients', None)
         if coefficients is None:
             raise InputError('coefficients are missing')
         if not isinstance(coefficients, (list, tuple, np.ndarray)):
             raise InputError('coefficients must be a list of numbers')
-        self.coefficients = [_finite('coefficients', value) for value in coefficients]
+        self.coefficients = [check_number(value, 'coefficients') for value in coefficients]
         unknown = set(parameters) - set(self.constants)
         if unknown:
             raise InputError(f'unknown parameters: {sorted(map(str, unknown))}')
         missing = set(self.constants) - set(parameters)
         if missing:
             raise InputError(f'missing parameters: {sorted(missing)}')
-        self.values = {name: _finite(name, parameters[name]) for name in self.constants}
+        self.values = {name: check_number(parameters[name], name) for name in self.constants}
         self.check(self.values)
 
     @property
-    def parameters(self) -> dict:
+    def parameters(self) -> dict[str, Any]:
         """Constants and coefficients as plain values."""
         return {**self.values, 'coefficients': list(self.coefficients)}
 
@@ -243,7 +135,7 @@ class Effect(ABC):
 
     @staticmethod
     @abstractmethod
-    def columns(x: Signals, c: Any) -> tuple:
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return the columns, of the shape of the signals: the formula, written once.
 
         Only arithmetic, `abs` and numpy's functions of one element: arrays, single numbers and
@@ -258,28 +150,29 @@ class Effect(ABC):
 
     @classmethod
     @abstractmethod
-    def grid(cls, scene: Scene) -> list[dict]:
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Return the constants worth trying in a scene."""
 
     @classmethod
-    def check(cls, values: dict) -> None:
+    def check(cls, values: dict[str, float]) -> None:
         """Raise `InputError` where constants make no sense."""
         for name, value in values.items():
             if name in cls._positive and value <= 0:
                 raise InputError(f'{name} must be positive, not {value!r}')
 
     @classmethod
-    def limited(cls, name: str, value: float, constants: dict, scene: Scene) -> float:
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """Return a constant's new value, kept where the effect is what its name says."""
         return value
 
     @classmethod
-    def plausible(cls, coefficients: Sequence[float], constants: dict, scene: Scene) -> bool:
+    def plausible(cls, coefficients: Sequence[float], constants: dict[str, float],
+                  scene: Scene) -> bool:
         """Tell whether physics allows these coefficients (A) and constants."""
         return all(sign * value > 0 for sign, value in zip(cls.signs, coefficients) if sign)
 
     @classmethod
-    def worth(cls, share: float, constants: dict, scene: Scene) -> float:
+    def worth(cls, share: float, constants: dict[str, float], scene: Scene) -> float:
         """Return the share of the loss that it has to take away, given the usual one."""
         return share
 
@@ -324,15 +217,15 @@ class Effect(ABC):
             return 0.0
         broken, start = segment_starts(samples), cls.start(side + np.zeros(len(samples)), c)
         states = np.empty(len(samples))
-        time, position, velocity = samples.time, samples.position, samples.velocity
+        time, position, speed = samples.time, samples.position, np.asarray(samples.velocity)
         for k in range(len(samples)):
             states[k] = start[k] if broken[k] else cls.step(
-                states[k - 1], time[k] - time[k - 1], position[k] - position[k - 1], velocity[k],
+                states[k - 1], time[k] - time[k - 1], position[k] - position[k - 1], speed[k],
                 c)
         return states
 
     @classmethod
-    def live_constants(cls, values: dict) -> dict:
+    def live_constants(cls, values: dict[str, float]) -> dict[str, float]:
         """Return the constants as they are used when the effect is fed back.
 
         A recording may show that friction turns round within a thousandth of a radian a second.
@@ -357,7 +250,7 @@ class Effect(ABC):
     # What all effects share.
 
     @classmethod
-    def matrix(cls, samples: Samples, constants: dict) -> np.ndarray:
+    def matrix(cls, samples: Samples, constants: dict[str, float]) -> np.ndarray:
         """Return the design matrix, shape (N, M), for `Samples` with velocity."""
         c = cls.Constants(**constants)
         side = sign(samples.velocity, c.transition) if 'transition' in constants else 0.0
@@ -382,12 +275,13 @@ class Effect(ABC):
         return matrix @ np.asarray(self.coefficients)
 
     @classmethod
-    def seen_by(cls, samples: Samples, constants: dict) -> Samples:
+    def seen_by(cls, samples: Samples, constants: dict[str, float]) -> Samples:
         """Return the samples whose motion asks for the recorded current."""
         return samples
 
     @classmethod
-    def recorded_as(cls, values: np.ndarray, samples: Samples, constants: dict) -> np.ndarray:
+    def recorded_as(cls, values: np.ndarray, samples: Samples,
+                    constants: dict[str, float]) -> np.ndarray:
         """Return the current in A that is recorded where the motion asks for another."""
         return values
 
@@ -395,7 +289,7 @@ class Effect(ABC):
         """Return why the compensator does not apply the effect; empty where it does."""
         return self.not_fed_back
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """Return the model file's entry."""
         return {'name': self.name, 'variable': self.variable, 'parameters': self.parameters}
 
@@ -415,7 +309,7 @@ class LiveTerm:
         Whether asking it changes it, so that it cannot be asked what it would be elsewhere.
     """
 
-    def __init__(self, effect: Effect):
+    def __init__(self, effect: Effect) -> None:
         values = effect.live_constants(effect.values)
         self._effect, self._constants = effect, effect.Constants(**values)
         self._transition = values.get('transition')
@@ -457,7 +351,7 @@ class LiveTerm:
             total *= abs(math.tanh(velocity / SHARPEST_LIVE))
         return float(total)
 
-    def _remember(self, time, position, velocity):
+    def _remember(self, time: float, position: float, velocity: float) -> float:
         if self._state is None:
             self._state = float(self._effect.start(0.0, self._constants))
         else:
@@ -484,11 +378,3 @@ def segment_starts(samples: Samples) -> np.ndarray:
 def geometric(lowest: float, highest: float, number: int) -> list[float]:
     """Return numbers that grow by a constant factor."""
     return [float(value) for value in np.geomspace(lowest, highest, number)]
-
-
-def _finite(name, value):
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
-        raise InputError(f'{name} must be numbers, not {value!r}')
-    if not math.isfinite(value):
-        raise InputError(f'{name} must be finite, not {value!r}')
-    return float(value)

@@ -4,9 +4,15 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
-from friction_comp.model.effects.base import CARRIES, Effect, geometric, RESISTS, Search
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.scene import CARRIES, RESISTS, Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class Bump(Effect):
@@ -22,12 +28,12 @@ class Bump(Effect):
                  'width': Search(1.5), 'exponent': Search(2.2), 'directional': None,
                  'transition': None}
 
-    def __init__(self, parameters):
+    def __init__(self, parameters: dict[str, Any]) -> None:
         super().__init__(parameters)
         self.role = RESISTS if self.values['directional'] else CARRIES
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Widths from a hundredth to an eighth of the range, places half a width apart."""
         span = scene.highest - scene.lowest
         if not span > 0:
@@ -41,25 +47,25 @@ class Bump(Effect):
         return points
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         distance = np.minimum(abs(x.position - c.position) / c.width, 1e6)
         bell = np.exp(-np.minimum(0.5 * distance ** c.exponent, 700.0))
         return (bell * x.side if c.directional else bell,)
 
     @classmethod
-    def limited(cls, name, value, constants, scene):
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """Sharper than this is a step up and a step down."""
         return min(value, 40.0) if name == 'exponent' else value
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         c = self.values
         kind = 'more friction' if c['directional'] else 'torque in one direction'
         return (f'Bump: {self.coefficients[0]:+.3g} A {kind} at {c["position"]:.4g} rad, '
                 f'about {2.4 * c["width"]:.2g} rad wide')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         c = self.values
         side = f'·tanh(v/{c["transition"]:.3g})' if c['directional'] else ''

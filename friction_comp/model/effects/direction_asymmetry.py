@@ -4,7 +4,12 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 from friction_comp.model.effects.base import Effect
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class DirectionAsymmetry(Effect):
@@ -21,32 +26,32 @@ class DirectionAsymmetry(Effect):
     constants = {'offset': None, 'transition': None}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """There is nothing to search."""
         return [{'offset': 1.0, 'transition': scene.transition}]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return two columns, even in the velocity."""
         return (1.0 if c.offset else x.side ** 2, abs(x.velocity))
 
     @classmethod
-    def holds_offset(cls, scene):
+    def holds_offset(cls, scene: Scene) -> bool:
         """It is where an offset of the sigmoid belongs."""
         return True
 
     @classmethod
-    def live_constants(cls, values):
+    def live_constants(cls, values: dict[str, float]) -> dict[str, float]:
         """At standstill it is zero, for breakaway has its own two values there."""
         return {**super().live_constants(values), 'offset': 0.0}
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         a, b = self.coefficients
         return (f'Direction: the positive direction needs {2 * a:+.3g} A {2 * b:+.3g} A per rad/s '
                 'more than the negative one')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         a, b = self.coefficients
         shape = '' if self.values['offset'] else f'·tanh²(v/{self.values["transition"]:.3g})'

@@ -5,10 +5,15 @@
 from __future__ import annotations
 
 import math
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.model.effects.base import CARRIES, Effect
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import CARRIES
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class Gravity(Effect):
@@ -21,35 +26,35 @@ class Gravity(Effect):
     constants = {}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """There is nothing to search."""
         return [{}]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return cos and sin of the joint angle."""
         return (np.cos(x.position), np.sin(x.position))
 
     @classmethod
-    def holds_offset(cls, scene):
+    def holds_offset(cls, scene: Scene) -> bool:
         """Over a part of a turn gravity is largely a constant."""
         return scene.span < 2.0
 
     @classmethod
-    def hard_to_tell(cls, scene):
+    def hard_to_tell(cls, scene: Scene) -> str:
         """Return why a short range shows little of it."""
         if scene.span >= 0.5:
             return ''
         return (f'over {scene.span:.2g} rad gravity, a spring and a slow ripple look the same')
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         a, b = self.coefficients
         where = math.degrees(math.atan2(b, a))
         return (f'Gravity-like: {math.hypot(a, b):.3g} A once a turn, largest at a joint angle of '
                 f'{where:.0f} degrees')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         a, b = self.coefficients
         return f'{a:+.4g}·cos(q) {b:+.4g}·sin(q)'

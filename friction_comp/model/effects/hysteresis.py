@@ -5,15 +5,21 @@
 from __future__ import annotations
 
 import math
+from typing import Any, TYPE_CHECKING
 
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, Search, segment_starts
+from friction_comp.model.effects.base import Effect, geometric, segment_starts
+from friction_comp.model.effects.scene import Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
+    from friction_comp.samples import Samples
 
 
 @njit(cache=True)
-def dahl_step(state, dt, dq, velocity, c):
+def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
     """Return Dahl's state z after a step of position, solved exactly.
 
     dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p = 1 turns round like an exponential, p < 1
@@ -48,7 +54,8 @@ def dahl_step(state, dt, dq, velocity, c):
 
 
 @njit(cache=True)
-def _dahl_states(position, broken, start, c):
+def _dahl_states(position: np.ndarray, broken: np.ndarray, start: np.ndarray,
+                 c: Any) -> np.ndarray:
     states = np.empty(len(position))
     for k in range(len(position)):
         states[k] = start[k] if broken[k] else dahl_step(
@@ -73,7 +80,7 @@ class Hysteresis(Effect):
     fades_at_rest = True
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Distances from a few steps of position to an eighth of the range."""
         span = scene.highest - scene.lowest
         if not span > 0:
@@ -85,33 +92,33 @@ class Hysteresis(Effect):
     step = staticmethod(dahl_step)
 
     @staticmethod
-    def start(side, c):
+    def start(side: Any, c: Any) -> Any:
         """A stretch that begins in motion has slid far enough before."""
         return side
 
     @classmethod
-    def memory(cls, samples, side, c):
+    def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
         """Return Dahl's state at every sample, shape (N,)."""
         position = np.ascontiguousarray(samples.position, dtype=float)
         return _dahl_states(position, segment_starts(samples), side, c)
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return two columns: the state, and its change with time in 1/s."""
         left = np.maximum(1.0 - x.memory * np.sign(x.velocity), 0.0) ** c.exponent
         return (x.memory, x.velocity * left / c.distance)
 
     @classmethod
-    def limited(cls, name, value, constants, scene):
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """Beyond these exponents it turns round at once, or never."""
         return min(max(value, 0.3), 3.0) if name == 'exponent' else value
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return (f'Hysteresis: {self.coefficients[0]:.3g} A of friction turn round over '
                 f'{self.values["distance"]:.3g} rad after a reversal')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         c = self.values
         return (f'{self.coefficients[0]:+.4g}·z {self.coefficients[1]:+.4g}·dz/dt, '

@@ -4,7 +4,13 @@
 
 from __future__ import annotations
 
-from friction_comp.model.effects.base import CARRIES, Effect
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import CARRIES
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class Inertia(Effect):
@@ -21,19 +27,19 @@ class Inertia(Effect):
         'apparent inertia and can destabilise the joint')
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """There is nothing to search."""
         return [{}]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return the acceleration."""
         return (x.acceleration,)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return f'Inertia: {self.coefficients[0]:.4g} A per rad/s²'
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         return f'{self.coefficients[0]:+.4g}·dv/dt'

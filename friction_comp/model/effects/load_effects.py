@@ -4,7 +4,14 @@
 
 from __future__ import annotations
 
-from friction_comp.model.effects.base import Effect, NEITHER, Search
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import NEITHER, Search
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class LoadTorque(Effect):
@@ -22,25 +29,25 @@ class LoadTorque(Effect):
         'compensator is not: the torque sensor is for evaluation only')
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """There is nothing to search."""
         return [{}]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return the load torque."""
         return (x.load,)
 
     @classmethod
-    def by_mechanics(cls, drive):
+    def by_mechanics(cls, drive: Drive) -> list[float] | None:
         """Return what the motor is spared by 1 N·m of load, -1/(k_t·n)."""
         return [-1.0 / drive.torque_per_current]
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return f'Load: {self.coefficients[0]:+.4g} A per N·m of measured back-driving torque'
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         return f'{self.coefficients[0]:+.4g}·τ_b'
 
@@ -54,21 +61,21 @@ class LoadFriction(Effect):
     constants = {'exponent': Search(1.6), 'transition': None}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """There is nothing to search."""
         return [{'exponent': exponent, 'transition': scene.transition} for exponent in (1.0, 2.0)]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         return (x.side * abs(x.load) ** c.exponent,)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return (f'Load-dependent friction: {self.coefficients[0]:+.4g} A at 1 N·m of load, growing '
                 f'with its power {self.values["exponent"]:.3g}')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         return (f'{self.coefficients[0]:+.4g}·tanh(v/{self.values["transition"]:.3g})'
                 f'·|τ_b|^{self.values["exponent"]:.3g}')

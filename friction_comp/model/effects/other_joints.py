@@ -4,7 +4,13 @@
 
 from __future__ import annotations
 
-from friction_comp.model.effects.base import CARRIES, Effect, Search
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import CARRIES, Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class RigidBody(Effect):
@@ -23,21 +29,21 @@ class RigidBody(Effect):
     weight = True
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """There is nothing to search."""
         return [{}]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return the torque."""
         return (x.rigid_body,)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return (f'Weight and inertia of the whole arm: {self.coefficients[0]:.4g} A per N·m that '
                 'its links ask of the joint')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         return f'{self.coefficients[0]:+.4g}·τ_links'
 
@@ -55,26 +61,26 @@ class CarriedLoadFriction(Effect):
     signs = (1,)
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """There is nothing to search."""
         return [{'exponent': exponent, 'transition': scene.transition} for exponent in (1.0, 2.0)]
 
     @classmethod
-    def limited(cls, name, value, constants, scene):
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """Keep the power where it is one of a load: below, it is Coulomb friction once more."""
         return min(max(value, 0.5), 3.0) if name == 'exponent' else value
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         return (x.side * abs(x.rigid_body) ** c.exponent,)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return (f'Load-dependent friction: {self.coefficients[0]:+.4g} A at 1 N·m that the links '
                 f'ask of the joint, growing with its power {self.values["exponent"]:.3g}')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         return (f'{self.coefficients[0]:+.4g}·tanh(v/{self.values["transition"]:.3g})'
                 f'·|τ_links|^{self.values["exponent"]:.3g}')
@@ -91,20 +97,20 @@ class OtherJoints(Effect):
     weight = True
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """There is nothing to search."""
         return [{}]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return the current."""
         return (x.coupling,)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return ('Other joints: weight and inertia that hang from this joint through them, as a sum '
                 f'of terms found in the recording, times {self.coefficients[0]:.4g}')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         return f'{self.coefficients[0]:+.4g}·i_other_joints'

@@ -5,15 +5,21 @@
 from __future__ import annotations
 
 import math
+from typing import Any, TYPE_CHECKING
 
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, Search, segment_starts
+from friction_comp.model.effects.base import Effect, geometric, segment_starts
+from friction_comp.model.effects.scene import Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
+    from friction_comp.samples import Samples
 
 
 @njit(cache=True)
-def rest_step(state, dt, dq, velocity, c):
+def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
     """Return what is left of the strength gained at rest, 0..1, one sample later.
 
     It grows as 1 - exp(-rest/time_constant) while the speed is below a threshold, and fades over
@@ -37,7 +43,8 @@ def rest_step(state, dt, dq, velocity, c):
 
 
 @njit(cache=True)
-def _rest_states(time, position, velocity, broken, c):
+def _rest_states(time: np.ndarray, position: np.ndarray, velocity: np.ndarray, broken: np.ndarray,
+                 c: Any) -> np.ndarray:
     states = np.zeros(len(position))
     for k in range(len(position)):
         if not broken[k]:
@@ -57,7 +64,7 @@ class RestTime(Effect):
     sees_history = True
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Rest from fractions of a second to a minute, fading over up to a fifth of the range."""
         span = scene.highest - scene.lowest
         if not span > 0:
@@ -71,28 +78,28 @@ class RestTime(Effect):
     step = staticmethod(rest_step)
 
     @classmethod
-    def memory(cls, samples, side, c):
+    def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
         """Return the strength gained at rest at every sample, shape (N,)."""
-        return _rest_states(samples.time, samples.position, samples.velocity,
+        return _rest_states(samples.time, samples.position, np.asarray(samples.velocity),
                             segment_starts(samples), c)
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         return (x.side * x.memory,)
 
     @classmethod
-    def limited(cls, name, value, constants, scene):
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """Slower than this is a straight line in time, however slow."""
         return min(value, 5.0 * scene.duration) if name == 'time_constant' else value
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         c = self.values
         return (f'Rest time: up to {self.coefficients[0]:+.3g} A more friction after resting '
                 f'(time constant {c["time_constant"]:.2g} s), lost over {c["distance"]:.2g} rad')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         c = self.values
         return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'

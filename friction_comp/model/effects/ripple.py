@@ -5,10 +5,15 @@
 from __future__ import annotations
 
 import math
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.model.effects.base import CARRIES, Effect, Search
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import CARRIES, Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class _Ripple(Effect):
@@ -18,14 +23,15 @@ class _Ripple(Effect):
         'frequency': Search(1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12)),
         'growth': None, 'speed': None, 'transition': None}
     spectral = 'frequency'
+    _word = ''
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """With or without growth with the speed; the frequency comes from a spectrum."""
         return [{'growth': growth, 'speed': scene.speed, 'transition': scene.transition}
                 for growth in (0.0, 1.0)]
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         size = math.hypot(*self.coefficients)
         with_speed = (f' at {self.values["speed"]:.2g} rad/s, growing with speed'
@@ -33,7 +39,7 @@ class _Ripple(Effect):
         return (f'{self._word}: {size:.3g} A{with_speed}, {self.values["frequency"]:.5g} times a '
                 'turn')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         a, b = self.coefficients
         k = self.values['frequency']
@@ -41,7 +47,7 @@ class _Ripple(Effect):
                  if self.values['growth'] else '')
         return f'({a:+.4g}·cos({k:.6g}·q) {b:+.4g}·sin({k:.6g}·q)){grown}{self._suffix()}'
 
-    def _suffix(self):
+    def _suffix(self) -> str:
         return ''
 
 
@@ -53,7 +59,7 @@ class Cogging(_Ripple):
     _word = 'Cogging'
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return cos and sin over position, times |v|^growth."""
         amplitude, phase = (abs(x.velocity) / c.speed) ** c.growth, c.frequency * x.position
         return (amplitude * np.cos(phase), amplitude * np.sin(phase))
@@ -66,11 +72,11 @@ class FrictionRipple(_Ripple):
     _word = 'Friction ripple'
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return cos and sin over position, times |v|^growth and the sign of friction."""
         amplitude = x.side * (abs(x.velocity) / c.speed) ** c.growth
         phase = c.frequency * x.position
         return (amplitude * np.cos(phase), amplitude * np.sin(phase))
 
-    def _suffix(self):
+    def _suffix(self) -> str:
         return f'·tanh(v/{self.values["transition"]:.3g})'

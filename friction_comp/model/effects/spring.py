@@ -4,7 +4,13 @@
 
 from __future__ import annotations
 
-from friction_comp.model.effects.base import CARRIES, Effect
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import CARRIES
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class Spring(Effect):
@@ -16,24 +22,24 @@ class Spring(Effect):
     constants = {'position': None}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """The middle of the range stands for where the spring is slack: see the sigmoid."""
         return [{'position': 0.5 * (scene.lowest + scene.highest)}]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         return (x.position - c.position,)
 
     @classmethod
-    def holds_offset(cls, scene):
+    def holds_offset(cls, scene: Scene) -> bool:
         """A constant says where the spring is slack."""
         return True
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return f'Spring-like: {self.coefficients[0]:+.3g} A per rad'
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         return f'{self.coefficients[0]:+.4g}·(q {-self.values["position"]:+.4g})'

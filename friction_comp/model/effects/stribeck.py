@@ -4,9 +4,15 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, Search
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.scene import Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class Stribeck(Effect):
@@ -17,7 +23,7 @@ class Stribeck(Effect):
     constants = {'velocity': Search(1.6), 'exponent': None, 'transition': None}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Stribeck velocities from just above standstill to two thirds of the top speed."""
         lowest = max(1.5 * scene.transition, 1.5 * scene.slowest, 0.003 * scene.speed)
         return [{'velocity': velocity, 'exponent': exponent, 'transition': scene.transition}
@@ -25,22 +31,22 @@ class Stribeck(Effect):
                 for exponent in (1.0, 2.0)]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column, 1 at zero speed and fading with it."""
         return (x.side * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
 
     @classmethod
-    def limited(cls, name, value, constants, scene):
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """What fades as slowly as the top speed is a curved viscous friction."""
         return min(value, 0.7 * scene.speed) if name == 'velocity' else value
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         more = 'higher' if self.coefficients[0] > 0 else 'lower'
         return (f'Stribeck: near standstill friction is {abs(self.coefficients[0]):.3g} A {more}, '
                 f'fading at about {self.values["velocity"]:.3g} rad/s')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         c = self.values
         return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'

@@ -4,7 +4,12 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 from friction_comp.model.effects.base import Effect
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class Temperature(Effect):
@@ -19,23 +24,23 @@ class Temperature(Effect):
     constants = {'reference_temperature': None, 'transition': None}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """The reference is a convention: the median temperature of the recordings."""
         return [{'reference_temperature': scene.temperature, 'transition': scene.transition}]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return three columns."""
         difference = x.temperature - c.reference_temperature
         return (x.side * difference, x.velocity * difference, x.side * x.side * difference)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         a, b, _ = self.coefficients
         return (f'Temperature: per kelvin Coulomb friction changes by {a:+.3g} A and viscous '
                 f'friction by {b:+.3g} A per rad/s')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         a, b, even = self.coefficients
         c = self.values

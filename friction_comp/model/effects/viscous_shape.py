@@ -4,7 +4,13 @@
 
 from __future__ import annotations
 
-from friction_comp.model.effects.base import Effect, Search
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class ViscousShape(Effect):
@@ -18,31 +24,31 @@ class ViscousShape(Effect):
     constants = {'exponent': Search(1.3), 'reference': None, 'transition': None}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Exponents below and above one."""
         return [{'exponent': exponent, 'reference': scene.speed, 'transition': scene.transition}
                 for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         return (x.side * (abs(x.velocity) / c.reference) ** c.exponent,)
 
     @classmethod
-    def limited(cls, name, value, constants, scene):
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """Next to one it is the linear term once more, and the two grow against each other."""
         if name == 'exponent' and 0.85 < value < 1.2:
             return 0.85 if value < 1.0 else 1.2
         return value
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         gain, exponent = self.coefficients[0], self.values['exponent']
         bends = 'sub-linearly' if (gain > 0) == (exponent < 1) else 'super-linearly'
         return (f'Viscous shape: friction grows {bends} with speed '
                 f'(power {exponent:.3g} beside the linear term)')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         c = self.values
         return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'

@@ -4,9 +4,15 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, NEITHER, Search
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.scene import NEITHER, Search
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene, Signals
 
 
 class _Drift(Effect):
@@ -14,12 +20,12 @@ class _Drift(Effect):
     holds_on_another_day = False
 
     @classmethod
-    def limited(cls, name, value, constants, scene):
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """Slower than this is a straight line in time, however slow."""
         return min(value, 5.0 * scene.duration) if name == 'time_constant' else value
 
     @classmethod
-    def holds_offset(cls, scene):
+    def holds_offset(cls, scene: Scene) -> bool:
         """A constant says where the drift leads to."""
         return True
 
@@ -35,24 +41,24 @@ class WarmUp(_Drift):
     constants = {'time_constant': Search(1.7), 'transition': None}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Time constants from a thirtieth of the recording to five times its length."""
         return [{'time_constant': value, 'transition': scene.transition}
                 for value in geometric(scene.duration / 30.0, 5.0 * scene.duration, 9)]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return three columns."""
         fade = np.exp(-np.maximum(x.time, 0.0) / c.time_constant)
         return (x.side * fade, x.velocity * fade, x.side * x.side * fade)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         a, b, _ = self.coefficients
         return (f'Warm-up: {a:+.3g} A of Coulomb and {b:+.3g} A per rad/s of viscous friction at '
                 f'the start, fading with {self.values["time_constant"]:.3g} s')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         a, b, even = self.coefficients
         c = self.values
@@ -70,21 +76,21 @@ class OffsetDrift(_Drift):
     constants = {'time_constant': Search(1.7)}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Time constants as in `WarmUp`."""
         return [{'time_constant': value}
                 for value in geometric(scene.duration / 30.0, 5.0 * scene.duration, 9)]
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         return (np.exp(-np.maximum(x.time, 0.0) / c.time_constant),)
 
-    def describe(self):
+    def describe(self) -> str:
         """Return the effect in words."""
         return (f'Offset drift: {self.coefficients[0]:+.3g} A at the start, fading with '
                 f'{self.values["time_constant"]:.3g} s')
 
-    def formula(self):
+    def formula(self) -> str:
         """Return the formula with its numbers."""
         return f'{self.coefficients[0]:+.4g}·exp(-t/{self.values["time_constant"]:.4g})'

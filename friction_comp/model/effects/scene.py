@@ -1,0 +1,123 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What effects are written in: signals, what recordings cover, how constants are searched."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+VARIABLES = (
+    'velocity', 'direction', 'position', 'acceleration', 'load', 'temperature', 'time', 'history',
+    'other joints')
+
+RESISTS, CARRIES, NEITHER = 'resists', 'carries', 'neither'
+"""What an effect does to the joint: takes energy from every motion, as friction does; pushes
+whatever the direction, as gravity does; or is no torque at all."""
+
+
+class Signals(NamedTuple):
+    """What a formula may ask for: arrays over samples, or one sample's numbers.
+
+    Parameters
+    ----------
+    time : float or ndarray
+        s since the recording began, or since the compensator did.
+    position, velocity, acceleration : float or ndarray
+        rad, rad/s, rad/s².
+    load : float or ndarray
+        Back-driving torque, N·m.
+    temperature : float or ndarray
+        Degrees Celsius.
+    side : float or ndarray
+        Sign of friction, -1..1, which passes through zero smoothly: see `sign`.
+    memory : float or ndarray
+        State of an effect that has one, 0 otherwise.
+    rigid_body : float or ndarray
+        Torque that the rigid bodies of the whole arm ask of the joint, N·m.
+    coupling : float or ndarray
+        Current that other joints ask of the joint's motor, A.
+    """
+
+    time: Any = 0.0
+    position: Any = 0.0
+    velocity: Any = 0.0
+    acceleration: Any = 0.0
+    load: Any = 0.0
+    temperature: Any = 0.0
+    side: Any = 0.0
+    memory: Any = 0.0
+    rigid_body: Any = 0.0
+    coupling: Any = 0.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a set of recordings covers: the frame within which constants are searched.
+
+    Parameters
+    ----------
+    transition : float
+        Velocity in rad/s over which friction changes sign: tanh(v/transition).
+    speed : float
+        95th percentile of the speed while moving, rad/s.
+    slowest : float
+        Speed in rad/s below which samples count as standstill.
+    lowest, highest : float
+        Range of position in rad (1st to 99th percentile).
+    duration : float
+        Length of the longest recording in s.
+    sample_time : float
+        Of the recordings, s.
+    temperature : float
+        Median temperature in degrees Celsius.
+    gear_ratio : float
+        n; a hint for spatial frequencies.
+    resolution : float
+        Smallest step of the recorded position in rad.
+    both_directions : bool
+        Whether there is motion in both directions.
+    """
+
+    transition: float
+    speed: float
+    slowest: float
+    lowest: float
+    highest: float
+    duration: float
+    sample_time: float
+    temperature: float = 25.0
+    gear_ratio: float = 1.0
+    resolution: float = 0.0
+    both_directions: bool = True
+
+    @property
+    def span(self) -> float:
+        """Width of the range of position in rad."""
+        return self.highest - self.lowest
+
+
+@dataclass(frozen=True)
+class Search:
+    """How a constant is searched around a first value.
+
+    Parameters
+    ----------
+    width : float
+        Half width of the bracket: a factor, or a number of units where there is one.
+    unit : callable, optional
+        ``unit(scene, constants)``: size of one unit of the constant, for constants that are
+        searched on a linear scale; the scale is logarithmic when omitted.
+    joint_only : bool
+        Searched together with all else only, never by itself.
+    """
+
+    width: float
+    unit: Callable[[Scene, dict[str, float]], float] | None = None
+    joint_only: bool = False
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the constant is searched on a logarithmic scale."""
+        return self.unit is None
