@@ -17,10 +17,11 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import RESISTS
+from friction_comp.model.effects.scene import RESISTS
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
     from friction_comp.model.friction_model import FrictionModel
 
 KEYS = {
@@ -107,7 +108,7 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
     _check_breakaway(model, friction + sum(resisting))
 
 
-def _motion(model):
+def _motion(model: FrictionModel) -> Samples:
     """Return a movement to and fro at the speeds that the model was identified at."""
     speeds = [abs(v) for v in (model.lookup_table or {}).get('speeds', ())
               if isinstance(v, (int, float)) and math.isfinite(v)]
@@ -122,9 +123,10 @@ def _motion(model):
         coupling=np.zeros(time.size))
 
 
-def _check_sigmoid(model, motion):
+def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
     """Return the sliding friction in A that the sigmoid says, at most."""
-    speeds = np.linspace(motion.velocity.min(), motion.velocity.max(), 401)
+    velocity = np.asarray(motion.velocity)
+    speeds = np.linspace(velocity.min(), velocity.max(), 401)
     current = np.asarray(model.sigmoid(speeds), dtype=float)
     if not np.isfinite(current).all():
         raise InputError('sigmoid: its currents are not finite')
@@ -144,7 +146,7 @@ def _check_sigmoid(model, motion):
     return float(largest)
 
 
-def _check_table(model):
+def _check_table(model: FrictionModel) -> None:
     table = model.lookup_table
     if not table:
         return
@@ -163,7 +165,8 @@ def _check_table(model):
             f'sigmoid: it misses the lookup_table, which it was fitted to, by {miss:.3g} A')
 
 
-def _check_effect(model, effect, motion, friction):
+def _check_effect(model: FrictionModel, effect: Effect, motion: Samples,
+                  friction: float) -> float:
     """Return what an effect adds to sliding friction, at most, in A."""
     for name, value in effect.values.items():
         if name == 'exponent' and value > _STEEPEST:
@@ -193,7 +196,7 @@ def _check_effect(model, effect, motion, friction):
     return 0.0
 
 
-def _check_breakaway(model, friction):
+def _check_breakaway(model: FrictionModel, friction: float) -> None:
     if model.breakaway is None:
         return
     for side, mean, spread, plateau in (
