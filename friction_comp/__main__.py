@@ -25,6 +25,7 @@ TOOLS = {
     'reproduce': "repeats the technical note's experiments in simulation",
     'evaluate': 'measures the backdriving torque in recordings',
     'refine': 'finds the effects that a model misses in recordings',
+    'doctor': 'tells what is installed and running, what is wrong with it, and what to do',
     'predict': "writes a model's current for a recording beside the measured one",
 }
 USAGE = '\n'.join([
@@ -66,7 +67,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
         # Answered here, since ROS 2 alone takes a second to import.
         print(NODE_USAGE.format(name=name, text=NODES[name]))
         return 0
-    if name in NODES or name == 'demo':
+    if name in NODES or name in ('demo', 'doctor'):
         name_this_environment()
     try:
         # Only now, so that a tool that needs no ROS 2 runs without it.
@@ -130,6 +131,7 @@ reproduce = partial(run, 'reproduce')
 evaluate = partial(run, 'evaluate')
 refine = partial(run, 'refine')
 predict = partial(run, 'predict')
+doctor = partial(run, 'doctor')
 
 if __name__ == '__main__':
     sys.exit(main())

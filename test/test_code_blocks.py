@@ -102,7 +102,7 @@ def check_other(words):
         for option in (word for word in words if word.startswith('--')):
             assert f"'{option}'" in script
     elif words[:2] == ['ros2', 'action']:
-        action = (ROOT / 'friction_comp_interfaces' / 'action' / 'IdentifyFriction.action')
+        action = ROOT / f'{words[-2]}.action'
         goal = action.read_text(encoding='utf-8').partition('---')[0]
         fields = re.findall(r'^\S+ (\w+)$', goal, re.MULTILINE)
         assert set(yaml.safe_load(words[-1])) <= set(fields)

@@ -1,0 +1,85 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a joint's current has the sign, the size and the shape that its model says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring.live_residual import LiveResidual
+from friction_comp.monitoring.observation import Finding, NOTE, Observation, OK, PROBLEM, WARNING
+
+# rad/s below which nothing is told of friction, and share of a load that makes it worth knowing.
+_SLOW, _FEWEST = 0.02, 50
+
+
+def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Finding]:
+    """Compare what was seen of a joint with its model.
+
+    Friction takes energy out of every motion, so the current that goes with it, carried by motor
+    and person together, has the sign of the velocity.
+
+    Parameters
+    ----------
+    seen : Observation
+    joint : str
+    model : FrictionModel
+    """
+    states = seen.states
+    if states is None or joint not in states.joints:
+        return [Finding(WARNING, joint, 'joint_states do not name it', 'compare the names')]
+    rows = measured_rows(seen, joint, model)
+    speed = np.abs(rows[:, 2])
+    moving = (speed > _SLOW) & np.isfinite(rows[:, 3])
+    if moving.sum() < _FEWEST:
+        return [Finding(NOTE, joint, 'too little motion to compare it with its model',
+                        'run doctor again while it is moved')]
+    loaded = np.isfinite(rows[:, 4]).all()
+    commanded = any('compensator' in end.node
+                    for end in seen.topic('current_command').publishers)
+    if commanded and not loaded:
+        return [Finding(NOTE, joint, 'the compensator feeds the model itself forward and no load '
+                        'is measured: nothing is told about the model',
+                        'publish interaction_wrench, or look while the motor alone moves it')]
+    current = rows[moving, 3]
+    if loaded:
+        current = current + rows[moving, 4] / model.drive.torque_per_current
+    power = float(np.mean(current * np.sign(rows[moving, 2])))
+    if power < 0.0:
+        return [Finding(PROBLEM, joint, f'the current works against the motion ({power:.3g} A on '
+                        'average): friction would give energy', 'turn the sign of effort, or that '
+                        'of position and velocity, round in the driver; do not compensate before')]
+    found = [Finding(OK, joint, 'current and motion have one sign')]
+    residual = LiveResidual(model)
+    residual.take(rows)
+    verdict = residual.verdict()
+    if not verdict.known:
+        found.append(Finding(NOTE, joint, residual.blind or verdict.words,
+                             'look for longer: --seconds 60'))
+    else:
+        found.append(Finding(
+            OK if verdict.fits else WARNING, joint, verdict.words,
+            '' if verdict.fits else 'check torque constant and gear ratio, then refine the model'))
+    return found
+
+
+def measured_rows(seen: Observation, joint: str, model: FrictionModel) -> np.ndarray:
+    """Return the rows that `LiveResidual` takes, shape (N, 6)."""
+    states = seen.states
+    if states is None:
+        return np.empty((0, 6))
+    number = states.joints.index(joint)
+    time = states.stamp if states.stamp.any() else states.received
+    load = np.full(len(time), np.nan)
+    heard = seen.load.get(joint)
+    if heard is not None and len(heard) > 1:
+        load = np.interp(states.received, heard[:, 0], heard[:, 1])
+    velocity = states.velocity[:, number]
+    if not np.isfinite(velocity).all():
+        velocity = np.gradient(states.position[:, number], time)
+    order = np.argsort(time, kind='stable')
+    return np.column_stack((
+        time, states.position[:, number], velocity,
+        states.effort[:, number] / model.drive.torque_per_current, load,
+        np.full(len(time), np.nan)))[order]

@@ -1,0 +1,253 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is wrong with a running system: who talks to whom, how, when, and in which clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from friction_comp.monitoring.observation import (
+    Finding,
+    NOTE,
+    Observation,
+    OK,
+    PROBLEM,
+    StatesSeen,
+    WARNING,
+)
+
+TYPES = {
+    'joint_states': 'sensor_msgs/msg/JointState',
+    'current_command': 'std_msgs/msg/Float64MultiArray',
+    'direction': 'std_msgs/msg/Int8MultiArray',
+    'reference': 'sensor_msgs/msg/JointState',
+    'interaction_wrench': 'geometry_msgs/msg/WrenchStamped',
+    'motor_temperature': 'sensor_msgs/msg/Temperature',
+}
+_LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}
+# Where nobody says otherwise: the compensator's own defaults, s.
+_STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
+# Fewer joint states a second than this are no basis for feeding friction forward, Hz.
+_SLOW = 200.0
+
+
+def check_system(seen: Observation) -> list[Finding]:
+    """Return what there is to say about a running system.
+
+    Parameters
+    ----------
+    seen : Observation
+    """
+    if not seen.nodes:
+        return [Finding(NOTE, 'discovery', f'no node was found within {seen.seconds:g} s',
+                        'start one, or compare ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE and '
+                        'RMW_IMPLEMENTATION of both sides; UDP multicast must pass the firewall')]
+    found = [Finding(OK, 'discovery', f'{len(seen.nodes)} nodes: {", ".join(seen.nodes)}')]
+    for check in (_quality, _states, _commands, _driver, _direction, _clocks, _diagnostics):
+        found += check(seen)
+    return found
+
+
+def _quality(seen: Observation) -> Iterator[Finding]:
+    for name, topic in seen.topics.items():
+        for heard in topic.subscribers:
+            for speaker in topic.publishers:
+                what = ''
+                if heard.reliable and not speaker.reliable:
+                    what = 'reliable, but it is published best effort'
+                elif heard.lasting and not speaker.lasting:
+                    what = 'transient local, but it is published volatile'
+                if what:
+                    yield Finding(
+                        PROBLEM, 'QoS', f'{heard.node} asks for {name} {what} by {speaker.node}: '
+                        'nothing arrives', 'set input_reliability:=best_effort there, or publish '
+                        'reliably')
+
+
+def _states(seen: Observation) -> Iterator[Finding]:
+    topic, states = seen.topic('joint_states'), seen.states
+    if len(topic.publishers) > 1:
+        yield Finding(WARNING, 'joint_states', f'{len(topic.publishers)} publishers: '
+                      + ', '.join(end.node for end in topic.publishers),
+                      'let one publish, or take care that each publishes joints of its own')
+    if states is None or len(states.received) < 2:
+        yield Finding(PROBLEM if topic.publishers else WARNING, 'joint_states',
+                      'published, but nothing arrives' if topic.publishers else
+                      _elsewhere(seen, 'joint_states'),
+                      'start the driver, or remap: -r joint_states:=/its/name')
+        return
+    yield from _rate(seen, states)
+    yield from _stamps(states, seen.clock)
+    for number, joint in enumerate(states.joints):
+        yield from _values(states, number, joint)
+
+
+def _elsewhere(seen: Observation, name: str) -> str:
+    others = [topic for topic, found in seen.topics.items()
+              if TYPES[name] in found.types and topic != seen.names.get(name, name)]
+    hint = f'; {", ".join(others)} has that type' if others else ''
+    return f'nobody publishes {seen.names.get(name, name)}{hint}'
+
+
+def _rate(seen: Observation, states: StatesSeen) -> Iterator[Finding]:
+    gaps = np.diff(states.received)
+    rate = (len(states.received) - 1) / max(states.received[-1] - states.received[0], 1e-9)
+    worst = float(gaps.max())
+    text = f'{rate:.4g} Hz, longest gap {1e3 * worst:.3g} ms'
+    timeout = _parameter(seen, 'joint_state_timeout', _STATE_TIMEOUT)
+    if worst > timeout:
+        yield Finding(PROBLEM, 'rate', f'{text}; joint_state_timeout is {1e3 * timeout:g} ms, so '
+                      'the current went to zero meanwhile', 'find out what held the driver up, '
+                      'give it real-time priority, or raise joint_state_timeout')
+    elif rate < _SLOW:
+        yield Finding(WARNING, 'rate', text, 'let the driver publish with 200 Hz and more: '
+                      'breakaway lasts some milliseconds')
+    else:
+        yield Finding(OK, 'rate', text)
+
+
+def _stamps(states: StatesSeen, ticking: bool) -> Iterator[Finding]:
+    if not states.stamp.any():
+        yield Finding(WARNING, 'clocks', 'joint_states carry no stamp, so receive times are used',
+                      'let the driver stamp what it measures')
+    elif (np.diff(states.stamp) < 0).any():
+        yield Finding(PROBLEM, 'clocks', 'stamps of joint_states go backwards',
+                      'one publisher only, with one monotonic clock')
+    elif not ticking:
+        late = float(np.median(states.received - states.stamp))
+        if abs(late) > _STATE_TIMEOUT:
+            yield Finding(PROBLEM, 'clocks', f'joint_states are {late:.3g} s old when they arrive',
+                          'set the clocks of both machines by one source (chrony, PTP), or '
+                          'use_sim_time alike everywhere')
+        else:
+            yield Finding(OK, 'clocks', f'joint_states are {1e3 * late:.2g} ms old')
+
+
+def _values(states: StatesSeen, number: int, joint: str) -> Iterator[Finding]:
+    for name, do in (('position', 'friction cannot be compensated without it'),
+                     ('effort', 'let the driver report k_t · n · current; identification and '
+                                'refinement need it')):
+        values = getattr(states, name)[:, number]
+        if not np.isfinite(values).any():
+            yield Finding(PROBLEM, joint, f'joint_states hold no {name}', do)
+        elif not np.isfinite(values).all():
+            yield Finding(WARNING, joint, f'{int((~np.isfinite(values)).sum())} of '
+                          f'{len(values)} joint_states hold no finite {name}', do)
+    if not np.isfinite(states.velocity[:, number]).any():
+        yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
+        return
+    yield from _velocity(states, number, joint)
+
+
+def _velocity(states: StatesSeen, number: int, joint: str) -> Iterator[Finding]:
+    time = states.stamp if states.stamp.any() else states.received
+    position, velocity = states.position[:, number], states.velocity[:, number]
+    good = np.isfinite(position) & np.isfinite(velocity)
+    time, position, velocity = time[good], position[good], velocity[good]
+    if len(time) < 10 or np.ptp(position) < 0.01:
+        yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
+                      'run doctor again while it is moved')
+        return
+    moved = np.diff(position)
+    said = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time)
+    slope = float(moved @ said / max(said @ said, 1e-300))
+    if not 0.8 < slope < 1.25:
+        yield Finding(PROBLEM, joint, f'position changes by {slope:.3g} times what velocity says',
+                      'both in rad and rad/s at the joint, with one sign' if slope > 0 else
+                      'turn one of the two signs round in the driver')
+    else:
+        yield Finding(OK, joint, 'velocity and position agree')
+
+
+def _commands(seen: Observation) -> Iterator[Finding]:
+    topic = seen.topic('current_command')
+    names = ', '.join(end.node for end in topic.publishers)
+    if not topic.publishers:
+        yield Finding(NOTE, 'current_command', 'nobody commands a current')
+        return
+    if len(topic.publishers) > 1:
+        yield Finding(WARNING, 'current_command', f'{len(topic.publishers)} nodes may command: '
+                      f'{names}', 'only one may be active: deactivate the compensator while '
+                      'identification runs')
+    if not topic.subscribers:
+        yield Finding(PROBLEM, 'current_command', f'{names} commands, and nobody listens',
+                      'remap: -r current_command:=/its_controller/commands')
+        return
+    listeners = ', '.join(end.node for end in topic.subscribers)
+    largest = float(np.abs(seen.commands).max()) if seen.commands.size else 0.0
+    yield Finding(OK, 'current_command', f'{names} to {listeners}: '
+                  f'{len(seen.commands) / seen.seconds:.4g} Hz, up to {largest:.3g} A')
+    states = 0 if seen.states is None else len(seen.states.received)
+    if len(seen.commands) < 0.5 * states and 'compensator' in names:
+        yield Finding(WARNING, 'current_command', f'{len(seen.commands)} commands for {states} '
+                      'joint_states', 'the compensator commands once for each that it can use: '
+                      'look at its diagnostics')
+    if seen.commands.size and not np.isfinite(seen.commands).all():
+        yield Finding(PROBLEM, 'current_command', 'values that are not finite are commanded',
+                      f'stop {names}')
+
+
+def _driver(seen: Observation) -> Iterator[Finding]:
+    for end in seen.topic('current_command').subscribers:
+        timeouts = {name: value for name, value in seen.parameters.get(end.node, {}).items()
+                    if 'timeout' in name and isinstance(value, (int, float))}
+        if timeouts:
+            for name, value in timeouts.items():
+                yield Finding(
+                    WARNING if value <= 0 else OK, 'driver', f'{end.node}: {name} is {value:g}',
+                    'let the driver itself fall back to zero current in less than 0.1 s'
+                    if value <= 0 else '')
+        elif any(word in end.node for word in ('recorder', 'refinement', 'plant', 'doctor')):
+            continue
+        else:
+            yield Finding(
+                NOTE, 'driver', f'{end.node} has no parameter that names a command timeout',
+                'make sure that it falls back to zero current by itself: kill the compensator '
+                'with SIGKILL in a safe place and look at the current')
+
+
+def _direction(seen: Observation) -> Iterator[Finding]:
+    topic = seen.topic('direction')
+    if not topic.publishers:
+        if topic.subscribers:
+            yield Finding(NOTE, 'direction', _elsewhere(seen, 'direction')
+                          + ': no breakaway current is fed forward', 'start the exercise')
+        return
+    rate = len(seen.directions) / seen.seconds
+    timeout = _parameter(seen, 'direction_timeout', _DIRECTION_TIMEOUT)
+    odd = sorted({value for one in seen.directions for value in one} - {-1, 0, 1})
+    if odd:
+        yield Finding(WARNING, 'direction', f'holds {odd}, which count as 0', 'send -1, 0 or +1')
+    if rate * timeout < 1.5:
+        yield Finding(WARNING, 'direction', f'{rate:.3g} Hz, but it counts as 0 after {timeout:g} '
+                      's of silence', 'repeat the direction at 10 Hz and more')
+    else:
+        yield Finding(OK, 'direction', f'{rate:.3g} Hz')
+
+
+def _clocks(seen: Observation) -> Iterator[Finding]:
+    simulated = {node: bool(values['use_sim_time']) for node, values in seen.parameters.items()
+                 if 'use_sim_time' in values}
+    here = sorted(node for node, value in simulated.items() if value)
+    if here and not seen.clock:
+        yield Finding(PROBLEM, 'clocks', f'{", ".join(here)} waits for /clock, which does not tick',
+                      'start what publishes it, or set use_sim_time:=false')
+    real = sorted(node for node, value in simulated.items()
+                  if not value and 'compensator' in node)
+    if seen.clock and here and real:
+        yield Finding(PROBLEM, 'clocks', f'/clock ticks, but {", ".join(real)} does not follow it',
+                      'set use_sim_time:=true there')
+
+
+def _diagnostics(seen: Observation) -> Iterator[Finding]:
+    for name, (level, message) in seen.diagnostics.items():
+        if level in _LEVELS:
+            yield Finding(_LEVELS[level], name, message, 'see its log and /diagnostics')
+
+
+def _parameter(seen: Observation, name: str, default: float) -> float:
+    values = [found[name] for node, found in seen.parameters.items()
+              if name in found and 'compensator' in node]
+    return float(values[0]) if values else default

@@ -1,0 +1,118 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What can be seen of a machine and of a running system, before anything is made of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+OK, NOTE, WARNING, PROBLEM = 'ok', 'note', 'warning', 'problem'
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Parameters
+    ----------
+    level : str
+        `OK`, `NOTE`, `WARNING` or `PROBLEM`.
+    about : str
+        One or two words.
+    what : str
+        What was found.
+    do : str
+        What to do about it; empty where there is nothing to do.
+    """
+
+    level: str
+    about: str
+    what: str
+    do: str = ''
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """A publisher or subscription, with the quality of service that it offers or asks for."""
+
+    node: str
+    reliable: bool = True
+    lasting: bool = False
+
+
+@dataclass
+class TopicSeen:
+    """A topic: its types, and who publishes and subscribes."""
+
+    types: list[str] = field(default_factory=list)
+    publishers: list[Endpoint] = field(default_factory=list)
+    subscribers: list[Endpoint] = field(default_factory=list)
+
+
+@dataclass
+class StatesSeen:
+    """Joint states as they came.
+
+    Parameters
+    ----------
+    joints : list of str
+    received, stamp : ndarray, shape (N,)
+        System time and header stamp, s; a stamp of zero is an empty field.
+    position, velocity, effort : ndarray, shape (N, J)
+        NaN where there is none.
+    """
+
+    joints: list[str]
+    received: np.ndarray
+    stamp: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+@dataclass
+class Observation:
+    """A running system, as it was seen for some seconds.
+
+    Parameters
+    ----------
+    seconds : float
+        How long.
+    nodes : list of str
+        Full names.
+    topics : dict of str to TopicSeen
+        By full name.
+    names : dict of str to str
+        What the package's topics are called here: relative name to full name.
+    states : StatesSeen, optional
+    commands : ndarray, shape (M, J)
+        A.
+    directions : list of list of int
+    load : dict of str to ndarray, shape (K, 2)
+        By joint: system time in s and torque in N·m.
+    parameters : dict of str to dict
+        By node.
+    diagnostics : dict of str to (int, str)
+        The last level and message of each name.
+    clock : bool
+        Whether /clock ticks.
+    """
+
+    seconds: float
+    nodes: list[str] = field(default_factory=list)
+    topics: dict[str, TopicSeen] = field(default_factory=dict)
+    names: dict[str, str] = field(default_factory=dict)
+    states: StatesSeen | None = None
+    commands: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    directions: list[list[int]] = field(default_factory=list)
+    load: dict[str, np.ndarray] = field(default_factory=dict)
+    parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+    diagnostics: dict[str, tuple[int, str]] = field(default_factory=dict)
+    clock: bool = False
+
+    def topic(self, name: str) -> TopicSeen:
+        """Return a topic of the package by its relative name; empty where it is not there."""
+        return self.topics.get(self.names.get(name, name), TopicSeen())

@@ -1,0 +1,183 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Looks at a running system for some seconds, and touches nothing in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rcl_interfaces.srv import GetParameters, ListParameters
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import get_rmw_implementation_identifier
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
+
+from friction_comp.monitoring.checkup import TYPES
+from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
+
+NAME = 'friction_comp_doctor'
+# Hears every publisher.
+_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+# s that a node may take to tell its parameters, and the most parameters that are asked of one.
+_PATIENCE, _MOST = 3.0, 500
+
+
+def middleware() -> str:
+    """Return the name of the middleware in use."""
+    return get_rmw_implementation_identifier()
+
+
+def observe(seconds: float, arguments: list[str],
+            progress: Callable[[float, str], None]) -> Observation:
+    """Look at what runs.
+
+    Parameters
+    ----------
+    seconds : float
+    arguments : list of str
+        ROS arguments, for namespace and remappings.
+    progress : callable
+        Called with the share that is done and what is being done.
+    """
+    context = Context()
+    rclpy.init(args=['doctor', *arguments], context=context,
+               signal_handler_options=SignalHandlerOptions.NO)
+    node = Node(NAME, context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        return _Look(node, executor, seconds, progress).result()
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
+
+
+class _Look:
+    def __init__(self, node, executor, seconds, progress):
+        self._node, self._executor = node, executor
+        self._seconds, self._progress = seconds, progress
+        self._states, self._load, self._commands = [], {}, []
+        self.seen = Observation(seconds, names={
+            name: node.resolve_topic_name(name) for name in TYPES})
+        for kind, topic, take in (
+                (JointState, 'joint_states', self._on_state),
+                (Float64MultiArray, 'current_command', self._on_command),
+                (Int8MultiArray, 'direction', lambda m: self.seen.directions.append(
+                    [int(value) for value in m.data])),
+                (WrenchStamped, 'interaction_wrench', self._on_wrench),
+                (DiagnosticArray, '/diagnostics', self._on_diagnostics),
+                (Clock, '/clock', self._on_clock)):
+            node.create_subscription(kind, topic, take, _QOS)
+
+    def _on_state(self, message):
+        self._states.append((time.time(), message))
+
+    def _on_command(self, message):
+        self._commands.append(list(message.data))
+
+    def _on_wrench(self, message):
+        self._load.setdefault(message.header.frame_id, []).append(
+            (time.time(), message.wrench.torque.z))
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            self.seen.diagnostics[status.name] = ord(status.level), status.message
+
+    def _on_clock(self, message):
+        self.seen.clock = True
+
+    def result(self):
+        """Look, and return what was seen."""
+        begin = time.monotonic()
+        while (passed := time.monotonic() - begin) < self._seconds:
+            self._progress(0.8 * passed / self._seconds, 'listens')
+            self._executor.spin_once(timeout_sec=0.05)
+        seen = self.seen
+        seen.nodes = sorted(
+            f'{space.rstrip("/")}/{name}'
+            for name, space in self._node.get_node_names_and_namespaces()
+            if name != NAME and not name.startswith('_'))
+        self._see_topics()
+        seen.states = _states_of(self._states)
+        width = max(map(len, self._commands), default=0)
+        seen.commands = np.array([one for one in self._commands if len(one) == width])
+        seen.load = {joint: np.array(values) for joint, values in self._load.items()}
+        for number, name in enumerate(seen.nodes):
+            self._progress(0.8 + 0.2 * number / len(seen.nodes), f'asks {name}')
+            seen.parameters[name] = self._parameters(name)
+        return seen
+
+    def _see_topics(self):
+        wanted = {*TYPES.values()}
+        for name, types in self._node.get_topic_names_and_types():
+            if not wanted & set(types):
+                continue
+            self.seen.topics[name] = TopicSeen(
+                list(types),
+                self._ends(self._node.get_publishers_info_by_topic(name)),
+                self._ends(self._node.get_subscriptions_info_by_topic(name)))
+
+    @staticmethod
+    def _ends(infos):
+        return [Endpoint(
+            f'{info.node_namespace.rstrip("/")}/{info.node_name}',
+            info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
+            info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+            for info in infos if info.node_name != NAME]
+
+    def _parameters(self, name):
+        """Return a node's parameters; empty where it does not tell them."""
+        listed = self._call(ListParameters, f'{name}/list_parameters', ListParameters.Request())
+        names = list(listed.result.names)[:_MOST] if listed else []
+        values = self._call(GetParameters, f'{name}/get_parameters',
+                            GetParameters.Request(names=names)) if names else None
+        if values is None:
+            return {}
+        return dict(zip(names, map(parameter_value_to_python, values.values)))
+
+    def _call(self, kind, name, request):
+        client = self._node.create_client(kind, name)
+        try:
+            end = time.monotonic() + _PATIENCE
+            while not client.service_is_ready():
+                if time.monotonic() > end:
+                    return None
+                self._executor.spin_once(timeout_sec=0.05)
+            future = client.call_async(request)
+            while not future.done():
+                if time.monotonic() > end:
+                    return None
+                self._executor.spin_once(timeout_sec=0.05)
+            return future.result()
+        finally:
+            self._node.destroy_client(client)
+
+
+def _states_of(messages):
+    """Return joint states as arrays; None where none came."""
+    if not messages:
+        return None
+    joints = list(dict.fromkeys(name for _, message in messages for name in message.name))
+    places = {joint: number for number, joint in enumerate(joints)}
+    table = np.full((3, len(messages), len(joints)), math.nan)
+    stamps = np.empty(len(messages))
+    for row, (_, message) in enumerate(messages):
+        stamps[row] = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        columns = [places[name] for name in message.name]
+        for which, values in enumerate((message.position, message.velocity, message.effort)):
+            if len(values) == len(columns):
+                table[which, row, columns] = values
+    return StatesSeen(joints, np.array([received for received, _ in messages]), stamps, *table)

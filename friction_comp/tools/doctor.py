@@ -1,0 +1,187 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``doctor``: what is installed and running, what is wrong with it, and what to do.
+
+Ends with 0 when nothing is wrong (warnings included), 1 when there is a problem, 2 when an
+argument cannot be used. It only looks: it publishes, calls and changes nothing that moves.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+import importlib.metadata
+import importlib.util
+import os
+from pathlib import Path
+import platform
+import sys
+from typing import TYPE_CHECKING
+
+from friction_comp.errors import InputError
+from friction_comp.package_files import name_this_environment
+from friction_comp.tools.common import Arguments, positive, progress, to_json
+
+if TYPE_CHECKING:
+    from friction_comp.monitoring.observation import Finding, Observation
+
+# Module, distribution on PyPI, what it is for, and whether the package can do without it.
+_PACKAGES = (
+    ('numpy', 'numpy', '', False), ('scipy', 'scipy', '', False), ('numba', 'numba', '', False),
+    ('yaml', 'PyYAML', '', False), ('matplotlib', 'matplotlib', '', False),
+    ('rich', 'rich', '', False), ('rosbags', 'rosbags', '', False),
+    ('pinocchio', 'pin', 'refine --urdf', True))
+_ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
+_STYLES = {'ok': ('green', 'ok'), 'note': ('cyan', 'note'), 'warning': ('yellow', 'warning'),
+           'problem': ('bold red', 'PROBLEM')}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Look and report.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The process's own arguments by default.
+
+    Returns
+    -------
+    int
+        0 when nothing is wrong, 1 when there is a problem.
+
+    Raises
+    ------
+    InputError
+        If a model file cannot be used.
+    """
+    given = list(sys.argv[1:] if argv is None else argv)
+    parser = Arguments('doctor', __doc__)
+    parser.add_argument('--seconds', type=positive, default=5.0,
+                        help='how long to look at what runs (%(default)s)')
+    parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
+                        help="model files to compare with live data; the compensator's without")
+    parser.add_argument('--installed', action='store_true',
+                        help='look at this machine only, not at what runs')
+    parser.add_argument('--json', action='store_true', help='print findings as JSON')
+    arguments = parser.parse(given)
+    from friction_comp.monitoring.observation import PROBLEM
+
+    findings = list(check_machine())
+    broken = any(finding.level == PROBLEM for finding in findings)
+    if not arguments.installed and not broken:
+        ros = given[given.index('--ros-args'):] if '--ros-args' in given else []
+        findings += look(arguments, ros)
+    if arguments.json:
+        print(to_json({'findings': [vars(finding) for finding in findings]}), end='')
+    else:
+        _print(findings)
+    return int(any(finding.level == PROBLEM for finding in findings))
+
+
+def check_machine() -> Iterator[Finding]:
+    """Give what there is to say about this machine."""
+    from friction_comp.monitoring.observation import Finding, NOTE, OK, PROBLEM, WARNING
+
+    yield Finding(OK, 'Python', f'{platform.python_version()}, {sys.executable}')
+    for module, name, use, optional in _PACKAGES:
+        if importlib.util.find_spec(module) is None:
+            yield Finding(NOTE if optional else PROBLEM, name,
+                          'not installed' + (f'; it is for {use}' if use else ''),
+                          f'pip install {name}')
+        elif not optional:
+            yield Finding(OK, name, _version(name))
+    missing = [name for name in _ROS if importlib.util.find_spec(name) is None]
+    if missing:
+        yield Finding(PROBLEM, 'ROS 2', f'no {", ".join(missing)}', 'source a ROS 2 '
+                      'installation, or use the environment that `make setup` makes')
+    else:
+        yield Finding(OK, 'ROS 2', os.environ.get('ROS_DISTRO', 'from wheels in this environment'))
+        yield from _interfaces()
+    load = os.getloadavg()[0] / (os.cpu_count() or 1)
+    if load > 1.0:
+        yield Finding(WARNING, 'load', f'{load:.1f} processes wait for each processor core',
+                      'nothing else should run beside a control loop')
+
+
+def _interfaces() -> Iterator[Finding]:
+    from friction_comp.monitoring.observation import Finding, OK, PROBLEM
+
+    name_this_environment()
+    try:
+        action = importlib.import_module('friction_comp_interfaces.action')
+        wanted = [name for name in ('IdentifyFriction', 'RefineModel')
+                  if not hasattr(action, name)]
+    except ImportError:
+        wanted = ['friction_comp_interfaces']
+    if wanted:
+        yield Finding(PROBLEM, 'actions', f'no {", ".join(wanted)}',
+                      'build the package anew: make setup, or colcon build')
+    else:
+        yield Finding(OK, 'actions', 'IdentifyFriction, RefineModel')
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return 'installed by the system'
+
+
+def look(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
+    """Return what there is to say about what runs."""
+    from friction_comp.monitoring.checkup import check_system
+    from friction_comp.monitoring.observation import Finding, OK
+    from friction_comp.nodes.system_probe import middleware, observe
+
+    variables = ', '.join(f'{name}={os.environ[name]}' for name in (
+        'ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_STATIC_PEERS', 'ROS_LOCALHOST_ONLY')
+        if name in os.environ)
+    findings = [Finding(
+        OK, 'middleware', f'{middleware()}; {variables or "domain 0, all defaults"}')]
+    with progress('looks') as report:
+        seen = observe(arguments.seconds, ros, report)
+    return findings + check_system(seen) + _models(seen, arguments.model)
+
+
+def _models(seen: Observation, paths: list[Path]) -> list[Finding]:
+    """Return how the models fit that were given, or that the compensator uses."""
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.monitoring.check_model import check_joint
+    from friction_comp.monitoring.observation import Finding, PROBLEM
+
+    pairs = []
+    if paths:
+        models = [FrictionModel.load(path) for path in paths]
+        joints = seen.states.joints if seen.states else []
+        pairs = [(model.joint if model.joint in joints or number >= len(joints)
+                  else joints[number], model) for number, model in enumerate(models)]
+    findings: list[Finding] = []
+    for node, values in seen.parameters.items():
+        if paths or 'compensator' not in node:
+            continue
+        for joint, path in zip(values.get('joints') or (), values.get('model_files') or ()):
+            try:
+                pairs.append((joint, FrictionModel.load(path)))
+            except InputError as error:
+                findings.append(Finding(PROBLEM, joint, str(error),
+                                        'look whether the file is on this machine too'))
+    if not seen.states:
+        return findings
+    return findings + [one for joint, model in pairs for one in check_joint(seen, joint, model)]
+
+
+def _print(findings: list[Finding]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for _ in range(3):
+        table.add_column(overflow='fold')
+    for finding in findings:
+        style, word = _STYLES[finding.level]
+        do = f'\n→ {finding.do}' if finding.do else ''
+        table.add_row(f'[{style}]{word}[/{style}]', finding.about.replace('[', r'\['),
+                      (finding.what + do).replace('[', r'\['))
+    Console(highlight=False).print(table)
+    count = {level: sum(finding.level == level for finding in findings) for level in _STYLES}
+    print(f"{count['problem']} problems, {count['warning']} warnings")

@@ -1,0 +1,170 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The doctor names what is wrong with a system, and nothing where all is well."""
+
+from dataclasses import replace
+import json
+
+import numpy as np
+import pytest
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring.check_model import check_joint
+from friction_comp.monitoring.checkup import check_system, TYPES
+from friction_comp.monitoring.observation import (
+    Endpoint,
+    Observation,
+    PROBLEM,
+    StatesSeen,
+    TopicSeen,
+    WARNING,
+)
+from friction_comp.package_files import package_file
+from friction_comp.tools import doctor
+
+MODEL = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
+JOINT = 'elbow'
+
+
+def states(seconds=30.0, rate=500.0, sign=1.0, velocity_sign=1.0, share=1.0):
+    time = 1e9 + np.arange(0.0, seconds, 1.0 / rate)
+    position = 0.5 * np.sin(1.3 * (time - 1e9))
+    velocity = np.gradient(position, time)
+    effort = sign * share * MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current
+    return StatesSeen([JOINT], time + 1e-3, time, position[:, None],
+                      velocity_sign * velocity[:, None], effort[:, None])
+
+
+def healthy():
+    """Return a system in which nothing is wrong: a motor moves the joint."""
+    driver, commander = Endpoint('/driver'), Endpoint('/controller')
+    return Observation(
+        30.0, nodes=['/driver', '/controller'], names={name: f'/{name}' for name in TYPES},
+        topics={'/joint_states': TopicSeen([TYPES['joint_states']], [driver], [commander]),
+                '/current_command': TopicSeen([TYPES['current_command']], [commander], [driver])},
+        states=states(), commands=np.zeros((15000, 1)),
+        parameters={'/driver': {'command_timeout': 0.1, 'use_sim_time': False}})
+
+
+def wrong(seen, *levels):
+    return [finding for finding in check_system(seen) if finding.level in (
+        levels or (PROBLEM, WARNING))]
+
+
+def test_a_healthy_system_has_no_problem_and_no_warning():
+    assert wrong(healthy()) == []
+    assert {finding.level for finding in check_joint(healthy(), JOINT, MODEL)} == {'ok'}
+
+
+def without_listener(seen):
+    seen.topics['/current_command'].subscribers.clear()
+
+
+def second_commander(seen):
+    seen.topics['/current_command'].publishers.append(Endpoint('/compensator'))
+
+
+def reliable_wanted(seen):
+    seen.topics['/joint_states'].publishers[:] = [Endpoint('/driver', reliable=False)]
+
+
+def other_name(seen):
+    seen.topics['/robot/joint_states'] = seen.topics.pop('/joint_states')
+    seen.states = None
+
+
+def held_up(seen):
+    received = seen.states.received.copy()
+    received[7000:] += 0.2
+    seen.states = replace(seen.states, received=received, stamp=received - 1e-3)
+
+
+def another_clock(seen):
+    seen.states = replace(seen.states, received=seen.states.received + 3.0)
+
+
+def no_tick(seen):
+    seen.parameters['/compensator'] = {'use_sim_time': True}
+
+
+def turned_velocity(seen):
+    seen.states = states(velocity_sign=-1.0)
+
+
+def no_effort(seen):
+    seen.states.effort[:] = np.nan
+
+
+def no_timeout(seen):
+    seen.parameters['/driver']['command_timeout'] = 0.0
+
+
+def odd_direction(seen):
+    seen.topics['/direction'] = TopicSeen([TYPES['direction']], [Endpoint('/exercise')], [])
+    seen.directions = [[2]] * 300
+
+
+def complaint(seen):
+    seen.diagnostics['compensator'] = 2, 'no joint_states'
+
+
+@pytest.mark.parametrize(('harm', 'about', 'words'), [
+    (without_listener, 'current_command', 'nobody listens'),
+    (second_commander, 'current_command', 'may command'),
+    (reliable_wanted, 'QoS', 'best effort'),
+    (other_name, 'joint_states', '/robot/joint_states'),
+    (held_up, 'rate', 'longest gap'),
+    (another_clock, 'clocks', 'old'),
+    (no_tick, 'clocks', '/clock'),
+    (turned_velocity, JOINT, '-1 times'),
+    (no_effort, JOINT, 'no effort'),
+    (no_timeout, 'driver', 'command_timeout'),
+    (odd_direction, 'direction', '[2]'),
+    (complaint, 'compensator', 'no joint_states')])
+def test_each_harm_is_named_with_what_to_do(harm, about, words):
+    seen = healthy()
+    harm(seen)
+    found = [finding for finding in wrong(seen) if finding.about == about]
+    assert any(words in finding.what for finding in found), wrong(seen)
+    assert all(finding.do for finding in found)
+
+
+def test_a_current_against_the_motion_is_a_problem_before_any_model_is_compared():
+    seen = healthy()
+    seen.states = states(sign=-1.0)
+    found = check_joint(seen, JOINT, MODEL)
+    assert [finding.level for finding in found] == [PROBLEM]
+    assert 'sign' in found[0].do
+
+
+def test_half_the_current_is_a_model_that_does_not_fit():
+    seen = healthy()
+    seen.states = states(share=0.5)
+    found = check_joint(seen, JOINT, MODEL)
+    assert found[-1].level == WARNING
+    assert '50 % lower' in found[-1].what
+
+
+def test_under_a_compensator_only_a_measured_load_tells_about_the_model():
+    seen = healthy()
+    seen.topics['/current_command'].publishers[:] = [Endpoint('/compensator')]
+    found = check_joint(seen, JOINT, MODEL)
+    assert 'no load is measured' in found[0].what
+    seen.load[JOINT] = np.column_stack((seen.states.received, np.zeros(len(
+        seen.states.received))))
+    assert {finding.level for finding in check_joint(seen, JOINT, MODEL)} == {'ok'}
+
+
+def test_without_a_running_system_it_says_so_and_ends_well():
+    found = check_system(Observation(1.0))
+    assert [finding.level for finding in found] == ['note']
+    assert 'ROS_DOMAIN_ID' in found[0].do
+
+
+def test_the_machine_alone(capsys, monkeypatch):
+    assert doctor.main(['--installed', '--json']) in (0, 1)
+    findings = json.loads(capsys.readouterr().out)['findings']
+    assert {'Python', 'numpy', 'ROS 2'} <= {finding['about'] for finding in findings}
+    monkeypatch.setattr(doctor, '_PACKAGES', (('no_such_module', 'nothing', '', False),))
+    assert doctor.main(['--installed']) == 1
+    assert 'pip install nothing' in capsys.readouterr().out

@@ -1,0 +1,42 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The doctor over DDS: a driver with its velocity the wrong way round, and a silent system."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from ros_system import BEST_EFFORT, joint_state, probe_node, RELIABLE, ROOT
+from sensor_msgs.msg import JointState
+
+pytestmark = pytest.mark.slow
+
+
+def test_finds_the_sign_and_who_publishes(tmp_path):
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT), 'ROS_LOG_DIR': str(tmp_path)}
+    with probe_node() as probe:
+        publisher = probe.talk(JointState, 'arm/joint_states', BEST_EFFORT)
+        probe.listen(JointState, 'arm/joint_states', RELIABLE)
+        doctor = subprocess.Popen(
+            [sys.executable, '-m', 'friction_comp', 'doctor', '--seconds', '4', '--json',
+             '--ros-args', '-r', '__ns:=/arm'],
+            stdout=subprocess.PIPE, text=True, env=environment)
+        while doctor.poll() is None:
+            now = time.time_ns()
+            t = now * 1e-9 % 1000.0
+            publisher.publish(joint_state(
+                now, ['elbow'], [np.sin(2.0 * t)], [-2.0 * np.cos(2.0 * t)], [0.0]))
+            probe.spin_for(0.004)
+        findings = json.loads(doctor.stdout.read())['findings']
+    assert doctor.returncode == 1
+    problems = [f"{one['about']}: {one['what']}" for one in findings if one['level'] == 'problem']
+    assert any('elbow: position changes by -1' in line for line in problems), problems
+    assert any('QoS' in line and 'best effort' in line for line in problems), problems
+    assert all(one['do'] for one in findings if one['level'] == 'problem')
