@@ -133,6 +133,27 @@ def test_what_cannot_be_used_gives_one_line_and_nothing_written(refined, argumen
     assert not (refined / 'bad').exists()
 
 
+def test_a_joint_that_stands_still_is_left_out_and_a_gripper_may_be_there(refined, tmp_path,
+                                                                        capsys):
+    """Only the last joint moves; two recordings; a gripper without effort beside the arm."""
+    for number, name in enumerate(('one', 'two')):
+        rng = np.random.default_rng(20 + number)
+        motion = waves(rng, 1200, 3, 0.01)
+        for values, place in zip(motion, (0.3, 0.0, 0.0)):
+            values[:, :2] = place
+        joints = recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
+        finger = joints[0].with_(joint='finger', current=np.zeros(1200), arm=None)
+        write_samples(tmp_path / name, [*joints, finger])
+    assert refine_tool.main([
+        str(tmp_path / 'one'), str(tmp_path / 'two'), '--urdf', str(refined / 'arm.urdf'),
+        '--output', str(tmp_path / 'out')]) == 0
+    whole = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
+    assert list(whole['joints']) == ['bend']
+    assert whole['joints']['bend']['after']['held_out_rmse'] < 0.04
+    assert "'finger' is not in the URDF" in capsys.readouterr().out
+    assert any("'turn'" in line and 'moves' in line for line in whole['arm']['notes'])
+
+
 # The compensator.
 
 

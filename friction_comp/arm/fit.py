@@ -241,6 +241,8 @@ def _problem(chain, joints, settings, most_rows):
     moving = np.abs(v) > _STILL * top
     # Stiction takes any value at rest; a joint that hardly ever moves has nothing else to show.
     counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
+    # A gripper's effort that is never anything but zero tells nothing.
+    counts &= np.ptp(current, axis=0) > 0.0
     return _Problem(
         chain.regressor(q, v, a), friction, current, counts.astype(float),
         stretches_of(joints[0].recording)[rows],
@@ -260,6 +262,8 @@ def _usual_scale(problem, bodies):
     torque = problem.regressor @ bodies.known.ravel()
     for joint in range(problem.current.shape[1]):
         rows = problem.counts[:, joint] > 0
+        if not rows.any():
+            continue
         matrix = np.column_stack((torque[rows, joint], problem.friction[rows, joint]))
         norm = np.linalg.norm(matrix, axis=0) + 1e-300
         found = np.linalg.lstsq(matrix / norm, problem.current[rows, joint], rcond=1e-9)[0]
@@ -289,6 +293,8 @@ def _settle(problem, prior, x, rounds=3):
         residual = problem.current - predict(x, prior.bodies, problem.regressor, problem.friction)
         for joint in range(residual.shape[1]):
             rows = problem.counts[:, joint] > 0
+            if not rows.any():
+                continue
             problem.weights[:, joint] = problem.counts[:, joint] * huber_weights(
                 residual[:, joint], rows)
     return x

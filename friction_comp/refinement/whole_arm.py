@@ -105,7 +105,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | PathLike[str],
                   lambda share: report(_BODIES * share, 'rigid bodies'))
     arm = Arm(tree=fit.tree, differentiation=fit.differentiation)
     wanted = list(only or names)
-    results = {}
+    results, failed = {}, ''
     for number, name in enumerate(wanted):
         def told(share, word, number=number, name=name):
             report(_BODIES + (1.0 - _BODIES) * (number + share) / len(wanted), f'{name}: {word}')
@@ -114,10 +114,14 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | PathLike[str],
         try:
             result = refine([samples], models.get(name), drives.get(name), told)
         except InputError as error:
-            raise InputError(f'joint {name!r}: {error}') from None
+            failed = f'joint {name!r}: {error}'
+            notes.append(failed)
+            continue
         if any('rigid_body' in effect.needs for effect in result.model.effects):
             result.model.arm = arm
         results[name] = result
+    if not results:
+        raise InputError(failed)
     return ArmResult(fit, results, notes)
 
 
