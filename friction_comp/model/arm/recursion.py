@@ -10,35 +10,105 @@ from __future__ import annotations
 from numba import njit
 import numpy as np
 
-
-@njit(cache=True)
-def turned(axis: np.ndarray, angle: float, vector: np.ndarray) -> np.ndarray:
-    """Return a vector turned about a unit axis by an angle (Rodrigues)."""
-    c, s = np.cos(angle), np.sin(angle)
-    along = (axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]) * (1.0 - c)
-    side = cross(axis, vector)
-    return c * vector + s * side + along * axis
+# Three numbers in a tuple, which cost no memory from the heap.
+Vector = tuple[float, float, float]
 
 
 @njit(cache=True)
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def cross(a: Vector, b: Vector) -> Vector:
     """Return the vector product."""
-    return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-                     a[0] * b[1] - a[1] * b[0]))
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @njit(cache=True)
-def inertia_times(parameters: np.ndarray, vector: np.ndarray) -> np.ndarray:
+def plus(a: Vector, b: Vector) -> Vector:
+    """Return the sum of two vectors."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@njit(cache=True)
+def times(factor: float, a: Vector) -> Vector:
+    """Return a vector times a number."""
+    return (factor * a[0], factor * a[1], factor * a[2])
+
+
+@njit(cache=True)
+def along(a: Vector, b: Vector) -> float:
+    """Return the scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def row(values: np.ndarray, k: int) -> Vector:
+    """Return a row of an array, shape (L, 3), as a vector."""
+    return (values[k, 0], values[k, 1], values[k, 2])
+
+
+@njit(cache=True)
+def put(values: np.ndarray, k: int, a: Vector) -> None:
+    """Write a vector into a row of an array, shape (L, 3)."""
+    values[k, 0], values[k, 1], values[k, 2] = a[0], a[1], a[2]
+
+
+@njit(cache=True)
+def out_of(r: np.ndarray, a: Vector) -> Vector:
+    """Return a vector of a joint's frame in that of its parent, by the rotation r."""
+    return (r[0, 0] * a[0] + r[0, 1] * a[1] + r[0, 2] * a[2],
+            r[1, 0] * a[0] + r[1, 1] * a[1] + r[1, 2] * a[2],
+            r[2, 0] * a[0] + r[2, 1] * a[1] + r[2, 2] * a[2])
+
+
+@njit(cache=True)
+def into(r: np.ndarray, a: Vector) -> Vector:
+    """Return a vector of the parent's frame in that of the joint, by the rotation r."""
+    return (r[0, 0] * a[0] + r[1, 0] * a[1] + r[2, 0] * a[2],
+            r[0, 1] * a[0] + r[1, 1] * a[1] + r[2, 1] * a[2],
+            r[0, 2] * a[0] + r[1, 2] * a[1] + r[2, 2] * a[2])
+
+
+@njit(cache=True)
+def turned(axis: Vector, c: float, s: float, a: Vector) -> Vector:
+    """Return a vector turned about a unit axis by an angle of cosine c and sine s (Rodrigues)."""
+    side = cross(axis, a)
+    share = along(axis, a) * (1.0 - c)
+    return (c * a[0] + s * side[0] + share * axis[0], c * a[1] + s * side[1] + share * axis[1],
+            c * a[2] + s * side[2] + share * axis[2])
+
+
+@njit(cache=True)
+def inertia_times(p: np.ndarray, a: Vector) -> Vector:
     """Return the product of a link's inertia about its joint's origin with a vector."""
-    xx, xy, yy, xz, yz, zz = parameters[4:]
-    x, y, z = vector
-    return np.array((xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z))
+    return (p[4] * a[0] + p[5] * a[1] + p[7] * a[2], p[5] * a[0] + p[6] * a[1] + p[8] * a[2],
+            p[7] * a[0] + p[8] * a[1] + p[9] * a[2])
+
+
+@njit(cache=True)
+def gather(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndarray, places: np.ndarray,
+           axes: np.ndarray, q: np.ndarray, force: np.ndarray, moment: np.ndarray,
+           torques: np.ndarray) -> None:
+    """Hand each link's force and moment down to its parent, and read off the joints' torques."""
+    for k in range(len(parents) - 1, -1, -1):
+        axis, r, parent = row(axes, k), rotations[k], parents[k]
+        f, t = row(force, k), row(moment, k)
+        if prismatic[k]:
+            torques[k] = along(axis, f)
+            t = plus(t, cross(times(q[k], axis), f))
+        else:
+            torques[k] = along(axis, t)
+            c, s = np.cos(q[k]), np.sin(q[k])
+            f, t = turned(axis, c, s, f), turned(axis, c, s, t)
+        if parent >= 0:
+            f = out_of(r, f)
+            t = plus(out_of(r, t), cross(row(places, k), f))
+            put(force, parent, plus(row(force, parent), f))
+            put(moment, parent, plus(row(moment, parent), t))
 
 
 @njit(cache=True)
 def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndarray,
-                  places: np.ndarray, axes: np.ndarray, parameters: np.ndarray, gravity: np.ndarray,
-                  q: np.ndarray, v: np.ndarray, a: np.ndarray, torques: np.ndarray) -> None:
+                  places: np.ndarray, axes: np.ndarray, parameters: np.ndarray,
+                  gravity: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray,
+                  torques: np.ndarray) -> None:
     """Compute the torque that every joint has to supply in every sample.
 
     Parameters
@@ -65,47 +135,38 @@ def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndar
     force, moment = np.zeros((size, 3)), np.zeros((size, 3))
     for n in range(len(q)):
         for k in range(size):
-            axis, back, parent = axes[k], rotations[k].T, parents[k]
+            axis, r, place, parent = row(axes, k), rotations[k], row(places, k), parents[k]
             if parent < 0:
-                w, dw = np.zeros(3), np.zeros(3)
-                u, du = np.zeros(3), -gravity
+                w, dw, u = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+                du = (-gravity[0], -gravity[1], -gravity[2])
             else:
-                w, dw, u, du = spin[parent], turn[parent], rate[parent], lift[parent]
-            place = places[k]
+                w, dw = row(spin, parent), row(turn, parent)
+                u, du = row(rate, parent), row(lift, parent)
             # The parent's motion at this joint's origin; u and du are spatial, not of a point.
-            u, du = back @ (u + cross(w, place)), back @ (du + cross(dw, place))
-            w, dw = back @ w, back @ dw
+            u, du = into(r, plus(u, cross(w, place))), into(r, plus(du, cross(dw, place)))
+            w, dw = into(r, w), into(r, dw)
+            own = times(v[n, k], axis)
             if prismatic[k]:
-                shift = axis * q[n, k]
-                u, du = u + cross(w, shift), du + cross(dw, shift)
-                du = du + axis * a[n, k] + cross(w, axis * v[n, k])
-                u = u + axis * v[n, k]
+                shift = times(q[n, k], axis)
+                u, du = plus(u, cross(w, shift)), plus(du, cross(dw, shift))
+                du = plus(plus(du, times(a[n, k], axis)), cross(w, own))
+                u = plus(u, own)
             else:
-                angle = -q[n, k]
-                u, du = turned(axis, angle, u), turned(axis, angle, du)
-                w, dw = turned(axis, angle, w), turned(axis, angle, dw)
-                own = axis * v[n, k]
-                du = du + cross(u, own)
-                dw = dw + axis * a[n, k] + cross(w, own)
-                w = w + own
-            spin[k], turn[k], rate[k], lift[k] = w, dw, u, du
-            m, h = parameters[k, 0], parameters[k, 1:4]
-            p = m * u + cross(w, h)
-            angular = inertia_times(parameters[k], w) + cross(h, u)
-            force[k] = m * du + cross(dw, h) + cross(w, p)
-            moment[k] = (inertia_times(parameters[k], dw) + cross(h, du) + cross(w, angular)
-                         + cross(u, p))
-        for k in range(size - 1, -1, -1):
-            axis, parent = axes[k], parents[k]
-            f, t = force[k], moment[k]
-            if prismatic[k]:
-                torques[n, k] = axis[0] * f[0] + axis[1] * f[1] + axis[2] * f[2]
-                t = t + cross(axis * q[n, k], f)
-            else:
-                torques[n, k] = axis[0] * t[0] + axis[1] * t[1] + axis[2] * t[2]
-                f, t = turned(axis, q[n, k], f), turned(axis, q[n, k], t)
-            if parent >= 0:
-                f = rotations[k] @ f
-                t = rotations[k] @ t + cross(places[k], f)
-                force[parent] = force[parent] + f
-                moment[parent] = moment[parent] + t
+                c, s = np.cos(q[n, k]), -np.sin(q[n, k])
+                u, du = turned(axis, c, s, u), turned(axis, c, s, du)
+                w, dw = turned(axis, c, s, w), turned(axis, c, s, dw)
+                du = plus(du, cross(u, own))
+                dw = plus(plus(dw, times(a[n, k], axis)), cross(w, own))
+                w = plus(w, own)
+            put(spin, k, w)
+            put(turn, k, dw)
+            put(rate, k, u)
+            put(lift, k, du)
+            link = parameters[k]
+            m, h = link[0], (link[1], link[2], link[3])
+            p = plus(times(m, u), cross(w, h))
+            angular = plus(inertia_times(link, w), cross(h, u))
+            put(force, k, plus(plus(times(m, du), cross(dw, h)), cross(w, p)))
+            put(moment, k, plus(plus(inertia_times(link, dw), cross(h, du)),
+                                plus(cross(w, angular), cross(u, p))))
+        gather(parents, prismatic, rotations, places, axes, q[n], force, moment, torques[n])
