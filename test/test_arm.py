@@ -177,6 +177,20 @@ def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path)
         assert found.tree.weight(q) == pytest.approx(true.weight(q), rel=0.1, abs=0.3)
 
 
+@pytest.mark.parametrize('turn, fall', [
+    ('0 0 0', (0, 0, -1)), ('0 1.5707963267948966 0', (1, 0, 0)),
+    ('3.141592653589793 0 0', (0, 0, 1))])
+def test_an_arm_on_a_wall_or_a_ceiling_is_seen_to_be(pinocchio, tmp_path, turn, fall):
+    mounted = small_arm((5.0, 2.2, 2.6)).replace('<robot name="small">', (
+        '<robot name="small"><link name="room"/><joint name="mount" type="fixed"><parent '
+        f'link="room"/><child link="base"/><origin xyz="0 0 0" rpy="{turn}"/></joint>'))
+    rng = np.random.default_rng(9)
+    joints = recorded(mounted, PLANE, waves(rng, 2000, 3, 0.01), SCALES, FRICTION, rng)
+    found = fit_arm(chain_of(tmp_path, small_arm(), PLANE), joints)
+    assert found.tree.gravity / 9.81 == pytest.approx(fall, abs=1e-9)
+    assert (found.held_out < 0.05).all()
+
+
 def test_efforts_of_the_other_sign_are_named(pinocchio, tmp_path):
     joints, _ = simulated(6, 1500)
     joints = [one.with_(current=-one.current) for one in joints]

@@ -12,6 +12,7 @@ the motion does not show stay at the URDF's figures, and every π is that of pos
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from friction_comp.arm.robust import huber_weights, stretches_of
 from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unknowns
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
-from friction_comp.model.arm.tree import Tree
+from friction_comp.model.arm.tree import FREE_FALL, Tree
 from friction_comp.samples import Samples
 
 FEWEST = 200
@@ -31,6 +32,8 @@ _FIRST_STRENGTH = 100.0
 # Held-out errors that differ by less are as good as each other; the URDF is believed then.
 _AS_GOOD = 0.01
 _FOLDS = 3
+# Another direction of gravity than the URDF's has to lower errors by this share.
+_CLEARLY_BETTER = 0.15
 # Friction of an arm's joint turns round within this share of its usual top speed.
 _TRANSITION, _STILL = 0.03, 0.01
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
@@ -166,17 +169,9 @@ def fit_arm(chain, joints, declared=None, progress=None):
         raise InputError(f'{len(joints[0])} samples are too few for an arm: at least {FEWEST} '
                          'are needed')
     bodies = Bodies(chain.tree.parameters)
-    choices = _settings(joints)
-    best = None
-    for number, settings in enumerate(choices):
-        problem = _problem(chain, joints, settings, _MOST_ROWS['choice'])
-        prior = _prior(problem, bodies, _FIRST_STRENGTH, declared)
-        x = _settle(problem, prior, _start(problem, prior))
-        errors = _held_out(problem, prior, x)
-        quality = float(np.mean(np.log(errors)))
-        if best is None or quality < best[0]:
-            best = (quality, settings, problem, prior, x)
-        report(0.6 * (number + 1) / len(choices))
+    best = _best_settings(chain, joints, bodies, declared, lambda share: report(0.5 * share))
+    chain, best = _mounted(chain, joints, bodies, best, declared)
+    report(0.7)
     _, settings, problem, prior, x = best
     prior, errors = _choose_strength(problem, prior, x)
     matrices = problem.matrices()
@@ -200,6 +195,66 @@ def fit_arm(chain, joints, declared=None, progress=None):
         tree, chain.tree, scales,
         np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
         prior.strength, errors, without, identifiable(whole.regressor), unseen)
+
+
+def _best_settings(chain, joints, bodies, declared, report):
+    """Return the trial with the differentiation that suits best, or None where none does."""
+    best, choices = None, _settings(joints)
+    for number, settings in enumerate(choices):
+        best = _better(best, _trial(chain, joints, settings, bodies, declared))
+        report((number + 1) / len(choices))
+    return best
+
+
+def _trial(chain, joints, settings, bodies, declared):
+    """Return the mean logarithm of the held-out errors and all that gave it, or None.
+
+    None is for an arm that asks of no joint what its current shows.
+    """
+    problem = _problem(chain, joints, settings, _MOST_ROWS['choice'])
+    usual = _usual_scale(problem, bodies)
+    if usual is None:
+        return None
+    if declared is None:
+        prior = Prior(bodies, _FIRST_STRENGTH, np.full(len(joints), np.log(usual)), _UNKNOWN_WIDTH)
+    else:
+        prior = Prior(bodies, _FIRST_STRENGTH, np.log(declared), _DECLARED_WIDTH)
+    unknowns = Unknowns(len(joints))
+    x = np.zeros(unknowns.size)
+    x[unknowns.scales] = prior.log_scale
+    x = _settle(problem, prior, x)
+    return float(np.mean(np.log(_held_out(problem, prior, x)))), settings, problem, prior, x
+
+
+def _better(old, new, by=0.0):
+    """Return the trial with the smaller errors; a new one has to be better by a share."""
+    if old is None or new is None:
+        return new or old
+    return new if new[0] < old[0] - by else old
+
+
+def _mounted(chain, joints, bodies, best, declared):
+    """Return the arm with gravity in the direction that the recording shows, and its trial.
+
+    An arm may hang from a wall or a ceiling while its URDF begins at its own base. Another
+    direction than the URDF's is taken only where stretches not fitted leave no doubt.
+    """
+    mounted = other = None
+    settings = best[1] if best else _settings(joints)[-1]
+    for direction in product((-1.0, 0.0, 1.0), repeat=3):
+        length = np.linalg.norm(direction)
+        if not 0.0 < length < 1.5:
+            continue
+        twin = chain.falling(np.array(direction) * np.linalg.norm(FREE_FALL) / length)
+        trial = _trial(twin, joints, settings, bodies, declared)
+        if trial is not None and _better(other, trial) is trial:
+            mounted, other = twin, trial
+    if other is None:
+        raise InputError('the currents go against what the URDF says of every joint: it is the '
+                         'URDF of another robot')
+    if _better(best, other, _CLEARLY_BETTER) is best:
+        return chain, best
+    return mounted, _best_settings(mounted, joints, bodies, declared, lambda share: None)
 
 
 def identifiable(regressor, least=1e-6):
@@ -249,16 +304,12 @@ def _problem(chain, joints, settings, most_rows):
         counts / np.maximum(np.var(current, axis=0), 1e-12))
 
 
-def _prior(problem, bodies, strength, declared):
-    if declared is not None:
-        return Prior(bodies, strength, np.log(declared), _DECLARED_WIDTH)
-    return Prior(bodies, strength, np.full(
-        problem.current.shape[1], np.log(_usual_scale(problem, bodies))), _UNKNOWN_WIDTH)
-
-
 def _usual_scale(problem, bodies):
-    """Return the current per torque, A per N·m, by which the URDF's figures fit the whole arm."""
-    scales, sizes = [], []
+    """Return the current per torque, A per N·m, by which the URDF's figures fit the whole arm.
+
+    None where they fit no joint.
+    """
+    scales, sizes, resisting = [], [], []
     torque = problem.regressor @ bodies.known.ravel()
     for joint in range(problem.current.shape[1]):
         rows = problem.counts[:, joint] > 0
@@ -267,23 +318,19 @@ def _usual_scale(problem, bodies):
         matrix = np.column_stack((torque[rows, joint], problem.friction[rows, joint]))
         norm = np.linalg.norm(matrix, axis=0) + 1e-300
         found = np.linalg.lstsq(matrix / norm, problem.current[rows, joint], rcond=1e-9)[0]
+        resisting.append(found[2] + found[3] > 0.0)
         if found[0] > 0.0:
             scales.append(np.log(found[0] / norm[0]))
             sizes.append(abs(found[0]) / max(np.linalg.norm(problem.current[rows, joint]), 1e-300))
+    if not resisting or np.mean(resisting) < 0.5:
+        raise InputError('the efforts push the joints along as they move: their sign is not that '
+                         'of the positions')
     if not scales:
-        raise InputError('the currents go against what the URDF says of every joint: the signs of '
-                         'efforts or joints differ, or it is the URDF of another robot')
+        return None
     # Joints that carry much tell it best.
     order = np.argsort(scales)
     share = np.cumsum(np.array(sizes)[order]) / max(sum(sizes), 1e-300)
     return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))
-
-
-def _start(problem, prior):
-    unknowns = Unknowns(problem.current.shape[1])
-    x = np.zeros(unknowns.size)
-    x[unknowns.scales] = prior.log_scale
-    return x
 
 
 def _settle(problem, prior, x, rounds=3):

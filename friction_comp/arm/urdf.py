@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
+from copy import copy
+from dataclasses import replace
 import os
 from pathlib import Path
 import re
@@ -82,6 +84,21 @@ class Chain:
             np.array([placement.rotation for placement in placements]),
             np.array([placement.translation for placement in placements]),
             np.array(axes), np.array(parameters), np.array(FREE_FALL))
+
+    def falling(self, gravity):
+        """Return the same arm mounted otherwise.
+
+        Parameters
+        ----------
+        gravity : array_like, shape (3,)
+            Acceleration of free fall in the frame of the base, m/s².
+        """
+        twin = copy(self)
+        twin._model = self._model.copy()
+        twin._model.gravity.linear = np.array(gravity, dtype=float)
+        twin._data = twin._model.createData()
+        twin.tree = replace(self.tree, gravity=np.array(gravity, dtype=float))
+        return twin
 
     def regressor(self, q, v, a):
         """Return the matrix that turns the links' parameters into joint torques.

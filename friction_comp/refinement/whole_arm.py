@@ -45,6 +45,7 @@ class ArmResult:
         fit = self.fit
         return {
             'joints': list(fit.tree.joints),
+            'gravity': fit.tree.gravity,
             'identifiable_parameters': fit.identifiable,
             'differentiation': dict(fit.differentiation),
             'regularisation': fit.strength,
@@ -103,6 +104,10 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | PathLike[str],
         scales = np.array([1.0 / drives[name].torque_per_current for name in names])
     fit = fit_arm(chain, _together({name: recorded[name] for name in names}), scales,
                   lambda share: report(_BODIES * share, 'rigid bodies'))
+    if (fit.tree.gravity != chain.tree.gravity).any():
+        fall = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
+        notes.append(f'the currents fit gravity along ({fall}) of the base far better than along '
+                     'its -z: the arm is taken to be mounted so')
     arm = Arm(tree=fit.tree, differentiation=fit.differentiation)
     wanted = list(only or names)
     results, failed = {}, ''
