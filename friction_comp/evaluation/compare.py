@@ -40,7 +40,8 @@ class Comparison:
         Second minus first.
     probability : float or None
         That differences of this kind come by chance: Wilcoxon's signed-rank test, two-sided,
-        after Holm's correction for the number of comparisons; None below five pairs.
+        after Holm's correction for the number of comparisons of this figure; None below five
+        pairs.
     """
 
     figure: str
@@ -96,7 +97,8 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
                                if figure in a.figures and figure in b.figures])
             if len(values):
                 found.append(_compared(figure, first, second, values))
-    _correct(found)
+    for figure in COMPARED:
+        _correct([comparison for comparison in found if comparison.figure == figure])
     return found
 
 

@@ -38,10 +38,10 @@ NAMES = {1: 'positive', -1: 'negative'}
 FIGURES = {
     'peak_torque': ('peak |τ_b|', 'N·m'), 'peak_time': ('peak at', 's'),
     'rms_torque': ('RMS of τ_b', 'N·m'), 'constant_velocity_torque': ('constant velocity', 'N·m'),
-    'residual_current': ('residual current', 'A'), 'rms_current': ('RMS of the current', 'A'),
-    'onset': ('motion after the reference', 's'),
-    'announcement_to_motion': ('motion after the announcement', 's'),
-    'smoothness': ('smoothness (SPARC)', ''), 'log_jerk': ('log dimensionless jerk', ''),
+    'residual_current': ('residual current', 'A'), 'rms_current': ('RMS current', 'A'),
+    'onset': ('onset after reference', 's'),
+    'announcement_to_motion': ('onset after announcement', 's'),
+    'smoothness': ('smoothness (SPARC)', ''), 'log_jerk': ('log jerk', ''),
 }
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,9 +26,13 @@ if TYPE_CHECKING:
 
 # Comparisons that a page shows; report.json has all.
 _SHOWN = 24
-# What a table of conditions lists, as far as it is known.
-_LISTED = ('peak_torque', 'rms_torque', 'constant_velocity_torque', 'residual_current',
-           'rms_current', 'onset', 'announcement_to_motion', 'smoothness', 'log_jerk')
+# Tables of conditions, and what they list as far as it is known.
+_TABLES = (
+    ('What it took', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
+                      'residual_current')),
+    ('How it went', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness', 'log_jerk',
+                     'rms_current')),
+)
 _MARKERS = 'osD^vPX*'
 
 
@@ -141,15 +146,23 @@ def add_evaluation(report: Report, evaluation: Evaluation) -> None:
 
 
 def _add_conditions(report: Report, evaluation: Evaluation) -> None:
-    known = [name for name in _LISTED
-             if any(name in c.figures for c in evaluation.conditions)]
     report.text('## Conditions')
-    report.table(
-        ['condition', 'movement', 'n', *(_heading(name) for name in known), 'false starts'],
-        [[c.help.label, c.movement, c.repetitions,
-          *(_with_interval(c.figures.get(name)) for name in known),
-          f'{c.false_starts} ({_percent(c.false_start_share)})'] for c in evaluation.conditions],
-        "Means over the repetitions of each one's own figure, with 95 % confidence intervals.")
+    starts = ['n', 'false starts']
+    for title, names in _TABLES:
+        known = [name for name in names if any(
+            c.figures[name].mean != 0 for c in evaluation.conditions if name in c.figures)]
+        if not known:
+            continue
+        report.table(
+            ['condition', 'movement', *starts, *(_heading(name) for name in known)],
+            [[c.help.label, c.movement,
+              *([c.repetitions, f'{c.false_starts} ({_percent(c.false_start_share)})']
+                if starts else []),
+              *(_with_interval(c.figures.get(name)) for name in known)]
+             for c in evaluation.conditions],
+            f"{title}: mean over the repetitions of each one's own figure ± half its 95 % "
+            'confidence interval.')
+        starts = []
     words = []
     if evaluation.measured:
         words.append(
@@ -158,7 +171,8 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
             'velocity is positive where the person pushes the joint along, and negative where the '
             'joint pulls ahead.')
         words.append('A false start is a repetition in which the joint set out during the '
-                     'standstill although nobody pushed it.')
+                     'standstill although nobody pushed it; behind it, the 95 % interval of '
+                     'their share.')
     else:
         words.append('A false start is a repetition in which the joint set out during the '
                      'standstill; whether somebody pushed it cannot be known without a torque '
@@ -188,7 +202,7 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     left = len(evaluation.comparisons) - len(shown)
     report.text(
         "p is the probability of such differences by chance: Wilcoxon's signed-rank test, "
-        f'corrected after Holm for all {len(evaluation.comparisons)} comparisons; below five pairs '
+        'corrected after Holm for all comparisons of one figure; below five pairs '
         'none is given.' + (f' {left} more are in `report.json`.' if left else ''))
 
 
@@ -300,9 +314,13 @@ def _verdict(evaluation: Evaluation) -> str:
 def _trend_words(trend: Trend) -> str:
     assert trend.per_week is not None
     name, unit = FIGURES[trend.figure]
-    verb = 'rises' if trend.per_week.mean > 0 else 'falls'
+    rises = trend.per_week.mean > 0
+    verb = 'rises' if rises else 'falls'
+    # Smoothness is the only figure of which more is better.
+    judged = 'better' if rises == (trend.figure == 'smoothness') else 'worse'
     return (f'Over {len(trend.days)} days, {name} with {trend.help.label} **{verb} by '
-            f'{number(abs(trend.per_week.mean))} {unit} a week** ({_p(trend.probability or 0.0)}).')
+            f'{number(abs(trend.per_week.mean))} {unit} a week**, for the {judged} '
+            f'({_p(trend.probability or 0.0)}).')
 
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
@@ -329,12 +347,22 @@ def _with_interval(value: Interval | None) -> str:
         return '–'
     if value.low is None or value.high is None:
         return number(value.mean)
-    return f'{number(value.mean)} ({number(value.low)} to {number(value.high)})'
+    half = 0.5 * (value.high - value.low)
+    size = max(abs(value.mean), half)
+    if not size:
+        return '0'
+    # As many decimals as the interval is worth, but no more than four digits in all.
+    most = 3 - math.floor(math.log10(size))
+    wanted = 1 - math.floor(math.log10(half)) if half > 0 else most
+    places = max(min(wanted, most), 0)
+    mean = f'{value.mean:.{places}f}'.replace('-', '\u2212')
+    # No break between a number and what belongs to it.
+    return f'{mean}\u00a0±\u00a0{half:.{places}f}'
 
 
 def _percent(value: Interval) -> str:
     low, high = 100 * (value.low or 0.0), 100 * (value.high or 0.0)
-    return f'{low:.0f} to {high:.0f} %'
+    return f'{low:.0f}\u2009–\u2009{high:.0f}\u00a0%'
 
 
 def _p(probability: float) -> str:
