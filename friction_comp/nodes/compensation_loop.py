@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import math
 import time
 import traceback
@@ -62,8 +62,8 @@ class CompensationLoop:
         self._zeros = np.zeros(len(joints))
         self.activate()
 
-    def activate(self) -> None:
-        """Begin without history and without faults."""
+    def activate(self, others: Sequence[str] = ()) -> None:
+        """Begin without history and without faults; `others` may command the motor already."""
         self.watchdog.rest()
         self.law.reset()
         self.states.forget()
@@ -76,6 +76,8 @@ class CompensationLoop:
         self._alone_since: float | None = None
         self.yields = False
         self._fade: Any = None
+        if others:
+            self.look_around(others)
 
     def changed(self) -> None:
         """Let the current go on from where it is, since it is computed in another way now."""
@@ -213,7 +215,7 @@ class CompensationLoop:
             self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
                               'motor was driven: the driver may have been started anew')
 
-    def look_around(self, others: list[str]) -> None:
+    def look_around(self, others: Sequence[str]) -> None:
         """Take note of who else has a publisher of the command; to be called often.
 
         One that comes while this one commands is a fault that latches. One that was there first

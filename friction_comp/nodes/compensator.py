@@ -211,7 +211,7 @@ class CompensatorNode(LifecycleNode):
 
     def on_activate(self, state):
         """Answer joint states from now on."""
-        self._loop.activate()
+        self._loop.activate(self._loop.port.others())
         self._loop.port.open()
         self._went('active', 'active: commands the motor')
         return super().on_activate(state)
