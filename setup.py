@@ -50,6 +50,7 @@ setup(
         (f'share/{PACKAGE}', ['package.xml']),
         *shared('launch', '*.launch.py'),
         *shared('config', '*.yaml'),
+        *shared('config/exercises', '*.yaml'),
         *shared('msg_docs', '*.md'),
     ],
     python_requires='>=3.10',

@@ -17,6 +17,8 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
+from friction_comp.simulation.exercise_script import load_exercise
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.reference_movement import ReferenceMovement
 
@@ -215,3 +217,41 @@ def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(room):
         probe.until(lambda: references[-1].position[0] == pytest.approx(0.3), 'its end')
         assert {tuple(m.data) for m in directions} == {(0,)}
         probe.status_of('exercise', lambda s: s.message == 'done')
+
+
+def test_an_exercise_of_two_joints_announces_each_by_itself(room):
+    example = package_file('config', 'exercises', 'two_joints.yaml')
+    script = load_exercise(example).of(JOINTS)
+    with probe_node() as probe, Process(room, 'exercise', {
+            'joints': JOINTS, 'exercise_file': str(example), 'clock': 'ticks',
+            'when_done': 'exit', 'input_reliability': 'reliable'}) as process:
+        clock = probe.talk(Clock, '/clock')
+        states = probe.talk(JointState, 'joint_states')
+        references = probe.listen(JointState, 'reference')
+        directions = probe.listen(Int8MultiArray, 'direction')
+        probe.matched(clock)
+        probe.matched(states)
+        probe.until(lambda: probe.count_publishers('reference'), 'a publisher')
+        probe.spin_for(0.2)
+        start = 10**9
+
+        def tick(stamp):
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
+            clock.publish(message)
+        probe.until(lambda: tick(start) or probe.spin_for(0.1) or references, 'a reference')
+        states.publish(joint_state(start, ['shoulder', 'elbow'], [1.0, 2.0]))
+        stamps = [start + (k + 1) * 50_000_000 for k in range(round(script.duration * 20) + 2)]
+        for stamp in stamps:
+            references.clear()
+            tick(stamp)
+            probe.until(lambda: references, 'the reference of the tick')
+            position, velocity, _ = script.at((stamp - stamps[0]) / 1e9)
+            np.testing.assert_allclose(
+                references[-1].position, [2.0, 1.0] + position, atol=1e-12)
+            np.testing.assert_allclose(references[-1].velocity, velocity, atol=1e-12)
+        probe.until(lambda: len(directions) >= len(stamps), 'all directions')
+        got = [tuple(m.data) for m in directions[:len(stamps)]]
+        assert got == [tuple(script.at((s - stamps[0]) / 1e9)[2]) for s in stamps]
+        assert {(1, 1), (-1, 1)} <= set(got), 'the elbow turns round, the shoulder goes on'
+        assert process.wait() == 0

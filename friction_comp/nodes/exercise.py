@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shows the note's reference movement to the person and announces its direction."""
+"""Shows a movement to the person, the note's or that of a file, and announces its directions."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from friction_comp.nodes.joint_io import input_qos, RELIABLE
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints
+from friction_comp.simulation.exercise_script import load_exercise
 from friction_comp.simulation.reference_movement import ReferenceMovement
 
 # Each end of a connection finds the other in its own time; real s.
@@ -44,6 +45,11 @@ class ExerciseNode(Node):
         qos = input_qos(self)
         self._movement = self._declare_movement()
         self._moving = self._declare_moving()
+        file = declare(
+            self, 'exercise_file', '', 'YAML file that says which joint goes where and when, '
+            "instead of the note's movement", read_only=True)
+        self._script = load_exercise(file).of(self._joints) if file else None
+        self._duration = (self._script or self._movement).duration
         self._when_done = declare(
             self, 'when_done', 'hold', 'after the last repetition: hold the joints where they '
             'began, or exit', read_only=True, constraints='hold or exit')
@@ -165,18 +171,24 @@ class ExerciseNode(Node):
         return monotonic() - self._found > _MOMENT
 
     def _show(self, time):
-        position, velocity, direction = self._movement.at(time)
-        values = (direction * self._moving).astype(int).tolist()
+        position, velocity, direction = self._at(time)
+        values = direction.astype(int).tolist()
         self._values = values
         self._direction.data = array('b', values)
         # Before the reference: see the class.
         self._directions.publish(self._direction)
         self._reference.position = array(
-            'd', (self._origin + position * self._moving).tobytes())
-        self._reference.velocity = array('d', (velocity * self._moving).tobytes())
+            'd', (self._origin + position).tobytes())
+        self._reference.velocity = array('d', velocity.tobytes())
         self._references.publish(self._reference)
-        if time >= self._movement.duration and self._when_done == 'exit':
+        if time >= self._duration and self._when_done == 'exit':
             self.finished = True
+
+    def _at(self, time):
+        """Return position, velocity and direction of each joint, (J,)."""
+        if self._script is not None:
+            return self._script.at(time)
+        return tuple(value * self._moving for value in self._movement.at(time))
 
     def _report(self):
         if self._start is None:
@@ -185,12 +197,13 @@ class ExerciseNode(Node):
                 what = 'listeners to the direction'
             return WARN, f'waits for {what}', {}
         time = (self._last - self._start) / NANO
-        position, velocity, _ = self._movement.at(time)
+        position, velocity, _ = self._at(time)
         values = {
-            'time [s]': time, 'duration [s]': self._movement.duration,
-            'reference [rad]': position, 'reference velocity [rad/s]': velocity,
+            'time [s]': time, 'duration [s]': self._duration,
+            'reference [rad]': np.round(position, 6).tolist(),
+            'reference velocity [rad/s]': np.round(velocity, 6).tolist(),
             'direction': self._values}
-        return OK, 'moving' if time < self._movement.duration else 'done', values
+        return OK, 'moving' if time < self._duration else 'done', values
 
     def leave(self):
         """Take the announcement back."""

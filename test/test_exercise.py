@@ -1,0 +1,117 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Exercises from YAML: where each joint is, and which way it is announced to go."""
+
+import copy
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+import yaml
+
+from friction_comp.errors import InputError
+from friction_comp.package_files import package_file
+from friction_comp.simulation.exercise_script import exercise_of, load_exercise
+
+EXAMPLE = package_file('config', 'exercises', 'two_joints.yaml')
+DOCUMENT = yaml.safe_load(EXAMPLE.read_text(encoding='utf-8'))
+GRID = 0.005
+
+
+def sampled(script):
+    time = np.arange(0.0, script.duration, GRID)
+    return (time, *(np.array(part) for part in zip(*(script.at(t) for t in time))))
+
+
+def test_one_joint_turns_round_while_the_other_goes_on():
+    time, position, velocity, direction = sampled(load_exercise(EXAMPLE))
+    pairs = {tuple(row) for row in direction.tolist()}
+    assert {(1, 1), (1, -1), (0, 0)} <= pairs
+    turns = [k for k in range(1, len(time)) if direction[k, 1] == -direction[k - 1, 1] != 0]
+    assert turns
+    for k in turns:
+        assert abs(velocity[k, 1]) < 0.01, 'the direction changes where the joint turns round'
+        assert abs(velocity[k, 0]) > 0.1, 'the other joint goes on'
+        assert direction[k, 0] != 0
+    np.testing.assert_allclose(position.max(axis=0), np.radians([30.0, 20.0]), atol=1e-3)
+    np.testing.assert_allclose(position[-1], 0.0, atol=1e-9)
+
+
+def test_velocity_is_the_change_of_position_and_never_against_the_announced_direction():
+    time, position, velocity, direction = sampled(load_exercise(EXAMPLE))
+    np.testing.assert_allclose(np.gradient(position, time, axis=0), velocity, atol=0.02)
+    assert (velocity * direction > -1e-9).all()
+    # Whatever begins from rest was announced a second before.
+    for joint in range(2):
+        moving = np.abs(velocity[:, joint]) > 1e-6
+        starts = np.nonzero(moving[1:] & ~moving[:-1])[0] + 1
+        for start in starts:
+            if np.abs(velocity[max(0, start - 200):start, joint]).max() < 1e-6:
+                assert direction[start - 190:start, joint].all()
+
+
+def test_a_node_with_more_joints_holds_the_others():
+    script = load_exercise(EXAMPLE).of(['wrist', 'elbow', 'shoulder'])
+    position, velocity, direction = script.at(2.0)
+    plain = load_exercise(EXAMPLE).at(2.0)
+    assert position[0] == velocity[0] == direction[0] == 0
+    np.testing.assert_array_equal(position[[2, 1]], plain[0])
+    np.testing.assert_array_equal(direction[[2, 1]], plain[2])
+    with pytest.raises(InputError, match='shoulder'):
+        load_exercise(EXAMPLE).of(['elbow'])
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.floats(-90, 90), st.floats(0.3, 5.0), st.booleans()),
+                min_size=1, max_size=8), st.floats(0.0, 3.0))
+def test_any_way_is_announced_only_in_the_way_it_goes(points, announcement):
+    steps, here = [{'hold': 1.0}], 0.0
+    for angle, seconds, rest in points:
+        if abs(angle - here) < 1e-3:
+            continue
+        steps.append({'to': {'elbow': angle}, 'time': seconds})
+        here = angle
+        if rest:
+            steps.append({'hold': 0.5})
+    script = exercise_of({'format': 'friction_comp_exercise', 'version': 1, 'unit': 'deg',
+                          'joints': ['elbow'], 'announcement': announcement, 'steps': steps})
+    for t in np.linspace(-0.1, script.duration + 0.1, 400):
+        position, velocity, direction = script.at(t)
+        assert np.isfinite([*position, *velocity]).all()
+        assert velocity[0] * direction[0] >= -1e-9
+    assert script.at(script.duration)[1] == pytest.approx(0.0, abs=1e-9)
+    assert script.at(script.duration + 1.0)[2][0] == 0
+
+
+def changed(path, value):
+    document = copy.deepcopy(DOCUMENT)
+    place = document
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return document
+
+
+@pytest.mark.parametrize(('path', 'value', 'words'), [
+    (['format'], 'other', 'format'), (['version'], 2, 'version'), (['unit'], 'grad', 'unit'),
+    (['joints'], ['elbow', 'elbow'], 'joints'), (['joints'], [], 'joints'),
+    (['repetitions'], 0, 'repetitions'), (['announcement'], -1, 'announcement'),
+    (['speed'], 1, 'unknown'), (['steps'], [], 'steps'),
+    (['steps', 0], {'hold': 0}, r'steps\[1\].hold'),
+    (['steps', 0], {'to': {'elbow': 10}, 'time': 1.0}, 'must be a hold'),
+    (['steps', 1], {'to': {'knee': 10}, 'time': 1.0}, r'steps\[2\].to: .knee'),
+    (['steps', 1], {'to': {'elbow': float('nan')}, 'time': 1.0}, r'steps\[2\].to.elbow'),
+    (['steps', 1], {'to': {'elbow': 10}}, r'steps\[2\]'),
+    (['steps', 1], {'to': {'elbow': 10}, 'time': 1.0, 'speed': 2.0}, r'steps\[2\]'),
+    (['steps', 1], {'to': {'elbow': 0}, 'time': 1.0}, 'moves nothing'),
+    (['steps', 4], {'to': {'elbow': 5}, 'time': 1.0}, 'lead back'),
+    (['steps', 2], 'rest', r'steps\[3\]')])
+def test_what_cannot_be_used_is_named(path, value, words):
+    with pytest.raises(InputError, match=words):
+        exercise_of(changed(path, value))
+
+
+@pytest.mark.parametrize('document', [None, [], 'text', 3])
+def test_other_files_are_no_exercises(document):
+    with pytest.raises(InputError, match='not an exercise'):
+        exercise_of(document)
