@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -49,6 +51,14 @@ from friction_comp.refinement.prepare.differentiation_choice import (
 from friction_comp.refinement.prepare.load_compensation import carried_by_a_person
 from friction_comp.refinement.search.stepwise import select
 
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.model.effects.scene import Scene
+    from friction_comp.refinement.judge.residual_dependence import ResidualDependence
+    from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.refinement.search.candidate_fit import Step
+    from friction_comp.samples import Samples
+
 # A second pass over more samples than this would take too long.
 _TWICE = 200_000
 # Errors that differ by less are as good as each other.
@@ -61,7 +71,7 @@ class RefineResult:
 
     Parameters
     ----------
-    report : dict
+    report : dict[str, Any]
         The content of report.json.
     model : FrictionModel
         Fitted on all usable samples, with the effects.
@@ -79,18 +89,19 @@ class RefineResult:
         Held-out error in A as effects were added.
     """
 
-    report: dict
+    report: dict[str, Any]
     model: FrictionModel
     start: FrictionModel
-    samples: object
+    samples: Samples
     usable: np.ndarray
     before: np.ndarray
     after: np.ndarray
-    scene: object = None
-    trail: list = field(default_factory=list)
+    scene: Scene | None = None
+    trail: list[Any] = field(default_factory=list)
 
 
-def refine(recorded, model=None, drive=None, progress=None):
+def refine(recorded: list[Samples], model: FrictionModel | None = None, drive: Drive | None = None,
+           progress: Callable[..., Any] | None = None) -> RefineResult:
     """Find the effects that a model lacks.
 
     Parameters
@@ -148,19 +159,20 @@ class Choice:
     """Effects chosen for one way of differentiating."""
 
     model: FrictionModel
-    data: object
-    bases: list
-    steps: list
-    left: list
+    data: FitData
+    bases: list[Any]
+    steps: list[Any]
+    left: list[Any]
     usable: np.ndarray
 
     @property
-    def fits(self):
+    def fits(self) -> list[Fit]:
         """The fits of both folds with all effects."""
         return self.steps[-1].fits if self.steps else self.bases
 
 
-def choose(raw, clipped, settings, model, drive, progress):
+def choose(raw: Samples, clipped: np.ndarray, settings: dict[str, Any], model: FrictionModel | None,
+           drive: Drive, progress: Callable[..., Any] | None) -> Choice:
     """Choose the effects, and fit the model with them to all samples."""
     samples = differentiate(raw, settings)
     slowest = recordings.sticking_speed(samples)
@@ -191,13 +203,14 @@ def choose(raw, clipped, settings, model, drive, progress):
     return found
 
 
-def summarise(found, samples, clipped, model, drive, settings):
+def summarise(found: Choice, samples: Samples, clipped: np.ndarray, model: FrictionModel | None,
+              drive: Drive, settings: dict[str, Any]) -> RefineResult:
     """Return the `RefineResult` of a choice."""
     data, steps, bases, usable, refined = (
         found.data, found.steps, found.bases, found.usable, found.model)
     fold = fold_of_all(data, len(samples))
 
-    def held_out(pair):
+    def held_out(pair: list[Fit]) -> np.ndarray:
         residual = np.empty(len(samples))
         for side, fit in enumerate(pair):
             rows = fold == side
@@ -253,7 +266,9 @@ def summarise(found, samples, clipped, model, drive, settings):
                         trail)
 
 
-def honest(data, bases, steps, slowest, floor, nameless=()):
+def honest(
+        data: FitData, bases: list[Fit], steps: list[Step], slowest: float, floor: float,
+        nameless: Sequence[type[Effect]] = ()) -> tuple[list[Step], list[ResidualDependence], bool]:
     """Return the effects that may keep their names, and what has none.
 
     Returns
@@ -261,7 +276,7 @@ def honest(data, bases, steps, slowest, floor, nameless=()):
     list of Step, list of Dependence, bool
         The last tells whether something large is without a name.
     """
-    def state(kept):
+    def state(kept: list[Step]) -> tuple[list[ResidualDependence], bool]:
         fits = kept[-1].fits if kept else bases
         residual = held_out_residual(data, fits)
         left = left_over(data, residual, slowest, floor)
@@ -277,7 +292,8 @@ def honest(data, bases, steps, slowest, floor, nameless=()):
     return steps, with_products(left, nameless), large or bool(nameless)
 
 
-def without_blur(found, raw, clipped, model, drive, progress):
+def without_blur(found: Choice, raw: Samples, clipped: np.ndarray, model: FrictionModel | None,
+                 drive: Drive, progress: Callable[..., Any] | None) -> Choice:
     """Return a choice without lag where smoother velocities leave no call for it.
 
     A lag smooths, and so lowers the noise of velocities that were not smoothed enough: then it is
@@ -301,19 +317,19 @@ def without_blur(found, raw, clipped, model, drive, progress):
     return other if errors[1] < _AS_GOOD * errors[0] else found
 
 
-def _started(fit, terms):
+def _started(fit: Fit, terms: list[Any]) -> Fit:
     if not terms:
         return fit
     return Fit(fit.data, fit.rows, fit.steepness, terms)
 
 
-def fold_of_all(data, size):
+def fold_of_all(data: FitData, size: int) -> np.ndarray:
     """Return the fold of every original sample, shape (size,)."""
     place = np.searchsorted(data.origin, np.arange(size), side='right') - 1
     return data.fold[np.clip(place, 0, len(data.fold) - 1)]
 
 
-def prepare(samples, usable, drive, slowest):
+def prepare(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float) -> FitData:
     """Return the `FitData` to choose effects on."""
     thin, usable, window, origin = recordings.thinned(samples, usable)
     transition = 0.05 * float(np.percentile(np.abs(thin.velocity), 95))

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ class ArmResult:
     Attributes
     ----------
     fit : ArmFit
-    results : dict of str to RefineResult
+    results : dict[str, Any] of str to RefineResult
         By joint; the models hold the arm where they need it.
     notes : list of str
         What a reader should know: joints left out or locked.
@@ -40,7 +41,7 @@ class ArmResult:
     results: dict[str, RefineResult]
     notes: list[str]
 
-    def report(self) -> dict:
+    def report(self) -> dict[str, Any]:
         """Return the arm's part of report.json."""
         fit = self.fit
         return {
@@ -66,11 +67,11 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | PathLike[str],
 
     Parameters
     ----------
-    recorded : dict of str to list of Samples
+    recorded : dict[str, Any] of str to list of Samples
         Each joint's recordings, with `arm`.
     urdf : path-like
-    drives : dict of str to Drive, optional
-    models : dict of str to FrictionModel, optional
+    drives : dict[str, Any] of str to Drive, optional
+    models : dict[str, Any] of str to FrictionModel, optional
         Where to start.
     declared : bool
         Whether torque constants and gear ratios of the drives are known, so that the links are
@@ -112,7 +113,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | PathLike[str],
     wanted = list(only or names)
     results, failed = {}, ''
     for number, name in enumerate(wanted):
-        def told(share, word, number=number, name=name):
+        def told(share: Any, word: Any, number: Any = number, name: Any = name) -> None:
             report(_BODIES + (1.0 - _BODIES) * (number + share) / len(wanted), f'{name}: {word}')
         samples = Samples.concatenate(recorded[name])
         samples = samples.with_(rigid_body=fit.torque(samples))

@@ -152,7 +152,7 @@ def averages(x: np.ndarray, y: np.ndarray, number: int = 40) -> tuple[np.ndarray
 @styled
 def spectrum_figure(result: RefineResult) -> Figure | None:
     """Return the spectrum over position; None where the position hardly varied."""
-    scene = result.scene
+    scene: Any = result.scene
     highest = highest_frequency(result.samples, result.usable, scene, 0.0)
     rows = result.usable
     samples: Any = result.samples

@@ -105,7 +105,7 @@ class ActuationLag(Effect):
         return max(value, 0.1 * scene.sample_time) if constants['first_order'] else value
 
     @classmethod
-    def plausible(cls, coefficients: Sequence[float], constants: dict[str, float],
+    def plausible(cls, coefficients: Sequence[float] | np.ndarray, constants: dict[str, float],
                   scene: Scene) -> bool:
         """A fraction of a sample is how the signals were sampled, no effect."""
         return abs(constants['lag']) > 0.7 * scene.sample_time

@@ -166,7 +166,7 @@ class Effect(ABC):
         return value
 
     @classmethod
-    def plausible(cls, coefficients: Sequence[float], constants: dict[str, float],
+    def plausible(cls, coefficients: Sequence[float] | np.ndarray, constants: dict[str, float],
                   scene: Scene) -> bool:
         """Tell whether physics allows these coefficients (A) and constants."""
         return all(sign * value > 0 for sign, value in zip(cls.signs, coefficients) if sign)
@@ -283,6 +283,17 @@ class Effect(ABC):
     def recorded_as(cls, values: np.ndarray, samples: Samples,
                     constants: dict[str, float]) -> np.ndarray:
         """Return the current in A that is recorded where the motion asks for another."""
+        return values
+
+    @classmethod
+    def forms(cls, scene: Scene) -> list[dict[str, float]]:
+        """Return the constants to choose between by all samples, for effects that reshape."""
+        return []
+
+    @classmethod
+    def moved(cls, values: np.ndarray, samples: Samples,
+              constants: dict[str, float]) -> np.ndarray:
+        """Return values, shape (N, M), computed without an effect that reshapes as with it."""
         return values
 
     def why_left_out(self) -> str:

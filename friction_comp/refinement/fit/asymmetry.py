@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.model.effects.direction_asymmetry import DirectionAsymmetry
@@ -11,12 +13,18 @@ from friction_comp.refinement.fit.effect_sum import Term
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
 from friction_comp.refinement.search.candidate_fit import ALPHA, Step
 
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.samples import Samples
+
 # Plateaus of Eq. 6 that differ by less are drawn as they are: the note's three drives do.
 WORTH_A_NAME = 0.10
 _KIND = DirectionAsymmetry
 
 
-def without_offset(fit, known):
+def without_offset(fit: Any, known: Any) -> Any:
     """Return a fit whose sigmoid must have the offset that is known, in A."""
     twin = fit.copy()
     twin.offset = np.full(len(fit.residual), known)
@@ -25,7 +33,7 @@ def without_offset(fit, known):
     return twin
 
 
-def coulomb_of(fit):
+def coulomb_of(fit: Fit) -> float:
     """Return the Coulomb friction in A of a fit: the sigmoid's and that which builds up."""
     coulomb, place = float(fit.coefficients[1]), 3
     for term, part in zip(fit.terms, fit.parts[1:]):
@@ -35,7 +43,8 @@ def coulomb_of(fit):
     return coulomb
 
 
-def named_asymmetry(data, fits, steps, known=0.0):
+def named_asymmetry(data: FitData, fits: list[Fit], steps: list[Step],
+                    known: float = 0.0) -> Step | None:
     """Return a step for the asymmetry in the sigmoid, or None where it is not worth a name.
 
     The sigmoid of Eq. 6 may have another plateau in each direction, so that it takes up a
@@ -70,13 +79,13 @@ def named_asymmetry(data, fits, steps, known=0.0):
                  'the same in both directions'})
 
 
-def both_directions(data):
+def both_directions(data: FitData) -> bool:
     """Tell whether the data hold motion in both directions."""
     share = float(np.mean(data.samples.velocity[data.usable] > 0))
     return 0.1 < share < 0.9
 
 
-def carve_out(model, samples, usable):
+def carve_out(model: FrictionModel, samples: Samples, usable: np.ndarray) -> FrictionModel:
     """Move the sigmoid's asymmetry into the model's effect of that name, where it has one.
 
     The current predicted in motion stays the same. At rest it depends on what the difference is:

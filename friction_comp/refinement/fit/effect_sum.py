@@ -4,12 +4,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 import math
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.special import expit
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.model.effects.scene import Scene, Search
+    from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.samples import Samples
 
 # Residuals beyond this many standard deviations weigh less (Huber 1964 has 1.345 for 95 %
 # efficiency; the wider band keeps the short accelerations, where much of the information is).
@@ -21,16 +29,16 @@ _RIDGE = 1e-9
 class Term:
     """An effect class with the constants that are tried."""
 
-    kind: type
-    constants: dict = field(default_factory=dict)
+    kind: type[Effect]
+    constants: dict[str, Any] = field(default_factory=dict)
 
-    def turned(self, transition):
+    def turned(self, transition: float) -> Term:
         """Return the term with another velocity over which its friction changes sign."""
         if self.constants.get('transition', transition) == transition:
             return self
         return self.with_constants(transition=transition)
 
-    def columns(self, samples, window):
+    def columns(self, samples: Samples, window: float) -> np.ndarray:
         """Return the design matrix; ripple is damped as the averaging of samples damps it."""
         matrix = self.kind.matrix(samples, self.constants)
         if window and self.kind.spectral:
@@ -39,34 +47,34 @@ class Term:
             matrix = matrix * np.sinc(turns)[:, None]
         return matrix
 
-    def with_constants(self, **changes):
+    def with_constants(self, **changes: Any) -> Term:
         """Return the term with other values of some constants."""
         return Term(self.kind, {**self.constants, **changes})
 
 
-def base_columns(samples, steepness, shift=0.0):
+def base_columns(samples: Samples, steepness: float, shift: float = 0.0) -> np.ndarray:
     """Return the columns of Eq. 6: constant, transition and viscous."""
     v = samples.velocity
     return np.column_stack((np.ones_like(v), 2.0 * expit(steepness * (v - shift)) - 1.0, v))
 
 
-def robust_scale(residual):
+def robust_scale(residual: np.ndarray) -> float:
     """Return the standard deviation that the bulk of residuals suggests (1.4826 · MAD)."""
     return 1.4826 * float(np.median(np.abs(residual))) + 1e-15
 
 
-def huber_weights(residual, scale):
+def huber_weights(residual: np.ndarray, scale: float) -> np.ndarray:
     """Return Huber's weights, 1 within `HUBER` · scale and falling beyond."""
     return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-300))
 
 
-def huber_loss(residual, scale):
+def huber_loss(residual: np.ndarray, scale: float) -> np.ndarray:
     """Return Huber's loss in A², which is r² within `HUBER` · scale and linear beyond."""
     size, limit = np.abs(residual), HUBER * scale
     return np.where(size <= limit, size * size, limit * (2.0 * size - limit))
 
 
-def solve(matrix, current, weights):
+def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray) -> np.ndarray | None:
     """Return weighted least squares coefficients; columns that say the same share the work."""
     norm = np.sqrt(np.einsum('ij,ij->j', matrix, matrix) / len(matrix))
     fine = np.isfinite(norm) & (norm > 1e-100)
@@ -98,7 +106,9 @@ class Fit:
         need not be the sigmoid's own. That of the sigmoid when omitted.
     """
 
-    def __init__(self, data, rows, steepness, terms=(), offset=None, transition=None):
+    def __init__(self, data: FitData, rows: np.ndarray, steepness: float,
+                 terms: Sequence[Term] = (), offset: np.ndarray | None = None,
+                 transition: float | None = None) -> None:
         self.data, self.rows, self.steepness = data, rows, steepness
         self.offset, self.shift = offset, 0.0
         self.index = np.nonzero(rows)[0]
@@ -106,23 +116,23 @@ class Fit:
         self.terms = [term.turned(self.transition) for term in terms]
         self.refresh()
 
-    def copy(self):
+    def copy(self) -> Fit:
         """Return an independent copy."""
         twin = object.__new__(Fit)
         twin.__dict__.update(self.__dict__)
         twin.terms = list(self.terms)
         return twin
 
-    def forget(self):
+    def forget(self) -> None:
         """Drop what was kept of the samples, for they are others now."""
-        self._pick = None
+        self._pick: tuple[Samples, Samples] | None = None
 
-    def refresh(self):
+    def refresh(self) -> None:
         """Compute all columns anew and solve."""
         self.fill()
         self.solve()
 
-    def fill(self):
+    def fill(self) -> None:
         """Compute all columns anew."""
         self.samples = self.data.samples
         for term in self.terms:
@@ -131,17 +141,17 @@ class Fit:
         self.parts = [self.base()] + [self.columns(term) for term in self.terms]
 
     @property
-    def reshaped(self):
+    def reshaped(self) -> bool:
         """Whether a term changes the current of all others."""
         return any(term.kind.reshapes for term in self.terms)
 
-    def recorded_as(self, columns):
+    def recorded_as(self, columns: np.ndarray) -> np.ndarray:
         """Return columns, shape (N, M), as the recording holds them."""
         for term in self.terms:
             columns = term.kind.recorded_as(columns, self.samples, term.constants)
         return columns
 
-    def base(self):
+    def base(self) -> np.ndarray:
         """Return the sigmoid's columns, shape (N, 3)."""
         columns = base_columns(self.samples, self.steepness, self.shift)
         if not self.data.scene.both_directions:
@@ -150,17 +160,17 @@ class Fit:
             columns[:, 0] = 0.0
         return self.recorded_as(columns)
 
-    def columns(self, term):
+    def columns(self, term: Term) -> np.ndarray:
         """Return a term's columns, shape (N, M)."""
         return self.recorded_as(term.columns(self.samples, self.data.window))
 
     @property
-    def target(self):
+    def target(self) -> np.ndarray:
         """Current in A to explain, shape (N,)."""
         current = self.data.target
         return current if self.offset is None else current - self.offset
 
-    def solve(self, rounds=6):
+    def solve(self, rounds: int = 6) -> None:
         """Find the coefficients by iteratively reweighted least squares."""
         matrix = np.hstack(self.parts)
         inner, goal = matrix[self.index], self.target[self.index]
@@ -173,9 +183,9 @@ class Fit:
         self.weights = weights
         self.prediction = matrix @ self.coefficients
         self.residual = self.target - self.prediction
-        self._basis = None
+        self._basis: tuple[Any, ...] | None = None
 
-    def with_term(self, term):
+    def with_term(self, term: Term) -> Fit:
         """Return a copy with one more term, solved."""
         twin = self.copy()
         if term.kind.reshapes:
@@ -188,7 +198,7 @@ class Fit:
         twin.solve()
         return twin
 
-    def without(self, place):
+    def without(self, place: int) -> Fit:
         """Return a copy that lacks one term, solved."""
         twin = self.copy()
         gone = twin.terms.pop(place)
@@ -199,7 +209,7 @@ class Fit:
         twin.solve()
         return twin
 
-    def basis(self, every=1):
+    def basis(self, every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return orthonormal weighted columns and the weighted residual on the fitted rows."""
         if self._basis is None or self._basis[0] != every:
             index = self.index[::every]
@@ -212,7 +222,7 @@ class Fit:
             self._basis = (every, index, root, q, residual)
         return self._basis[1:]
 
-    def gain(self, term, every=1):
+    def gain(self, term: Term, every: int = 1) -> float:
         """Return by how much a term would lower the weighted sum of squares, in A²."""
         index, root, q, residual = self.basis(every)
         if term.kind.sees_history or self.reshaped:
@@ -233,14 +243,14 @@ class Fit:
         product = columns.T @ residual
         return float(product @ np.linalg.solve(gram, product)) * every
 
-    def _picked(self, index):
+    def _picked(self, index: np.ndarray) -> Samples:
         """Return the fitted samples alone."""
         held = getattr(self, '_pick', None)
         if held is None or held[0] is not self.samples or len(held[1]) != len(index):
             self._pick = held = (self.samples, self.samples.take(index))
         return held[1]
 
-    def search(self, term, every=1, evaluations=14):
+    def search(self, term: Term, every: int = 1, evaluations: int = 14) -> tuple[Term, float]:
         """Return the term with its constants searched around where they are, and its gain."""
         best = self.gain(term, every)
         for name, how in term.kind.constants.items():
@@ -249,7 +259,8 @@ class Fit:
             current = term.constants[name]
             low, high, back = bracket(how, current, term.constants, self.data.scene)
 
-            def loss(x, name=name, back=back, term=term):
+            def loss(x: float, name: str = name, back: Callable[..., Any] | type = back,
+                     term: Term = term) -> float:
                 value = term.kind.limited(
                     name, float(back(x)), term.constants, self.data.scene)
                 return -self.gain(term.with_constants(**{name: value}), every)
@@ -263,7 +274,8 @@ class Fit:
         return term, best
 
 
-def bracket(how, value, constants, scene):
+def bracket(how: Search, value: float, constants: dict[str, Any],
+            scene: Scene) -> tuple[float, float, Callable[[float], float]]:
     """Return the search interval of a constant and the map from its scale.
 
     Parameters
@@ -271,7 +283,7 @@ def bracket(how, value, constants, scene):
     how : Search
     value : float
         The constant's value now.
-    constants : dict
+    constants : dict[str, Any]
         All constants of the term.
     scene : Scene
     """
@@ -281,7 +293,8 @@ def bracket(how, value, constants, scene):
     return value - half, value + half, float
 
 
-def first_fit(data, rows, offset=None, most_rows=8000):
+def first_fit(data: FitData, rows: np.ndarray, offset: np.ndarray | None = None,
+              most_rows: int = 8000) -> Fit:
     """Return the fit of the sigmoid alone, its steepness searched on a grid."""
     speed = data.scene.speed
     every = max(1, int(rows.sum()) // most_rows)

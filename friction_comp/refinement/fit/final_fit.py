@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -17,6 +18,11 @@ from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import huber_loss, Term
 from friction_comp.refinement.prepare.fit_data import FitData
 
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.samples import Samples
+
 # More samples than this gain nothing, and would cost memory.
 _MOST_SAMPLES = 200_000
 # Losses in motion that differ by less are as good as each other.
@@ -24,7 +30,7 @@ _AS_GOOD = 1.01
 _NEARLY_AS_GOOD = 1.05
 
 
-def final_fit(data, fits):
+def final_fit(data: FitData, fits: list[Fit]) -> Fit:
     """Return the fit on all usable rows, started from the constants of either fold."""
     best = None
     for start in fits:
@@ -45,20 +51,20 @@ class _Judge:
     joint starts, stops and turns round.
     """
 
-    def __init__(self, fit, slack):
+    def __init__(self, fit: Fit, slack: float) -> None:
         self._scale, self._rows = fit.scale, fit.data.usable
         self._limit = float(np.quantile(np.abs(fit.residual), 0.999))
         in_motion, self._least = self.errors(fit)
         self._allowed = slack * in_motion
         self.best = fit
 
-    def errors(self, fit):
+    def errors(self, fit: Fit) -> tuple[float, float]:
         """Return the loss in motion and the bounded mean square everywhere, A²."""
         size = np.minimum(np.abs(fit.residual), self._limit)
         return (float(np.mean(huber_loss(fit.residual[self._rows], self._scale))),
                 float(np.mean(size ** 2)))
 
-    def hear(self, fit):
+    def hear(self, fit: Fit) -> float:
         """Keep a fit if it is the best so far; return what to make small."""
         in_motion, everywhere = self.errors(fit)
         if in_motion > self._allowed:
@@ -68,7 +74,7 @@ class _Judge:
         return everywhere
 
 
-def with_steepness(fit, steepness):
+def with_steepness(fit: Fit, steepness: float) -> Fit:
     """Return the fit with friction of all terms changing sign as steeply as that, solved."""
     twin = fit.copy()
     twin.steepness, twin.transition = float(steepness), 2.0 / float(steepness)
@@ -78,12 +84,12 @@ def with_steepness(fit, steepness):
     return twin
 
 
-def tune_transition(fit):
+def tune_transition(fit: Fit) -> Fit:
     """Return the fit with the change of sign around standstill as all samples show it."""
     fit = tune_lag(fit)
     judge, speed = _Judge(fit, _AS_GOOD), fit.data.scene.speed
 
-    def tried(logarithm):
+    def tried(logarithm: float) -> float:
         return judge.hear(with_steepness(fit, np.exp(logarithm)))
     grid = np.log(np.geomspace(8.0 / speed, 2000.0 / speed, 14))
     place = grid[int(np.argmin([tried(value) for value in grid]))]
@@ -96,7 +102,7 @@ def tune_transition(fit):
     return judge.best
 
 
-def tune_lag(fit):
+def tune_lag(fit: Fit) -> Fit:
     """Return the fit with the form and size of its lag, if it has one, as all samples show it."""
     place = next((k for k, term in enumerate(fit.terms) if term.kind.reshapes), None)
     if place is None:
@@ -112,7 +118,7 @@ def tune_lag(fit):
     near, term = judge.best, judge.best.terms[place]
     size, = (name for name, how in kind.constants.items() if how is not None)
 
-    def tried(ratio):
+    def tried(ratio: float) -> float:
         twin = near.copy()
         twin.terms[place] = term.with_constants(
             **{size: float(term.constants[size] * np.exp(ratio))})
@@ -122,7 +128,7 @@ def tune_lag(fit):
     return judge.best
 
 
-def moved(fit, data, rows):
+def moved(fit: Fit, data: FitData, rows: np.ndarray) -> Fit:
     """Return a fit with the same terms and constants on other rows, solved."""
     twin = fit.copy()
     twin.data, twin.rows, twin.index = data, rows, np.nonzero(rows)[0]
@@ -131,7 +137,8 @@ def moved(fit, data, rows):
     return twin
 
 
-def to_model(fit, samples, usable, drive, settings):
+def to_model(fit: Fit, samples: Samples | None, usable: np.ndarray | None, drive: Drive,
+             settings: dict[str, Any]) -> FrictionModel:
     """Return the `FrictionModel` of a fit.
 
     Parameters
@@ -140,7 +147,7 @@ def to_model(fit, samples, usable, drive, settings):
     samples, usable : Samples and ndarray of bool, or None
         Full set of samples to fit the coefficients to once more, the constants kept.
     drive : Drive
-    settings : dict
+    settings : dict[str, Any]
         How velocity was had of position.
     """
     if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
@@ -162,7 +169,7 @@ def to_model(fit, samples, usable, drive, settings):
         differentiation=dict(settings)), fit.data.load_coefficient)
 
 
-def with_load(model, coefficient):
+def with_load(model: FrictionModel, coefficient: float) -> FrictionModel:
     """Return the model with the load torque that mechanics asks for, if any, as last effect."""
     if not coefficient:
         return model
@@ -170,6 +177,6 @@ def with_load(model, coefficient):
         *model.effects, mechanical_load()({'coefficients': [coefficient]})])
 
 
-def mechanical_load():
+def mechanical_load() -> type[Effect]:
     """Return the effect by which a measured load spares the motor its torque."""
     return next(kind for kind in EFFECTS.values() if kind.by_mechanics(Drive(1.0, 1.0)))

@@ -6,10 +6,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.refinement.fit.effect_sum import huber_loss, solve
+
+if TYPE_CHECKING:
+    from friction_comp.refinement.fit.effect_sum import Fit
 
 _HALVINGS = 4
 _ENOUGH = 1e-4
@@ -38,7 +42,7 @@ class Handle:
     logarithmic: bool
 
 
-def handles(fit, centered):
+def handles(fit: Fit, centered: bool) -> list[Handle]:
     """Return the constants of a fit that may be adjusted; `centered` leaves the shift alone."""
     found = [Handle(-1, 'steepness', 1.0, True)]
     if not centered and fit.data.scene.both_directions:
@@ -57,14 +61,14 @@ def handles(fit, centered):
     return found
 
 
-def value_of(fit, handle):
+def value_of(fit: Fit, handle: Handle) -> float:
     """Return a constant's value."""
     if handle.place < 0:
         return getattr(fit, handle.name)
     return fit.terms[handle.place].constants[handle.name]
 
 
-def shifted(fit, moves):
+def shifted(fit: Fit, moves: list[tuple[Handle, float]]) -> Fit:
     """Return a fit with constants moved by so many of their units, not solved yet.
 
     Parameters
@@ -99,7 +103,7 @@ def shifted(fit, moves):
     return twin
 
 
-def within(fit, name, value):
+def within(fit: Fit, name: str, value: float) -> float:
     """Return a constant of the sigmoid kept within what the recordings can tell."""
     speed = fit.data.scene.speed
     if name == 'steepness':
@@ -109,7 +113,7 @@ def within(fit, name, value):
     return min(max(value, -0.1 * speed), 0.1 * speed)
 
 
-def gauss_newton(fit, rounds=6, centered=False):
+def gauss_newton(fit: Fit, rounds: int = 6, centered: bool = False) -> Fit:
     """Return the fit with all its constants adjusted together.
 
     Each round solves for the coefficients and for small changes of the constants at once, from
@@ -158,7 +162,7 @@ def gauss_newton(fit, rounds=6, centered=False):
     return fit
 
 
-def gauss_newton_restarted(fit):
+def gauss_newton_restarted(fit: Fit) -> Fit:
     """Return the better of two fits: adjusted from where it is, and from a centred sigmoid.
 
     The sigmoid's place and steepness may have been drawn away by effects that were not in the
@@ -185,7 +189,7 @@ def gauss_newton_restarted(fit):
     return other if size < limit else near
 
 
-def center_sigmoid(fit):
+def center_sigmoid(fit: Fit) -> Fit:
     """Return the fit with its sigmoid's transition at zero velocity, unless the data object.
 
     Between standstill and the slowest motion recorded, the place of the transition is a matter of

@@ -4,9 +4,16 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.refinement.judge.residual_dependence import rank_correlation
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene
+    from friction_comp.refinement.search.candidate_fit import Step
+    from friction_comp.samples import Samples
 
 # Two explanations that go together this closely are one as far as the recording can tell.
 ALIKE = 0.95
@@ -31,14 +38,14 @@ _EXPERIMENTS = {
 }
 
 
-def experiment(first, second):
+def experiment(first: Any, second: Any) -> Any:
     """Return the recording that would tell two variables apart."""
     known = _EXPERIMENTS.get(frozenset((first, second)))
     return known or (f'record motion in which {first} changes while {second} does not, '
                      'and the other way round')
 
 
-def warnings(samples, usable, scene):
+def warnings(samples: Samples, usable: np.ndarray, scene: Scene) -> list[str]:
     """Return one sentence for each variable that hardly varied.
 
     An effect of such a variable is invisible: that none was found is no evidence against it.
@@ -77,7 +84,7 @@ def warnings(samples, usable, scene):
     return found
 
 
-def ambiguities(samples, usable, steps, scene):
+def ambiguities(samples: Samples, usable: np.ndarray, steps: list[Step], scene: Scene) -> list[Any]:
     """Return entries of report.json's `ambiguous`.
 
     Parameters
@@ -90,7 +97,7 @@ def ambiguities(samples, usable, steps, scene):
     """
     found, seen = [], set()
 
-    def add(first, second, why):
+    def add(first: Any, second: Any, why: Any) -> None:
         pair = frozenset((first, second))
         if first != second and pair not in seen:
             seen.add(pair)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
@@ -12,10 +13,14 @@ from scipy import stats
 from friction_comp.refinement.fit.effect_sum import huber_loss, robust_scale
 from friction_comp.refinement.prepare.fit_data import correlation_samples
 
+if TYPE_CHECKING:
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.refinement.prepare.fit_data import FitData
+
 _MOST_STRETCHES = 400
 
 
-def held_out_residual(data, fits):
+def held_out_residual(data: FitData, fits: list[Fit]) -> np.ndarray:
     """Return the residual of every sample by the model that was not fitted on it, shape (N,)."""
     residual = np.empty(len(data.fold))
     for fold, fit in enumerate(fits):
@@ -24,12 +29,12 @@ def held_out_residual(data, fits):
     return residual
 
 
-def rms(values):
+def rms(values: np.ndarray) -> float:
     """Return the root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def advantage(data, old, new):
+def advantage(data: FitData, old: np.ndarray, new: np.ndarray) -> tuple[float, float, float]:
     """Compare two held-out residuals.
 
     The losses' difference is summed over stretches several times as long as the better model's
@@ -70,7 +75,7 @@ def advantage(data, old, new):
     return total / size, spread / size, p_value
 
 
-def upper_tail(values):
+def upper_tail(values: np.ndarray) -> float:
     """Return the chance by Student's t of a mean as high as that of the values, were it zero."""
     if len(values) < 6:
         return 1.0
@@ -79,7 +84,7 @@ def upper_tail(values):
         deviation > 0) else 1.0
 
 
-def ranks_tail(values):
+def ranks_tail(values: np.ndarray) -> float:
     """Return the chance by Wilcoxon's signed ranks of values as high, were their median zero.
 
     A few stretches may hold most of an effect (the hardest accelerations): their size says little,
@@ -90,7 +95,7 @@ def ranks_tail(values):
     return float(stats.wilcoxon(values, alternative='greater', method='approx').pvalue)
 
 
-def where_it_acts(energy, count, scale):
+def where_it_acts(energy: np.ndarray, count: np.ndarray, scale: float) -> np.ndarray:
     """Return the stretches in which an effect is larger than half the noise, at least six.
 
     Parameters
@@ -107,7 +112,8 @@ def where_it_acts(energy, count, scale):
     return order[:max(6, number)]
 
 
-def stretch_sums(data, values, residual):
+def stretch_sums(data: FitData, values: np.ndarray,
+                 residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sum values of usable samples over stretches longer than the residual's memory."""
     usable = data.usable
     size = int(usable.sum())
@@ -118,7 +124,7 @@ def stretch_sums(data, values, residual):
     return np.bincount(number, values), np.bincount(number)
 
 
-def flipped_signs(sums, draws=4000, seed=0):
+def flipped_signs(sums: np.ndarray, draws: int = 4000, seed: int = 0) -> float:
     """Return the chance that randomly signed sums exceed the real one."""
     rng = np.random.default_rng(seed)
     total, above, left = sums.sum(), 0, draws

@@ -6,13 +6,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import itertools
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
+from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
 from friction_comp.refinement.fit.effect_sum import robust_scale
 from friction_comp.refinement.prepare.fit_data import correlation_samples
 from friction_comp.refinement.search.spectrum import position_spectrum
+
+if TYPE_CHECKING:
+    from friction_comp.samples import Samples
 
 _FLIPS = 1500
 _CHANCE = 0.001
@@ -48,7 +53,7 @@ class ResidualDependence:
     note: str
 
 
-def cells_of(samples, slowest):
+def cells_of(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
     """Return for each variable the cell that every sample falls into.
 
     A variable is cut into ranges that hold as many samples each; all but velocity and
@@ -75,7 +80,8 @@ def cells_of(samples, slowest):
     return cells
 
 
-def test_dependence(residual, cells, stretch, rng):
+def test_dependence(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
+                    rng: np.random.Generator) -> tuple[float, float]:
     """Test whether a residual's mean differs between cells.
 
     Parameters
@@ -85,7 +91,7 @@ def test_dependence(residual, cells, stretch, rng):
     stretch : ndarray of int, shape (N,)
         Stretches longer than the residual's memory. Without a dependence, the sign of the
         residual in one is independent of that in the next: the null flips them at random.
-    rng : numpy.random.Generator
+    rng : numpy.random.np.random.Generator
 
     Returns
     -------
@@ -110,7 +116,8 @@ def test_dependence(residual, cells, stretch, rng):
             (float(np.sum(null >= real)) + 1.0) / (_FLIPS + 1.0))
 
 
-def unexplained(samples, usable, residual, slowest, least=0.0):
+def unexplained(samples: Samples, usable: np.ndarray, residual: np.ndarray, slowest: float,
+                least: float = 0.0) -> list[ResidualDependence]:
     """Return what the residual of usable samples still depends on, strongest first.
 
     Variables go together in most recordings. The strongest is taken out of the residual before
@@ -138,7 +145,7 @@ def unexplained(samples, usable, residual, slowest, least=0.0):
     cells = {name: cell[usable] for name, cell in cells_of(samples, slowest).items()}
     power = float(values @ values)
     rng = np.random.default_rng(0)
-    found = []
+    found: list[ResidualDependence] = []
     worth = LEAST_STRENGTH
     if power > 0:
         worth = max(worth, least ** 2 * len(values) / power)
@@ -168,7 +175,8 @@ def unexplained(samples, usable, residual, slowest, least=0.0):
     return found + _that_went_along(found, samples, usable)
 
 
-def _of_two_variables(values, samples, usable, rng):
+def _of_two_variables(values: np.ndarray, samples: Samples, usable: np.ndarray,
+                      rng: np.random.Generator) -> list[ResidualDependence]:
     pair = strongest_pair(values, samples, usable, rng)
     if pair is None:
         return []
@@ -177,7 +185,7 @@ def _of_two_variables(values, samples, usable, rng):
             for name in names]
 
 
-def _of_a_tone(values, moving):
+def _of_a_tone(values: np.ndarray, moving: Samples) -> list[ResidualDependence]:
     tone = strongest_tone(values, moving)
     if tone is None:
         return []
@@ -187,7 +195,8 @@ def _of_a_tone(values, moving):
         'whatever the position; no effect known to the package does')]
 
 
-def _that_went_along(found, samples, usable):
+def _that_went_along(found: list[ResidualDependence], samples: Samples,
+                     usable: np.ndarray) -> list[Any]:
     """Return the variables that the recording cannot tell from those found."""
     known = {item.variable for item in found}
     more = []
@@ -201,7 +210,7 @@ def _that_went_along(found, samples, usable):
     return more
 
 
-def strongest_tone(values, moving):
+def strongest_tone(values: np.ndarray, moving: Samples) -> tuple[float, float] | None:
     """Return frequency in Hz and share of variance of the strongest swing in time; None if none.
 
     A swing counts where it stands out of its neighbourhood in the spectrum, as the rising slope
@@ -226,7 +235,7 @@ def strongest_tone(values, moving):
     return float(k[peak] / (2.0 * np.pi)), float(tone[peak]) / power
 
 
-def fallback(values, samples, usable, slowest):
+def fallback(values: np.ndarray, samples: Any, usable: Any, slowest: Any) -> ResidualDependence:
     """Return the variable that explains most of a residual that should be noise but is not.
 
     Parameters
@@ -257,7 +266,8 @@ def fallback(values, samples, usable, slowest):
         f'changes slowly; of what was recorded it goes most with {name}')
 
 
-def strongest_pair(values, samples, usable, rng):
+def strongest_pair(values: np.ndarray, samples: Samples, usable: np.ndarray,
+                   rng: np.random.Generator) -> tuple[tuple[str, str], float] | None:
     """Return the two variables whose joint cells explain most, and the strength; None if none.
 
     Parameters
@@ -266,7 +276,7 @@ def strongest_pair(values, samples, usable, rng):
         Residual of the usable samples.
     samples : Samples
     usable : ndarray of bool, shape (N,)
-    rng : numpy.random.Generator
+    rng : numpy.random.np.random.Generator
     """
     moving = samples.take(usable)
     ranges = {'position': _ranges(moving.position, 12), 'velocity': _ranges(moving.velocity, 8),
@@ -290,7 +300,7 @@ def strongest_pair(values, samples, usable, rng):
     return best
 
 
-def inseparable(name, samples, usable):
+def inseparable(name: str, samples: Samples, usable: np.ndarray) -> list[str]:
     """Return the variables that went with another one all through the recording.
 
     Parameters
@@ -315,39 +325,38 @@ def inseparable(name, samples, usable):
             and rank_correlation(mine, values) > _INSEPARABLE]
 
 
-def rank_correlation(first, second):
+def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
     """Return the size of the rank correlation of two signals."""
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         return 0.0
-    ranks = [np.argsort(np.argsort(values)).astype(float) for values in (first, second)]
-    return abs(float(np.corrcoef(*ranks)[0, 1]))
+    return abs(float(stats.spearmanr(first, second).statistic))
 
 
-def lag1_autocorrelation(values):
+def lag1_autocorrelation(values: np.ndarray) -> float:
     """Return the share of variance that neighbouring samples have in common, 0 for white noise."""
     power = float(values @ values)
     return float(values[1:] @ values[:-1]) / power if power > 0 else 0.0
 
 
-def _stretches(values):
+def _stretches(values: np.ndarray) -> np.ndarray:
     """Return the number of the stretch of each value; stretches outlast the values' memory."""
     length = max(2 * correlation_samples(values, np.ones(len(values), dtype=bool)),
                  len(values) // _MOST_STRETCHES, 2)
     return np.arange(len(values)) // min(length, max(2, len(values) // 20))
 
 
-def _less_means(values, cell):
+def _less_means(values: np.ndarray, cell: np.ndarray) -> np.ndarray:
     mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
     return values - mean[cell]
 
 
-def _note(name, strength, values):
+def _note(name: str, strength: float, values: np.ndarray) -> str:
     size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
     return (f'about {size:.2g} A RMS of the remaining error go with {name}, and no effect known '
             'to the package describes how')
 
 
-def _way_since_reversal(samples, slowest):
+def _way_since_reversal(samples: Samples, slowest: float) -> np.ndarray:
     """Return the distance since the motion last changed direction or stood still, (N,)."""
     moving = np.where(np.abs(samples.velocity) > slowest, np.sign(samples.velocity), 0.0)
     start = segment_starts(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
@@ -355,11 +364,11 @@ def _way_since_reversal(samples, slowest):
     return np.abs(samples.position - samples.position[first])
 
 
-def _ranges(values, number, tails=()):
+def _ranges(values: np.ndarray, number: int, tails: tuple[Any, ...] = ()) -> np.ndarray:
     shares = np.concatenate((tails, np.linspace(0, 1, number + 1)[1:-1], 1.0 - np.array(tails)))
     edges = np.unique(np.quantile(values, shares))
     return np.searchsorted(edges, values, side='right')
 
 
-def _pair(first, second):
+def _pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return first * (int(second.max()) + 1) + second

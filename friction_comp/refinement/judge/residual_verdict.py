@@ -4,6 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.refinement.fit.effect_sum import robust_scale
@@ -14,6 +17,11 @@ from friction_comp.refinement.judge.residual_dependence import (
     ResidualDependence,
     unexplained,
 )
+
+if TYPE_CHECKING:
+    from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.refinement.search.candidate_fit import Step
+    from friction_comp.samples import Samples
 
 # Residuals this many times the noise from sample to sample hold something that is no noise.
 CLEARLY_ABOVE_NOISE = 1.5
@@ -27,7 +35,8 @@ LARGE = 0.2
 STAND_IN = 0.25
 
 
-def left_over(data, residual, slowest, floor):
+def left_over(data: FitData, residual: np.ndarray, slowest: float,
+              floor: float) -> list[ResidualDependence]:
     """Return what the residual still depends on.
 
     Parameters
@@ -57,7 +66,8 @@ def left_over(data, residual, slowest, floor):
     return found
 
 
-def with_products(left, products):
+def with_products(left: list[ResidualDependence],
+                  products: Sequence[Any]) -> list[ResidualDependence]:
     """Return what is left with the variables of products put first.
 
     Parameters
@@ -72,7 +82,7 @@ def with_products(left, products):
     """
     by_name = {item.variable: item for item in left}
     strongest = max((item.strength for item in left), default=LEAST_STRENGTH)
-    first = []
+    first: list[Any] = []
     for product in products:
         for name in product.variables:
             if all(item.variable != name for item in first):
@@ -84,13 +94,13 @@ def with_products(left, products):
     return first + [item for item in left if item.variable not in taken]
 
 
-def clipped_rms(values, deviations=4.0):
+def clipped_rms(values: np.ndarray, deviations: float = 4.0) -> float:
     """Return the RMS of values, those beyond so many standard deviations taken as of that size."""
     limit = deviations * robust_scale(values)
     return float(np.sqrt(np.mean(np.clip(values, -limit, limit) ** 2)))
 
 
-def clipping(samples, clipped):
+def clipping(samples: Samples, clipped: np.ndarray) -> ResidualDependence | None:
     """Return the entry for a current signal that ends before the current does; None if it does not.
 
     The variable named is the one on which it depends most whether a sample is clipped.
@@ -120,7 +130,7 @@ def clipping(samples, clipped):
         f'samples, mostly by {best[0]}: the sensor saturates, and these samples are not fitted')
 
 
-def without_stand_ins(steps, keep=1):
+def without_stand_ins(steps: list[Step], keep: int = 1) -> list[Step]:
     """Return the steps without small effects at the end.
 
     Parameters

@@ -4,13 +4,20 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.refinement.fit.effect_sum import robust_scale
 from friction_comp.refinement.judge.evidence import rms
 
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.samples import Samples
 
-def scores(current, fit_residual, held_out_residual, usable):
+
+def scores(current: np.ndarray, fit_residual: np.ndarray, held_out_residual: np.ndarray,
+           usable: np.ndarray) -> dict[str, Any]:
     """Return the errors of one model over the usable samples.
 
     Parameters
@@ -34,7 +41,7 @@ def scores(current, fit_residual, held_out_residual, usable):
     }
 
 
-def noise_floor(samples, usable, residual):
+def noise_floor(samples: Samples, usable: np.ndarray, residual: np.ndarray) -> float:
     """Return the standard deviation in A of what changes from one sample to the next at random.
 
     Second differences of the residual remove whatever is smooth over three samples; of white
@@ -48,7 +55,7 @@ def noise_floor(samples, usable, residual):
     return robust_scale(second) / np.sqrt(6.0)
 
 
-def words_of(model, start):
+def words_of(model: FrictionModel, start: str) -> str:
     """Return a model in one line."""
     names = [effect.name for effect in model.effects]
     return f'{start}' + ''.join(f' + {name}' for name in names)

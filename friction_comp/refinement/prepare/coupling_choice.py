@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from friction_comp.arm.find_coupling import find_coupling
@@ -17,7 +19,7 @@ _STILL = 0.01
 _LEAST = 1e-3
 
 
-def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict
+def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, Any]
                       ) -> tuple[Samples, Arm | None]:
     """Return samples with what other joints add to the current, where the recording shows any.
 
@@ -27,7 +29,7 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict
         As recorded.
     usable : ndarray of bool, shape (N,)
         Samples that may be fitted.
-    settings : dict
+    settings : dict[str, Any]
         How velocity and acceleration are had of position.
 
     Returns
@@ -58,7 +60,7 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict
             Arm(coupling=found, differentiation=dict(settings)))
 
 
-def say_so(report: dict, arm: Arm) -> None:
+def say_so(report: dict[str, Any], arm: Arm) -> None:
     """Name other joints in a report that has an effect of theirs."""
     groups = [group.describe() for group in arm.coupling.groups]
     for entry in report['effects']:

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.errors import InputError
@@ -12,13 +14,17 @@ from friction_comp.refinement.fit.effect_sum import huber_weights, robust_scale,
 from friction_comp.refinement.judge.evidence import rms
 from friction_comp.refinement.prepare import fit_data as recordings
 
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.samples import Samples
+
 _MOST_SAMPLES = 150_000
 _PIECES = 15
 # Position and velocity are compared over windows of so many seconds, and agree within this share.
 _WINDOW, _AGREES, _FEWEST_WINDOWS = 0.25, 0.05, 8
 
 
-def excerpt(samples, *masks):
+def excerpt(samples: Samples, *masks: Any) -> tuple[Any, ...]:
     """Return stretches from all over the samples, not too many, and the same of masks."""
     size = len(samples)
     if size <= _MOST_SAMPLES:
@@ -29,7 +35,7 @@ def excerpt(samples, *masks):
     return (samples.take(keep), *(mask[keep] for mask in masks))
 
 
-def choose_differentiation(samples, clipped):
+def choose_differentiation(samples: Samples, clipped: np.ndarray) -> dict[str, Any]:
     """Return the settings whose motion explains the current best, by a plain model."""
     samples, clipped = excerpt(samples, clipped)
     best = None
@@ -53,7 +59,8 @@ def choose_differentiation(samples, clipped):
     return best[1]
 
 
-def sharpest(model, samples, rows, settings, keep=None):
+def sharpest(model: FrictionModel, samples: Samples, rows: np.ndarray, settings: dict[str, Any],
+             keep: np.ndarray | None = None) -> dict[str, Any]:
     """Return the settings by which a finished model predicts some samples best.
 
     Parameters
@@ -63,7 +70,7 @@ def sharpest(model, samples, rows, settings, keep=None):
         As recorded.
     rows : ndarray of bool, shape (N,)
         The samples that count.
-    settings : dict
+    settings : dict[str, Any]
         The present settings, which are kept unless others are clearly better.
     keep : ndarray of bool, shape (N,), optional
         Samples on which others must not be worse.
@@ -82,7 +89,7 @@ def sharpest(model, samples, rows, settings, keep=None):
     return best[2] if best[0] < 0.97 * present[0] else settings
 
 
-def smoothest(model, samples, rows, settings):
+def smoothest(model: Any, samples: Any, rows: Any, settings: Any) -> Any:
     """Return the settings of lower bandwidth by which a model predicts best, the present if none.
 
     Parameters
@@ -103,7 +110,7 @@ def smoothest(model, samples, rows, settings):
     return best
 
 
-def velocity_against_position(samples):
+def velocity_against_position(samples: Samples) -> str | None:
     """Return a sentence where recorded velocity is not the slope of position, else None.
 
     Parameters
@@ -137,7 +144,7 @@ def velocity_against_position(samples):
             'are as uncertain.')
 
 
-def lagging(samples, moving):
+def lagging(samples: Samples, moving: np.ndarray) -> bool:
     """Tell whether current and motion are apart in time by more than two samples.
 
     A lag shows at reversals, next to standstill: where there is one, they must not be left out.
@@ -168,7 +175,7 @@ def lagging(samples, moving):
     return min(errors) < 0.97 * errors[0]
 
 
-def _motion_error(part, transition):
+def _motion_error(part: Samples, transition: float) -> float:
     v = part.velocity
     side = np.tanh(v / transition)
     columns = [np.ones_like(v), side, v, part.acceleration, np.cos(part.position),

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate, METHOD
 from friction_comp.model.effects import Scene
 from friction_comp.samples import Samples
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
 
 FEWEST = 200
 _MOST_ROWS = 24000
@@ -61,20 +65,20 @@ class FitData:
     load_coefficient: float = 0.0
 
     @property
-    def target(self):
+    def target(self) -> np.ndarray:
         """Current in A that the motion has to explain: without the share of the load, (N,)."""
         if not self.load_coefficient:
             return self.samples.current
         return self.samples.current - self.load_coefficient * self.samples.load
 
-    def fit_rows(self, fold):
+    def fit_rows(self, fold: int) -> np.ndarray:
         """Return which samples the model that predicts a fold is fitted on; all for None."""
         if fold is None:
             return self.usable
         return self.usable & (self.fold != fold) & ~self.guard
 
 
-def join(recordings):
+def join(recordings: list[Samples]) -> Samples | None:
     """Return recordings as one `Samples`, non-finite samples dropped.
 
     Raises
@@ -105,7 +109,7 @@ def join(recordings):
     return samples
 
 
-def sticking_speed(samples):
+def sticking_speed(samples: Samples) -> float:
     """Return the speed in rad/s below which the joint counts as standing still.
 
     Where the joint sticks, current is whatever it happens to be and tells nothing of friction.
@@ -119,7 +123,7 @@ def sticking_speed(samples):
     return float(min(max(0.01 * top, noise), 0.05 * top))
 
 
-def in_motion(samples, slowest, settings):
+def in_motion(samples: Samples, slowest: float, settings: dict[str, Any]) -> np.ndarray:
     """Return which samples tell of friction: the joint moves, and has moved for a moment.
 
     Beside standstill, the smoothing of the positions blends rest and motion over about the
@@ -138,7 +142,7 @@ def in_motion(samples, slowest, settings):
     return inner if inner.sum() > 0.8 * moving.sum() else moving
 
 
-def clipped(current):
+def clipped(current: np.ndarray) -> np.ndarray:
     """Return which samples sit at the very limits of the current signal, shape (N,).
 
     A limit counts as one where its exact value (to a millionth of the range) is met in a run of
@@ -156,7 +160,7 @@ def clipped(current):
     return mark
 
 
-def bandwidths(samples):
+def bandwidths(samples: Samples) -> list[Any]:
     """Return the differentiation settings worth comparing."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
     choices = [value for value in (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
@@ -168,7 +172,7 @@ def bandwidths(samples):
             for source in sources for value in [*choices, None]]
 
 
-def thinned(samples, usable):
+def thinned(samples: Samples, usable: np.ndarray) -> tuple[Samples, np.ndarray, float, np.ndarray]:
     """Return samples averaged, and if need be sampled in stretches, to a manageable number.
 
     Returns
@@ -191,8 +195,9 @@ def thinned(samples, usable):
     return samples, usable, factor / rate if factor > 1 else 0.0, origin
 
 
-def _averaged(samples, usable, factor):
-    pieces = {name: [] for name in _SIGNALS if getattr(samples, name) is not None}
+def _averaged(samples: Samples, usable: np.ndarray,
+              factor: int) -> tuple[Samples, np.ndarray, np.ndarray]:
+    pieces: dict[str, Any] = {name: [] for name in _SIGNALS if getattr(samples, name) is not None}
     kept, numbers, origin = [], [], []
     for part in samples.segments():
         rows = (part.stop - part.start) // factor
@@ -204,12 +209,13 @@ def _averaged(samples, usable, factor):
         kept.append(usable[cut].reshape(rows, factor).all(axis=1))
         numbers.append(samples.recording[cut][::factor])
         origin.append(np.arange(cut.start, cut.stop, factor))
-    joined = {name: np.concatenate(values) for name, values in pieces.items()}
+    joined: dict[str, Any] = {name: np.concatenate(values) for name, values in pieces.items()}
     result = Samples(recording=np.concatenate(numbers), joint=samples.joint, **joined)
     return result, np.concatenate(kept), np.concatenate(origin)
 
 
-def split(samples, usable, residual):
+def split(samples: Samples, usable: np.ndarray,
+          residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
     """Cut samples into stretches and deal the stretches to two folds.
 
     Whole recordings are held out where several are given, else stretches several times as long
@@ -250,14 +256,14 @@ def split(samples, usable, residual):
         guard = np.zeros(len(samples), dtype=bool)
         width = min(int(length), rows // 8)
         for place in np.nonzero(edge)[0]:
-            guard[max(0, place - width):place + width] = True
+            guard[max(0, int(place) - width):int(place) + width] = True
         words = (f'{block.max() + 1} stretches of about {rows * step:.2g} s in turn, each half '
                  'predicted by the model fitted on the other half, '
                  f'with {2 * width * step:.2g} s beside every edge not fitted')
     return block, fold, guard, words + '; standstill and clipped samples are left out'
 
 
-def correlation_samples(residual, usable):
+def correlation_samples(residual: np.ndarray, usable: np.ndarray) -> int:
     """Return after how many samples the residual's autocorrelation has fallen below 0.2."""
     values = residual[usable]
     values = values - np.median(values)
@@ -275,7 +281,8 @@ def correlation_samples(residual, usable):
     return int(below[0]) if below.size else size // 10
 
 
-def scene_of(samples, usable, drive, transition, slowest):
+def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, transition: float,
+             slowest: float) -> Scene:
     """Return the `Scene` of samples."""
     moving = samples.take(usable)
     # The longest recording alone tells how far time constants can be seen.
@@ -295,7 +302,7 @@ def scene_of(samples, usable, drive, transition, slowest):
         both_directions=0.02 < float(np.mean(moving.velocity > 0)) < 0.98)
 
 
-def _renumber(values):
+def _renumber(values: np.ndarray) -> np.ndarray:
     return np.unique(values, return_inverse=True)[1].reshape(-1)
 
 

@@ -4,9 +4,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.refinement.fit.effect_sum import solve
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+    from friction_comp.samples import Samples
 
 # Share of the load's variance that the motion explains when the person makes the motion.
 _MADE_BY_MOTION = 0.3
@@ -16,7 +22,7 @@ _WORTH = 0.05
 _NEAR = 0.15
 
 
-def carried_by_a_person(samples, usable, drive):
+def carried_by_a_person(samples: Samples, usable: np.ndarray, drive: Drive) -> float:
     """Return A per N·m of load where mechanics has to be relied on, else 0.
 
     Under a compensation law the current is a function of the motion alone, as exact as a law can

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,11 @@ from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import huber_loss, robust_scale, Term
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual
 from friction_comp.refinement.search.candidates import best_forms, best_term, plausible
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.refinement.prepare.fit_data import FitData
 
 # Chance of any wrong effect in a step, over all candidates together.
 ALPHA = 0.01
@@ -26,22 +32,22 @@ LEAST_SIZE = 0.003
 class CandidateFit:
     """A candidate effect, fitted in both folds."""
 
-    kind: type
-    fits: list
+    kind: type[Effect]
+    fits: list[Any]
     residual: np.ndarray
     advantage: float = 0.0
     error: float = 0.0
     p_value: float = 1.0
 
     @property
-    def complexity(self):
+    def complexity(self) -> int:
         """Number of coefficients and searched constants."""
         term = self.fits[0].terms[-1]
         searched = sum(how is not None for how in term.kind.constants.values())
         free = term.columns(self.fits[0].samples.take(slice(0, 3)), 0.0).shape[1]
         return searched + free
 
-    def evidence(self, loss, candidates):
+    def evidence(self, loss: float, candidates: int) -> dict[str, float | int]:
         """Return the entry `evidence` of the report.
 
         Parameters
@@ -60,14 +66,15 @@ class CandidateFit:
 class Step:
     """An effect that was added: how, and what else would have done nearly as well."""
 
-    kind: type
-    fits: list
+    kind: type[Effect]
+    fits: list[Any]
     held_out_rmse: float
-    evidence: dict
-    rivals: list = field(default_factory=list)
+    evidence: dict[str, Any]
+    rivals: list[Any] = field(default_factory=list)
 
 
-def try_kind(data, fits, residual, kind):
+def try_kind(data: FitData, fits: list[Fit], residual: np.ndarray,
+             kind: type[Effect]) -> CandidateFit | None:
     """Fit one more effect in both folds; None where it makes no sense.
 
     A fold may hold too little of the effect to tell its variant (a bump crossed in one direction
@@ -98,7 +105,8 @@ def try_kind(data, fits, residual, kind):
     return best
 
 
-def _best_form(data, fits, residual, kind):
+def _best_form(data: FitData, fits: list[Fit], residual: np.ndarray,
+               kind: type[Effect]) -> CandidateFit | None:
     """Return the trial of the form that helps most, its constants adjusted with all else."""
     best = None
     for choice in zip(*(best_forms(fit, kind) for fit in fits)):
@@ -113,13 +121,13 @@ def _best_form(data, fits, residual, kind):
     return best
 
 
-def least_share(trial, data):
+def least_share(trial: CandidateFit, data: FitData) -> float:
     """Return the share of the loss that an effect has to take away to be worth its place."""
     return max(trial.kind.worth(LEAST_SHARE, fit.terms[-1].constants, data.scene)
                for fit in trial.fits)
 
 
-def chance_of(kind, number):
+def chance_of(kind: type[Effect], number: int) -> float:
     """Return the p-value an effect must stay below as one of a number tried (Bonferroni).
 
     Half of the chance is kept for what every drive has; the others share the rest.
@@ -127,7 +135,8 @@ def chance_of(kind, number):
     return 0.5 * ALPHA if kind.expected else 0.5 * ALPHA / max(number - 1, 1)
 
 
-def adjust_constants(data, residual, trial, thorough=False):
+def adjust_constants(data: FitData, residual: np.ndarray, trial: CandidateFit,
+                     thorough: bool = False) -> None:
     """Adjust all constants of a trial together and count its advantage anew."""
     adjust = optimizer.gauss_newton_restarted if thorough else optimizer.gauss_newton
     trial.fits = [adjust(fit) for fit in trial.fits]
@@ -135,7 +144,7 @@ def adjust_constants(data, residual, trial, thorough=False):
     trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
 
 
-def mean_loss(data, residual, scale=None):
+def mean_loss(data: FitData, residual: np.ndarray, scale: float | None = None) -> float:
     """Return the mean Huber loss of the usable samples, A².
 
     Parameters

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +14,16 @@ from friction_comp.refinement.fit.effect_sum import solve, Term
 from friction_comp.refinement.fit.final_fit import mechanical_load
 from friction_comp.refinement.search.spectrum import highest_frequency, peaks, position_spectrum
 
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.refinement.prepare.fit_data import FitData
+
 _COARSE_ROWS = 4000
 _PEAKS = 4
 
 
-def kinds_for(data, terms):
+def kinds_for(data: FitData, terms: list[Term]) -> list[type[Effect]]:
     """Return the effects that can be tried beside some terms: those that have their signals."""
     present = [term.kind for term in terms]
     if data.load_coefficient:
@@ -32,7 +38,7 @@ def kinds_for(data, terms):
     return kinds
 
 
-def best_term(fit, kind):
+def best_term(fit: Fit, kind: type[Effect]) -> Term | None:
     """Return the term of a kind that lowers the error on the fitted rows most.
 
     Returns
@@ -56,14 +62,14 @@ def best_term(fit, kind):
     return best
 
 
-def plausible(fit):
+def plausible(fit: Fit) -> bool:
     """Tell whether physics allows the last term's coefficients and constants."""
     last, number = fit.terms[-1], fit.parts[-1].shape[1]
     own = fit.coefficients[len(fit.coefficients) - number:]
     return last.kind.plausible(own, last.constants, fit.data.scene)
 
 
-def _by_spectrum(fit, kind):
+def _by_spectrum(fit: Fit, kind: type[Effect]) -> list[tuple[Term, int]]:
     """Return terms with the frequencies at which the residual swings most over position."""
     data, scene = fit.data, fit.data.scene
     index = fit.index
@@ -88,7 +94,7 @@ def _by_spectrum(fit, kind):
     return points
 
 
-def best_forms(fit, kind):
+def best_forms(fit: Fit, kind: type[Effect]) -> list[Term] | None:
     """Return the best term of each form of an effect that reshapes all others.
 
     A form is what its constants that are not searched say: a delay or a low pass.
@@ -102,13 +108,13 @@ def best_forms(fit, kind):
     index, weights = fit.index[::every], fit.weights[::every]
     goal = fit.target[index]
 
-    def error(matrix):
+    def error(matrix: np.ndarray) -> float:
         inner = matrix[index]
         residual = goal - inner @ solve(inner, goal, weights)
         return float(weights @ residual ** 2)
     matrix = np.hstack(fit.parts)
     without = error(matrix)
-    best = {}
+    best: dict[tuple[float, ...], tuple[Term | None, float]] = {}
     for constants in kind.grid(fit.data.scene):
         form = tuple(constants[name] for name, how in kind.constants.items() if how is None)
         best.setdefault(form, (None, without))

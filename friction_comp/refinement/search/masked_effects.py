@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.refinement.fit.effect_sum import robust_scale, Term
@@ -22,12 +24,19 @@ from friction_comp.refinement.search.candidate_fit import (
 from friction_comp.refinement.search.candidates import plausible
 from friction_comp.refinement.search.unlisted_products import Nameless
 
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.refinement.search.candidate_fit import CandidateFit
+    from friction_comp.samples import Samples
+
 _POSITIONS, _TIMES = 16, 12
 # Effects that a second one is tried beside.
 _FIRSTS = 3
 
 
-def nuisance_of(samples):
+def nuisance_of(samples: Samples) -> Any:
     """Return a stand-in for an effect: any step function of position and of time.
 
     Each has its own level in either direction, so that it takes up what no effect known to the
@@ -42,7 +51,7 @@ def nuisance_of(samples):
     type
         With the class method `matrix` of an effect.
     """
-    def edges(values, number):
+    def edges(values: Any, number: Any) -> Any:
         return np.unique(np.quantile(values, np.linspace(0, 1, number + 1)[1:-1]))
     cuts = (edges(samples.position, _POSITIONS), edges(samples.time, _TIMES))
 
@@ -52,7 +61,7 @@ def nuisance_of(samples):
         name = variable = 'nuisance'
 
         @classmethod
-        def matrix(cls, samples, constants):
+        def matrix(cls, samples: Any, constants: Any) -> Any:
             """Return one column of zeros and ones for each cell, shape (N, M)."""
             side = (samples.velocity > 0).astype(int)
             parts = []
@@ -63,7 +72,7 @@ def nuisance_of(samples):
     return Nuisance
 
 
-def exceeds_noise(data, residual):
+def exceeds_noise(data: FitData, residual: np.ndarray) -> bool:
     """Tell whether a residual is much larger than what changes from sample to sample.
 
     Parameters
@@ -75,19 +84,20 @@ def exceeds_noise(data, residual):
     return robust_scale(residual[data.usable]) > CLEARLY_ABOVE_NOISE * floor
 
 
-def beside_nuisance(data, fits):
+def beside_nuisance(data: Any, fits: Any) -> Any:
     """Return fits that have the freedom of `nuisance_of` as well."""
     term = Term(nuisance_of(data.samples.take(data.usable)), {})
     return [fit.with_term(term) for fit in fits]
 
 
-def with_expected(fits, kind):
+def with_expected(fits: Any, kind: Any) -> Any:
     """Return fits with an effect that every drive has, None where its sign would be wrong."""
     grown = [fit.with_term(Term(kind, {})) for fit in fits]
     return grown if all(plausible(fit) for fit in grown) else None
 
 
-def hidden_expected(data, fits, residual, kinds):
+def hidden_expected(data: FitData, fits: list[Fit], residual: np.ndarray,
+                    kinds: list[type[Effect]]) -> Step | None:
     """Return a step for what every drive has and a larger effect without a name hides, or None.
 
     Parameters
@@ -115,7 +125,8 @@ def hidden_expected(data, fits, residual, kinds):
         'beside': 'free levels over position and time, since something larger has no name'})
 
 
-def together(data, fits, residual, trials, kinds, least):
+def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[CandidateFit],
+             kinds: list[type[Effect]], least: float) -> list[Step]:
     """Return two steps for effects that help only together, none if there are no such.
 
     Load torque that is not in the model hides friction that grows with the load, and the other way
@@ -141,7 +152,7 @@ def together(data, fits, residual, trials, kinds, least):
     if not exceeds_noise(data, residual):
         return []
 
-    def fitted(trial):
+    def fitted(trial: Any) -> Any:
         return sum(float(np.mean(np.abs(fit.residual[fit.index]))) for fit in trial.fits)
     firsts = sorted(trials, key=fitted)[:_FIRSTS]
     best, first = None, None

@@ -5,15 +5,20 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene
+    from friction_comp.samples import Samples
 
 _FEWEST_PERIODS = 2.5
 _BINS_A_PERIOD = 4
 _MOST_BINS = 1 << 17
 
 
-def highest_frequency(samples, usable, scene, window):
+def highest_frequency(samples: Samples, usable: np.ndarray, scene: Scene, window: float) -> float:
     """Return the highest spatial frequency in rad/rad (periods a turn) that the data can show.
 
     Slow motion shows the finest ripple: the limit is where motion at the slowest quarter of the
@@ -27,7 +32,8 @@ def highest_frequency(samples, usable, scene, window):
     return highest
 
 
-def position_spectrum(position, signal, weight, highest, periods=_FEWEST_PERIODS):
+def position_spectrum(position: np.ndarray, signal: np.ndarray, weight: np.ndarray, highest: float,
+                      periods: float = _FEWEST_PERIODS) -> tuple[np.ndarray, np.ndarray]:
     """Return the power of a signal over position, as the fit of cos and sin would explain.
 
     Parameters
@@ -61,9 +67,9 @@ def position_spectrum(position, signal, weight, highest, periods=_FEWEST_PERIODS
     return k[keep], power[keep]
 
 
-def peaks(k, power, number, separation):
+def peaks(k: np.ndarray, power: np.ndarray, number: int, separation: float) -> list[float]:
     """Return the frequencies of the highest peaks, apart by at least a separation."""
-    found = []
+    found: list[float] = []
     order = np.argsort(power)[::-1]
     for place in order[:2000]:
         if all(abs(k[place] - other) > separation for other in found):

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +28,12 @@ from friction_comp.refinement.search.candidates import kinds_for
 from friction_comp.refinement.search.masked_effects import hidden_expected, together
 from friction_comp.refinement.search.unlisted_products import best_product
 
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.refinement.search.candidate_fit import CandidateFit
+
 _MOST_EFFECTS = 10
 _POLISHED = 3
 # A product of variables is tried against effects with a name in so many steps, and has to lower
@@ -37,7 +45,8 @@ _PAIR_ROUNDS = 3
 _BESIDE = 0.25
 
 
-def select(data, fits, report=None):
+def select(data: FitData, fits: list[Fit],
+           report: Callable[..., Any] | None = None) -> tuple[Any, ...]:
     """Add effects as long as held-out data call for them.
 
     Parameters
@@ -82,7 +91,8 @@ def select(data, fits, report=None):
     return steps, [product]
 
 
-def greedy(data, fits, report=None):
+def greedy(data: FitData, fits: list[Fit],
+           report: Callable[..., Any] | None = None) -> tuple[list[Step], type[Effect] | None]:
     """Add the best effect again and again, and take back what has become needless.
 
     Parameters
@@ -96,7 +106,8 @@ def greedy(data, fits, report=None):
     type or None
         The product of variables, if any, that explained more than every effect with a name.
     """
-    steps, product = [], None
+    steps: list[Step] = []
+    product = None
     residual = held_out_residual(data, fits)
     least = (LEAST_SIZE * rms(data.samples.current[data.usable])) ** 2
     while len(steps) < _MOST_EFFECTS:
@@ -140,7 +151,7 @@ def greedy(data, fits, report=None):
     return prune(data, steps, least), product
 
 
-def prune(data, steps, least):
+def prune(data: FitData, steps: list[Step], least: float) -> list[Step]:
     """Take back effects that those found later have made needless.
 
     The greedy order may add an effect as a stand-in for one that comes later. Every effect but
@@ -167,7 +178,7 @@ def prune(data, steps, least):
     return steps
 
 
-def without_step(data, steps, place, fits):
+def without_step(data: Any, steps: Any, place: Any, fits: Any) -> Any:
     """Return the steps less one; the last of them has the fits of the whole."""
     first = len(steps[0].fits[0].terms) - 1
     kept = []
@@ -182,7 +193,7 @@ def without_step(data, steps, place, fits):
             for step in kept]
 
 
-def simplest_of_the_best(data, trials):
+def simplest_of_the_best(data: FitData, trials: list[CandidateFit]) -> CandidateFit:
     """Return the simplest trial within one standard error of the best."""
     best = max(trials, key=lambda trial: trial.advantage)
     near = [best]
@@ -195,7 +206,8 @@ def simplest_of_the_best(data, trials):
     return min(near, key=lambda trial: (trial.complexity, -trial.advantage))
 
 
-def find_rivals(data, chosen, trials, residual):
+def find_rivals(data: FitData, chosen: CandidateFit, trials: list[CandidateFit],
+                residual: np.ndarray) -> list[Any]:
     """Return effects of another variable that the data cannot tell from the chosen one.
 
     Returns

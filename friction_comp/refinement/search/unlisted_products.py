@@ -9,17 +9,27 @@ of a model; its variables are what is reported.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.model.effects.base import Effect, sign
 from friction_comp.refinement.search.candidate_fit import chance_of, try_kind
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.scene import Scene
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.refinement.search.candidate_fit import CandidateFit
+    from friction_comp.samples import Samples
 
 # So many times as much as the best effect with a name has a product to explain; less where that
 # effect needs several numbers more to do so.
 _CLEARLY, _AS_MUCH, _SIMPLE = 1.25, 0.85, 1
 
 
-def _scaled(values):
+def _scaled(values: np.ndarray) -> np.ndarray:
     """Return values about their middle, of size one."""
     low, high = np.percentile(values, (1, 99))
     return (values - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-300)
@@ -31,17 +41,18 @@ class Nameless(Effect):
     variables: tuple[str, ...] = ()
 
     @staticmethod
-    def columns(x, c):
+    def columns(x: Any, c: Any) -> tuple[Any, ...]:
         """Return no column: what has no name is never evaluated one sample at a time."""
         return ()
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Return the one way to try it."""
         return [{'transition': scene.transition}]
 
 
-def _product(words, words_of, of, signals=()):
+def _product(words: str, words_of: tuple[Any, ...], of: Callable[..., Any],
+             signals: tuple[Any, ...] = ()) -> type[Effect]:
     """Return a stand-in for an effect, made of a function of samples and sign of friction."""
     class Product(Nameless):
         """One column: a product of variables, each about its middle."""
@@ -51,7 +62,7 @@ def _product(words, words_of, of, signals=()):
         constants = {'transition': None}
 
         @classmethod
-        def matrix(cls, samples, constants):
+        def matrix(cls, samples: Samples, constants: dict[str, float]) -> np.ndarray:
             """Return one column, shape (N, 1)."""
             return of(samples, constants['transition'])[:, None]
     return Product
@@ -65,13 +76,13 @@ class Change(Nameless):
     constants = {'moment': None, 'transition': None}
 
     @classmethod
-    def grid(cls, scene):
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Return moments all through the longest recording."""
         return [{'moment': share * scene.duration, 'transition': scene.transition}
                 for share in np.linspace(0.04, 0.96, 47)]
 
     @classmethod
-    def matrix(cls, samples, constants):
+    def matrix(cls, samples: Samples, constants: dict[str, float]) -> np.ndarray:
         """Return two columns, of Coulomb and of viscous friction, shape (N, 2)."""
         later = (samples.time > constants['moment']).astype(float)
         return np.column_stack((later * sign(samples.velocity, constants['transition']),
@@ -99,13 +110,13 @@ PRODUCTS = (
 )
 
 
-def products_for(data):
+def products_for(data: FitData) -> list[type[Effect]]:
     """Return the products whose signals were recorded."""
     return [kind for kind in PRODUCTS
             if all(getattr(data.samples, signal) is not None for signal in kind.needs)]
 
 
-def better(trial, named, limit):
+def better(trial: CandidateFit, named: list[CandidateFit], limit: float) -> bool:
     """Tell whether a product explains clearly more than every effect with a name.
 
     Parameters
@@ -126,7 +137,8 @@ def better(trial, named, limit):
     return trial.advantage > share * best.advantage
 
 
-def best_product(data, fits, residual, named, least):
+def best_product(data: FitData, fits: list[Fit], residual: np.ndarray, named: list[CandidateFit],
+                 least: float) -> type[Effect] | None:
     """Return the product that explains most, None where an effect with a name does as well.
 
     Parameters
