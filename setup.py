@@ -40,6 +40,24 @@ def shared(folder, *patterns):
     return [(f'share/{PACKAGE}/{folder}', files)] if files else []
 
 
+def executables():
+    """Write what `ros2 run` looks for in lib/friction_comp/, where pip makes no scripts.
+
+    Each finds the Python of the environment that it lies in, wherever that is.
+    """
+    if not FOR_PIP:
+        return []
+    folder = ROOT / 'build' / 'executables'
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in NAMES:
+        path = folder / name
+        path.write_text(
+            f'#!/bin/sh\nexec "$(dirname "$0")/../../bin/python3" -m {PACKAGE} {name} "$@"\n',
+            encoding='utf-8')
+        path.chmod(0o755)
+    return [(f'lib/{PACKAGE}', [str((folder / name).relative_to(ROOT)) for name in NAMES])]
+
+
 setup(
     name=PACKAGE,
     version=version(),
@@ -52,6 +70,8 @@ setup(
         *shared('config', '*.yaml'),
         *shared('config/exercises', '*.yaml'),
         *shared('msg_docs', '*.md'),
+        *shared('sros2', '*.xml'),
+        *executables(),
     ],
     python_requires='>=3.10',
     # ROS 2 itself is not listed: it is sourced, or its wheels are in requirements/ros.txt.

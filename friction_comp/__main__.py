@@ -6,7 +6,11 @@ from __future__ import annotations
 
 from functools import partial
 import importlib
+import os
+import signal
 import sys
+import threading
+from typing import NoReturn
 
 from friction_comp import __version__
 from friction_comp.errors import InputError
@@ -69,6 +73,9 @@ def run(name: str, argv: list[str] | None = None) -> int:
         return 0
     if name in NODES or name in ('demo', 'doctor'):
         name_this_environment()
+    if name in NODES and threading.current_thread() is threading.main_thread():
+        # Until the node looks after signals itself there is nothing to clean up.
+        signal.signal(signal.SIGINT, _leave)
     try:
         # Only now, so that a tool that needs no ROS 2 runs without it.
         module = importlib.import_module(f'friction_comp.{room}.{name}')
@@ -84,6 +91,10 @@ def run(name: str, argv: list[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         return 130
+
+
+def _leave(*_: object) -> NoReturn:
+    os._exit(130)
 
 
 def _first_ros_argument(argv: list[str]) -> int:

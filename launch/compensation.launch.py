@@ -6,21 +6,50 @@ For example::
 
     ros2 launch friction_comp compensation.launch.py joints:="['elbow']" \
         model_files:="['elbow.yaml']" current_command:=effort_controller/commands
+
+With ``respawn:=true`` a compensator that ends is started anew; it waits until its predecessor's
+publisher has vanished, some 20 s after one that was killed. With ``autostart:=false`` it waits for
+whoever manages it: ``ros2 lifecycle set /compensator configure``, then ``activate``.
 """
 
 from typing import List
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, LogInfo, RegisterEventHandler
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import LifecycleNode
+from launch_ros.event_handlers import OnStateTransition
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 
 def generate_launch_description():
     configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
-    topics = ('joint_states', 'current_command', 'direction', 'motor_temperature')
+    topics = ('joint_states', 'current_command', 'direction', 'direction_stamped',
+              'motor_temperature')
+    compensator = LifecycleNode(
+        package='friction_comp',
+        executable='compensator',
+        name='compensator',
+        namespace=LaunchConfiguration('namespace'),
+        parameters=[
+            LaunchConfiguration('parameters'),
+            {
+                'joints': ParameterValue(LaunchConfiguration('joints'), value_type=List[str]),
+                'model_files': ParameterValue(
+                    LaunchConfiguration('model_files'), value_type=List[str]),
+                'law': ParameterValue(LaunchConfiguration('law'), value_type=str),
+                'autostart': ParameterValue(LaunchConfiguration('autostart'), value_type=bool),
+                'use_sim_time': ParameterValue(
+                    LaunchConfiguration('use_sim_time'), value_type=bool),
+            },
+        ],
+        remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
+        arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
+        respawn=LaunchConfiguration('respawn'),
+        respawn_delay=2.0,
+        output='screen',
+    )
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='', description='of the node'),
         DeclareLaunchArgument(
@@ -36,26 +65,21 @@ def generate_launch_description():
         DeclareLaunchArgument(
             'autostart', default_value='true', choices=['true', 'false'],
             description='whether the node configures and activates itself'),
+        DeclareLaunchArgument(
+            'use_sim_time', default_value='false', choices=['true', 'false'],
+            description='time from /clock'),
+        DeclareLaunchArgument(
+            'log_level', default_value='info',
+            choices=['debug', 'info', 'warn', 'error', 'fatal'], description='what is logged'),
+        DeclareLaunchArgument(
+            'respawn', default_value='false', choices=['true', 'false'],
+            description='whether a node that ends is started anew'),
         *(DeclareLaunchArgument(
             topic, default_value=topic, description=f'topic to use as {topic}')
           for topic in topics),
-        LifecycleNode(
-            package='friction_comp',
-            executable='compensator',
-            name='compensator',
-            namespace=LaunchConfiguration('namespace'),
-            parameters=[
-                LaunchConfiguration('parameters'),
-                {
-                    'joints': ParameterValue(LaunchConfiguration('joints'), value_type=List[str]),
-                    'model_files': ParameterValue(
-                        LaunchConfiguration('model_files'), value_type=List[str]),
-                    'law': ParameterValue(LaunchConfiguration('law'), value_type=str),
-                    'autostart': ParameterValue(
-                        LaunchConfiguration('autostart'), value_type=bool),
-                },
-            ],
-            remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
-            output='screen',
-        ),
+        compensator,
+        *(RegisterEventHandler(OnStateTransition(
+            target_lifecycle_node=compensator, goal_state=state,
+            entities=[LogInfo(msg=f'compensator: {words}')]))
+          for state, words in (('active', 'commands the motor'), ('inactive', 'zero current'))),
     ])

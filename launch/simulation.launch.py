@@ -26,12 +26,16 @@ def generate_launch_description():
         'model_files': ParameterValue(LaunchConfiguration('model_files'), value_type=List[str])}
     law = {'law': ParameterValue(LaunchConfiguration('law'), value_type=str)}
 
+    simulated = {
+        'use_sim_time': ParameterValue(LaunchConfiguration('use_sim_time'), value_type=bool)}
+
     def settings(name, *parameters):
         return {
             'package': 'friction_comp',
             'name': name,
             'namespace': LaunchConfiguration('namespace'),
             'parameters': [LaunchConfiguration('parameters'), joints, *parameters],
+            'arguments': ['--ros-args', '--log-level', LaunchConfiguration('log_level')],
             'output': 'screen',
         }
 
@@ -51,15 +55,22 @@ def generate_launch_description():
             'law', default_value='continuous', choices=['continuous', 'paper', 'kinetic', 'none'],
             description='compensation law'),
         DeclareLaunchArgument(
+            'use_sim_time', default_value='false', choices=['true', 'false'],
+            description='time from /clock, of all nodes but the plant'),
+        DeclareLaunchArgument(
+            'log_level', default_value='info',
+            choices=['debug', 'info', 'warn', 'error', 'fatal'], description='what is logged'),
+        DeclareLaunchArgument(
             'identify', default_value='false', choices=['true', 'false'],
             description='start the identification instead of compensator and exercise'),
         Node(executable='plant', **settings('plant', models)),
         Node(
             executable='identification', condition=IfCondition(identify),
-            **settings('identification')),
+            **settings('identification', models, simulated)),
         LifecycleNode(
             executable='compensator', condition=UnlessCondition(identify),
-            **settings('compensator', models, law)),
+            **settings('compensator', models, law, simulated)),
         Node(
-            executable='exercise', condition=UnlessCondition(identify), **settings('exercise')),
+            executable='exercise', condition=UnlessCondition(identify),
+            **settings('exercise', simulated)),
     ])

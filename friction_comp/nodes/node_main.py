@@ -8,6 +8,7 @@ import argparse
 from collections.abc import Callable, Sequence
 import gc
 import os
+import re
 import signal
 import sys
 import threading
@@ -71,15 +72,18 @@ def run(name: str, description: str, make_node: Callable[[], Any],
     parser = _Parser(prog=name, description=description, epilog=(
         'Parameters, remappings and names are given after --ros-args, for instance '
         '--ros-args -p NAME:=VALUE -r FROM:=TO.'))
-    parser.parse_args(remove_ros_args([name, *argv])[1:])
     signals = _Signals()
     sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
+        own = remove_ros_args([name, *argv])[1:]
         rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
-        # Bad ROS arguments and parameter files come as different errors without a common base.
-        raise InputError(f'ROS arguments: {error}') from None
+        # Bad ROS arguments and parameter files come as different errors without a common base,
+        # and with places in rcl's source, which help nobody.
+        words = re.sub(r',? at \S+:\d+', '', str(error))
+        raise InputError(f'ROS arguments: {words}') from None
     try:
+        parser.parse_args(own)
         node = make_node()
         signals.tell(getattr(node, 'let_go', None))
         executor = StreamExecutor(node)

@@ -1,0 +1,71 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the identification on a real robot whose driver publishes joint states.
+
+For example, and then the goal that makes the joint move::
+
+    ros2 launch friction_comp identification.launch.py joints:="['elbow']" \
+        model_files:="['elbow_drive.yaml']" output_folder:=models \
+        current_command:=effort_controller/commands
+    ros2 action send_goal --feedback /identify_friction \
+        friction_comp_interfaces/action/IdentifyFriction "{joint: elbow}"
+
+No compensator may be active meanwhile: the goal is refused.
+"""
+
+from typing import List
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
+    topics = ('joint_states', 'current_command', 'motor_temperature')
+    return LaunchDescription([
+        DeclareLaunchArgument('namespace', default_value='', description='of the node'),
+        DeclareLaunchArgument(
+            'parameters', default_value=[configuration, '/parameters.yaml'],
+            description='parameter file; the arguments below override it'),
+        DeclareLaunchArgument(
+            'joints', description="names of the joints as a YAML list, such as ['elbow']"),
+        DeclareLaunchArgument(
+            'model_files', description="one model file per joint, as a YAML list; of each only "
+            "the section 'drive' is used"),
+        DeclareLaunchArgument(
+            'output_folder', default_value='.', description='folder that takes the model files'),
+        DeclareLaunchArgument(
+            'use_sim_time', default_value='false', choices=['true', 'false'],
+            description='time from /clock'),
+        DeclareLaunchArgument(
+            'log_level', default_value='info',
+            choices=['debug', 'info', 'warn', 'error', 'fatal'], description='what is logged'),
+        *(DeclareLaunchArgument(
+            topic, default_value=topic, description=f'topic to use as {topic}')
+          for topic in topics),
+        Node(
+            package='friction_comp',
+            executable='identification',
+            name='identification',
+            namespace=LaunchConfiguration('namespace'),
+            parameters=[
+                LaunchConfiguration('parameters'),
+                {
+                    'joints': ParameterValue(LaunchConfiguration('joints'), value_type=List[str]),
+                    'model_files': ParameterValue(
+                        LaunchConfiguration('model_files'), value_type=List[str]),
+                    'output_folder': ParameterValue(
+                        LaunchConfiguration('output_folder'), value_type=str),
+                    'use_sim_time': ParameterValue(
+                        LaunchConfiguration('use_sim_time'), value_type=bool),
+                },
+            ],
+            remappings=[(topic, LaunchConfiguration(topic)) for topic in topics],
+            arguments=['--ros-args', '--log-level', LaunchConfiguration('log_level')],
+            output='screen',
+        ),
+    ])

@@ -1,0 +1,104 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The launch files, loaded and started, wherever `launch` is there."""
+
+import importlib.util
+import os
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+pytest.importorskip('launch_ros', reason='launch is not in this environment')
+
+from launch import LaunchContext
+from launch.actions import DeclareLaunchArgument
+from launch_ros.actions import Node
+from ros_system import MODELS, own_domain, probe_node
+
+ROOT = Path(__file__).resolve().parents[1]
+FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+STARTS = {'compensation': {'compensator'}, 'identification': {'identification'},
+          'simulation': {'plant', 'compensator', 'exercise'}}
+
+
+def description(path):
+    spec = importlib.util.spec_from_file_location(path.stem.replace('.', '_'), path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.generate_launch_description()
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+def test_loads_and_describes_its_arguments(path):
+    entities = description(path).entities
+    arguments = [e for e in entities if isinstance(e, DeclareLaunchArgument)]
+    assert {'use_sim_time', 'log_level', 'namespace'} <= {a.name for a in arguments}
+    assert all(a.description for a in arguments)
+    assert any(isinstance(e, Node) for e in entities)
+    LaunchContext()
+
+
+@pytest.fixture(scope='module')
+def prefix(tmp_path_factory):
+    """A workspace as colcon would install it, as far as launch looks at it."""
+    prefix = tmp_path_factory.mktemp('prefix')
+    index = prefix / 'share' / 'ament_index' / 'resource_index' / 'packages'
+    index.mkdir(parents=True)
+    (index / 'friction_comp').touch()
+    share = prefix / 'share' / 'friction_comp'
+    for name in ('config', 'launch'):
+        shutil.copytree(ROOT / name, share / name)
+    executables = prefix / 'lib' / 'friction_comp'
+    executables.mkdir(parents=True)
+    for name in ('plant', 'compensator', 'identification', 'exercise'):
+        path = executables / name
+        path.write_text(f'#!/bin/sh\nexec {sys.executable} -m friction_comp {name} "$@"\n')
+        path.chmod(0o755)
+    return prefix
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('name', sorted(STARTS))
+def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
+    script = tmp_path / 'run.py'
+    script.write_text(
+        'import sys\nfrom launch import LaunchService\n'
+        'from launch.actions import IncludeLaunchDescription\n'
+        'from launch.launch_description_sources import PythonLaunchDescriptionSource\n'
+        'from launch import LaunchDescription\n'
+        'arguments = dict(a.split(":=") for a in sys.argv[2:])\n'
+        'service = LaunchService()\n'
+        'service.include_launch_description(LaunchDescription([IncludeLaunchDescription(\n'
+        '    PythonLaunchDescriptionSource(sys.argv[1]),\n'
+        '    launch_arguments=arguments.items())]))\n'
+        'sys.exit(service.run())\n')
+    with own_domain(), probe_node() as probe:
+        environment = dict(
+            os.environ, PYTHONPATH=os.pathsep.join([str(ROOT), *sys.path]),
+            AMENT_PREFIX_PATH=os.pathsep.join([str(prefix), sys.prefix]),
+            ROS_LOG_DIR=str(tmp_path / 'log'))
+        log = (tmp_path / 'out.txt').open('w')
+        process = subprocess.Popen(
+            [sys.executable, str(script), str(ROOT / 'launch' / f'{name}.launch.py'),
+             "joints:=['elbow']", f"model_files:=['{MODELS[0]}']", 'log_level:=warn'],
+            env=environment, stdout=log, stderr=log, start_new_session=True)
+        try:
+            probe.until(lambda: STARTS[name] <= set(probe.get_node_names()), 'the nodes')
+            if name != 'identification':
+                probe.until(lambda: probe.count_publishers('current_command') == 1, 'activation')
+            time.sleep(0.5)
+            os.killpg(process.pid, signal.SIGINT)
+            process.wait(30.0)
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+    text = (tmp_path / 'out.txt').read_text()
+    assert process.returncode == 0, text
+    assert text.count('process has finished cleanly') == len(STARTS[name]), text
+    assert 'Traceback' not in text
