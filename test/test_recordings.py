@@ -194,3 +194,21 @@ def test_sensor_that_covers_too_little_is_left_out(tmp_path):
     (samples, info), = read_recording_with_info(record(tmp_path / 'r', messages))
     assert samples.load is None
     assert any('less than half' in note for note in info.notes)
+
+
+def test_the_later_of_two_directions_counts(tmp_path):
+    messages = list(states(60))
+    stamp = [m[2][1].header.stamp for m in messages]
+    times = [s.sec * 10**9 + s.nanosec for s in stamp]
+    for k, values in ((5, [1.0]), (40, [3.0]), (50, [0.0])):
+        messages.append(('/direction_stamped', messages[k][1], joint_state(
+            times[k], ['elbow'], [], values, [])))
+    messages.append(('/direction', messages[20][1], array(cdr.INT8_ARRAY, [-1])))
+    messages.append(('/direction', messages[45][1], array(cdr.INT8_ARRAY, [7])))
+    messages.sort(key=lambda message: message[1])
+    record(tmp_path / 'r', messages)
+    samples, = read_recording(tmp_path / 'r')
+    # The plain one has no stamp: it is dated by when it was received.
+    expected = np.zeros(60, dtype=int)
+    expected[5:20], expected[20:40], expected[40:45] = 1, -1, 1
+    np.testing.assert_array_equal(samples.direction, expected)

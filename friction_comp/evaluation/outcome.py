@@ -79,7 +79,7 @@ class Condition:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures without the curves."""
-        named = {name: _plain(getattr(self, name)) for name in (
+        named = {name: getattr(self, name) for name in (
             'direction', 'movement', 'repetitions', 'peak_torque', 'peak_torque_std',
             'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts')}
         return {
@@ -196,7 +196,3 @@ class Evaluation:
                 *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
                 int(r.false_start)])
         return rows
-
-
-def _plain(value: Any) -> Any:
-    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
 
 # s; recordings shorter than two of these are looked at as a whole, of others so much is in memory.
-_STRETCH = 600.0
+_STRETCH = 300.0
 
 
 def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,

@@ -20,18 +20,19 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
+from friction_comp.nodes.joint_states import NANO
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare
 from friction_comp.nodes.recorded_topic import RecordedTopic
 from friction_comp.recordings.writer import RecordingWriter
 
-NANO = 1_000_000_000
 STATES = 'joint_states'
 # Topic, message class, its name in recordings, and whether its stamp dates it.
 TOPICS = (
     (STATES, JointState, 'sensor_msgs/msg/JointState', True),
     ('current_command', Float64MultiArray, 'std_msgs/msg/Float64MultiArray', False),
     ('direction', Int8MultiArray, 'std_msgs/msg/Int8MultiArray', False),
+    ('direction_stamped', JointState, 'sensor_msgs/msg/JointState', True),
     ('reference', JointState, 'sensor_msgs/msg/JointState', True),
     ('interaction_wrench', WrenchStamped, 'geometry_msgs/msg/WrenchStamped', True),
     ('motor_temperature', Temperature, 'sensor_msgs/msg/Temperature', True),

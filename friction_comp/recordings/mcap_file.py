@@ -32,6 +32,8 @@ _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<BQHIQQ')
 _FOOTER_SIZE = 20
 _BLOCK = 1 << 20
+# Bytes of the file that may stay in memory.
+_KEPT = 1 << 25
 # A chunk begins with its opcode, a length below 2^48, two times, size, checksum and the name of a
 # compression: rare enough by chance, and the checksum decides.
 _CHUNK = re.compile(rb'(?=\x06.{6}\x00\x00.{28}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd))', re.S)
@@ -79,6 +81,7 @@ class McapFile:
         self._lost_chunks = 0
         self._lost_messages = 0
         self._strange: list[int] = []
+        self._released = 0
         with path.open('rb') as stream:
             self.size = path.stat().st_size
             if not self.size:
@@ -160,6 +163,14 @@ class McapFile:
             at = end
             if opcode == Opcode.CHUNK:
                 sure = end
+                self._release(end)
+
+    def _release(self, end: int) -> None:
+        """Give back the memory that the file took up to here, now and then."""
+        begin, end = self._released, end - end % mmap.PAGESIZE
+        if end - begin > _KEPT and hasattr(self._data, 'madvise'):
+            self._data.madvise(mmap.MADV_DONTNEED, begin, end - begin)
+            self._released = end
 
     def _record_at(self, at: int) -> tuple[int, int] | None:
         """Return opcode and end of the record that begins here, None where none can."""
@@ -350,8 +361,10 @@ class McapFile:
         expected, = struct.unpack_from('<I', self._data, self.position + 9)
         if not expected:
             return
-        crc = 0
-        for begin in range(0, self.position, _BLOCK):
-            crc = zlib.crc32(self._data[begin:min(begin + _BLOCK, self.position)], crc)
+        crc, left = 0, self.position
+        with self.path.open('rb') as stream:
+            while left:
+                block = stream.read(min(_BLOCK, left))
+                crc, left = zlib.crc32(block, crc), left - len(block)
         if crc != expected:
             self.notes.append('damaged outside its messages (checksum of the data)')

@@ -32,6 +32,7 @@ SIGNALS = {
     'joint_states': cdr.JOINT_STATE,
     'current_command': cdr.FLOAT_ARRAY,
     'direction': cdr.INT8_ARRAY,
+    'direction_stamped': cdr.JOINT_STATE,
     'reference': cdr.JOINT_STATE,
     'interaction_wrench': cdr.WRENCH,
     'motor_temperature': cdr.TEMPERATURE,

@@ -92,12 +92,31 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
     command = _of_array(scan.of('current_command'), joint, order, notes)
     if command is not None:
         signals['command'] = base.hold(*command)
-    direction = _of_array(scan.of('direction'), joint, order, notes)
+    direction = _direction(scan, joint, joints, order, base, notes)
     if direction is not None:
-        held = base.hold(*direction)
-        # Anything else counts as 0 for the compensator too.
-        signals['direction'] = np.where(np.isin(held, (-1.0, 1.0)), held, 0.0).astype(int)
+        signals['direction'] = direction
     return signals
+
+
+def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]],
+               base: TimeBase, notes: list[str]) -> np.ndarray | None:
+    """Return what was announced, by the later of the plain and the stamped topic."""
+    found = []
+    plain = _of_array(scan.of('direction'), joint, order, notes)
+    if plain is not None:
+        # Anything else counts as 0 for the compensator too.
+        found.append((plain[0], np.where(np.isin(plain[1], (-1.0, 1.0)), plain[1], 0.0)))
+    stamped = _of_joint(scan.of('direction_stamped'), joint, joints, notes)
+    if stamped is not None:
+        found.append((stamped[0], np.sign(stamped[1][:, 1])))
+    if not found:
+        return None
+    held = np.array([base.hold(*one) for one in found])
+    # Each by its own clock: the two need not agree.
+    age = np.array([base.pair(track)[0] - base.hold(track, base.pair(track)[1].astype(float), -1.0)
+                    for track, _ in found])
+    latest: np.ndarray = held[np.argmin(age, axis=0), np.arange(held.shape[1])].astype(int)
+    return latest
 
 
 def _put(signals: dict[str, Any], name: str, values: np.ndarray | None, track: Track,

@@ -71,6 +71,8 @@ def main(argv: list[str] | None = None) -> int:
     residual = samples.current - predicted
     print(f'{arguments.output}: {len(text.splitlines()) - 1} rows, RMS of measured minus predicted '
           f'{np.sqrt(np.mean(residual ** 2)):.4g} A')
+    for note in info.notes:
+        print(f'note: {note}')
     return 0
 
 

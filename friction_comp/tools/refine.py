@@ -47,21 +47,25 @@ def main(argv: list[str] | None = None) -> int:
 
         return refine_whole_arm(arguments)
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import read_recording
+    from friction_comp.recordings import read_recording_with_info
     from friction_comp.refinement import refine
     from friction_comp.reports.refinement_report import refinement_report
 
     model = FrictionModel.load(arguments.model, arguments.joint) if arguments.model else None
     drive = drive_of(arguments, model)
     with progress('reading') as report:
-        recordings = read_recording(
+        found = read_recording_with_info(
             arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
             progress=lambda share, *_: report(0.2 * share))
         try:
-            result = refine(recordings, model, drive, progress=lambda share, name: report(
-                0.2 + 0.7 * share, f'trying {name}'))
+            result = refine(
+                [samples for samples, _ in found], model, drive,
+                progress=lambda share, name: report(0.2 + 0.7 * share, f'trying {name}'))
         except InputError as error:
             raise InputError(f'{arguments.recordings[0]}: {error}') from None
+        # What is missing from a recording, or odd in it, is to be known beside the result.
+        result.report['warnings'].extend(
+            f'{info.path}: {note}' for _, info in found for note in info.notes)
         report(0.9, 'writing')
         names = [str(path) for path in arguments.recordings]
         result.model.notes = {**result.model.notes, 'refined_from': names}
