@@ -184,7 +184,7 @@ def compare(fit, score, measure, drive):
     result = refine(fit, model=None, drive=drive)
     joined = Samples.concatenate(score)
     errors['ours'] = measure(
-        joined, np.concatenate([result.model.predict(part) for part in score]))
+        joined, np.concatenate([result.model.predict(part, same_recording=True) for part in score]))
     return errors, [effect['name'] for effect in result.report['effects']]
 
 

@@ -35,6 +35,10 @@ PARAMETERS = {
     'rigid_body': {'coefficients': [0.1]},
     'other_joints': {'coefficients': [1.0]},
     'carried_load_friction': {'exponent': 1.0, 'transition': 0.02, 'coefficients': [0.05]},
+    'inner_load_friction': {
+        'cosine': 0.2, 'sine': 0.1, 'slope': 0.0, 'offset': 0.0, 'inertia': 0.0,
+        'with_inertia': 0.0, 'exponent': 1.0, 'fading': 0.0, 'velocity': 1.0, 'transition': 0.02,
+        'coefficients': [0.1]},
     'temperature': {'reference_temperature': 25.0, 'transition': 0.02,
                     'coefficients': [-0.002, -0.001, 0.0]},
     'warm_up': {'time_constant': 30.0, 'transition': 0.02, 'coefficients': [0.05, 0.02, 0.0]},

@@ -44,7 +44,8 @@ def refined(cases, seed, outside='', servo=False):
     fit, score = sets
     result = refine(fit, model=None, drive=drive.model.drive)
     errors = np.concatenate([
-        (result.model.predict(part) - part.current)[moving(part)] for part in score])
+        (result.model.predict(part, same_recording=True) - part.current)[moving(part)]
+        for part in score])
     return result.report, float(np.sqrt(np.mean(errors ** 2))) / drive.noise_floor
 
 

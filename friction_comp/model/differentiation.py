@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from typing import Any, TYPE_CHECKING
 
+from numba import njit
 import numpy as np
 
 from friction_comp.errors import InputError
@@ -105,13 +106,20 @@ def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     lag : float
         s.
     """
-    result = np.array(values, dtype=float)
-    flat, source = result.reshape(len(result), -1), np.reshape(values, (len(result), -1))
+    source = np.reshape(np.asarray(values, dtype=float), (len(values), -1))
+    place = np.arange(len(source))
     for part in samples.segments():
         time = samples.time[part]
-        for column in range(flat.shape[1]):
-            flat[part, column] = np.interp(time + lag, time, source[part, column])
-    return result
+        place[part] = part.start + np.clip(
+            np.searchsorted(time, time + lag, side='right') - 1, 0, max(len(time) - 2, 0))
+    last = np.zeros(len(source), dtype=bool)
+    last[[part.stop - 1 for part in samples.segments()]] = True
+    after = np.where(last[place], place, place + 1)
+    step = samples.time[after] - samples.time[place]
+    share = (samples.time + lag - samples.time[place]) / np.where(step > 0, step, 1.0)
+    share = np.where(step > 0, np.clip(share, 0.0, 1.0), 0.0)[:, None]
+    moved = (1.0 - share) * source[place] + share * source[after]
+    return moved.reshape(np.shape(values))
 
 
 def delayed(values: np.ndarray, samples: Samples, time_constant: float) -> np.ndarray:
@@ -130,22 +138,36 @@ def delayed(values: np.ndarray, samples: Samples, time_constant: float) -> np.nd
     """
     if not time_constant:
         return values
-    result = np.array(values, dtype=float)
+    step = max(samples.sample_time, 1e-9)
+    source = np.reshape(np.asarray(values, dtype=float), (len(values), -1))
+    result = np.array(source)
+    broken = np.zeros(len(source), dtype=bool)
+    broken[[part.start for part in samples.segments()]] = True
     if time_constant < 0.0:
-        for part in samples.segments():
-            if part.stop - part.start > 1:
-                result[part] -= time_constant * np.gradient(
-                    result[part], max(samples.sample_time, 1e-9), axis=0)
-        return result
-    # Here, since scipy's filters take a second to import, and few who load a model use them.
-    from scipy.signal import lfilter
+        result -= time_constant * _slope(source, broken) / step
+    else:
+        _low_pass(result, broken, math.exp(-step / time_constant))
+    return result.reshape(np.shape(values))
 
-    keep = math.exp(-max(samples.sample_time, 1e-9) / time_constant)
-    for part in samples.segments():
-        stretch = result[part]
-        result[part] = lfilter(
-            [1.0 - keep], [1.0, -keep], stretch, axis=0, zi=keep * stretch[:1])[0]
-    return result
+
+@njit(cache=True)
+def _low_pass(values, broken, keep):
+    for k in range(1, len(values)):
+        if not broken[k]:
+            for column in range(values.shape[1]):
+                values[k, column] = (keep * values[k - 1, column]
+                                     + (1.0 - keep) * values[k, column])
+
+
+def _slope(values, broken):
+    """Return the central difference per sample, one-sided at both ends of a stretch."""
+    ahead = np.zeros_like(values)
+    ahead[:-1] = np.where(broken[1:, None], 0.0, values[1:] - values[:-1])
+    behind = np.zeros_like(values)
+    behind[1:] = ahead[:-1]
+    first, last = broken, np.append(broken[1:], True)
+    sides = np.maximum(2.0 - first - last, 1.0)[:, None]
+    return (ahead + behind) / sides
 
 
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 from pathlib import Path
 from typing import Any
@@ -93,16 +93,21 @@ class FrictionModel:
     simulation: dict[str, Any] = field(default_factory=dict)
     notes: dict[str, Any] = field(default_factory=dict)
 
-    def predict(self, samples: Samples) -> np.ndarray:
+    def predict(self, samples: Samples, same_recording: bool = False) -> np.ndarray:
         """Return the motor current in A, shape (N,), that the model expects for recorded samples.
 
         Velocity and acceleration are computed the way the model was fitted. There is a finite
         value for every sample, also at standstill, where it is the model's value for no motion.
+        Effects that belong to the recording they were found in (what drifted by the clock) are
+        left out of any other one.
 
         Parameters
         ----------
         samples : Samples
             As recorded.
+        same_recording : bool
+            Whether it is the recording that the model was refined on, or one begun in the same
+            state of the drive, so that what drifted in the one drifts in the other.
 
         Raises
         ------
@@ -110,8 +115,14 @@ class FrictionModel:
             If an effect needs a signal that was not recorded.
         """
         settings = self.differentiation or DEFAULT_SETTINGS
-        current = self.current(differentiate(self.with_arm(samples), settings))
+        known = self if same_recording else self.for_another_day()
+        current = known.current(differentiate(self.with_arm(samples), settings))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
+
+    def for_another_day(self) -> FrictionModel:
+        """Return the model without the effects that do not hold in another recording."""
+        lasting = [effect for effect in self.effects if effect.holds_on_another_day]
+        return self if len(lasting) == len(self.effects) else replace(self, effects=lasting)
 
     def with_arm(self, samples: Samples) -> Samples:
         """Return recorded samples with what the rest of the arm asks of the joint."""

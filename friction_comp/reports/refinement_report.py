@@ -10,6 +10,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.refinement.search.spectrum import highest_frequency, position_spectrum
+from friction_comp.refinement.units import in_unit
 from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
 from friction_comp.reports.html import number, Report
 
@@ -37,16 +38,21 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
     page = Report(f'What the friction model of {joint} lacked',
                   f'Refined on {", ".join(names)}')
-    before, after = report['before'], report['after']
+    before, after, unit = report['before'], report['after'], report['unit']
+    page.heading(f"Verdict: {report['verdict']}")
+    page.text(verdict_words(report))
     page.numbers([
-        (f"{number(before['held_out_rmse'])} A", 'error before, on data not fitted'),
-        (f"{number(after['held_out_rmse'])} A", 'error after, on data not fitted'),
-        (f"{number(report['noise_floor'])} A", 'noise from sample to sample'),
-        (f"{number(100 * after['held_out_r2'], 4)} %", 'of the current explained')])
+        (f"{number(before['held_out_rmse'])} {unit}", 'error before, on data not fitted'),
+        (f"{number(after['held_out_rmse'])} {unit}", 'error after, on data not fitted'),
+        (f"{number(report['noise_floor'])} {unit}", 'noise from sample to sample'),
+        (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
     page.text(summary(report))
+    if report['effects']:
+        page.table(['effect', 'number', 'value', '95 % interval'], interval_rows(report))
     page.heading('Errors')
     page.table(
-        ['model', 'RMS, fitted (A)', 'RMS, held out (A)', 'largest, held out (A)', 'R², held out'],
+        ['model', f'RMS, fitted ({unit})', f'RMS, held out ({unit})',
+         f'largest, held out ({unit})', 'R², held out'],
         [[row['model'], row['fit_rmse'], row['held_out_rmse'], row['held_out_max'],
           row['held_out_r2']] for row in (before, after)])
     page.text(f"Held out: {report['held_out']}. Of {report['samples']} samples "
@@ -68,8 +74,8 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
         page.figure(figure, 'Spectrum of the residual over position: ripple shows as a peak at '
                     'its number of periods a turn.')
     page.heading('The model')
-    page.text(model_words(result.model))
-    page.code(formula(result.model))
+    page.text(model_words(result.model, unit))
+    page.code(formula(result.model, unit))
     if result.model.effects:
         page.text(online_words(result.model))
     page.heading('What the recordings cannot tell')
@@ -80,17 +86,20 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
 def summary(report: dict[str, Any]) -> str:
     """Return the findings for a reader who builds robots, not statistics."""
     before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
-    if not report['effects']:
+    unit = report['unit']
+    if report['verdict'] == 'record again':
+        lines = ['Of these recordings no model of friction can be trusted: see the reasons above.']
+    elif not report['effects']:
         lines = [f'The model describes the drive as well as these recordings can tell: it misses '
-                 f'the measured current by {number(before)} A RMS, and no further effect makes '
-                 'that better on data it was not fitted to.']
+                 f'the measured current by {number(before)} {unit} RMS, and no further effect '
+                 'makes that better on data it was not fitted to.']
     else:
         gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
         found = '\n'.join(f"- {effect['in_words']}" for effect in report['effects'])
-        lines = [f'The model missed the measured current by **{number(before)} A** RMS. With what '
-                 f'was found in the recordings it misses by **{number(after)} A**, that is '
-                 f'{gain:.0f} % less, on stretches it was not fitted to.',
-                 'What was found, in the order in which it was added:', found]
+        lines = [f'The model missed the measured current by **{number(before)} {unit}** RMS. With '
+                 f'what was found in the recordings it misses by **{number(after)} {unit}**, that '
+                 f'is {gain:.0f} % less, on stretches it was not fitted to.',
+                 'What was found, the largest first:', found]
     if report['unexplained']:
         names = ', '.join(entry['variable'] for entry in report['unexplained'])
         lines.append(f'Something remains that still changes with **{names}** and that none of the '
@@ -99,6 +108,42 @@ def summary(report: dict[str, Any]) -> str:
         lines.append('Some findings have a second explanation that fits as well: see the last '
                      'section for the recording that would decide.')
     return '\n\n'.join(lines)
+
+
+def verdict_words(report: dict[str, Any]) -> str:
+    """Return reasons of the verdict, and how to record what would change it."""
+    lines = [f'- {line}' for line in report['reasons']]
+    if report['record_again']:
+        lines += ['', 'What to record:', '']
+        lines += [f'- {line}' for line in report['record_again']]
+    return '\n'.join(lines)
+
+
+def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
+    """Return a row for every number that was found: effect, name, value, interval."""
+    rows = []
+    for effect in report['effects']:
+        parts = effect['parameters'].get('members')
+        bounds = effect['intervals'].get('members')
+        if parts is None:
+            parts, bounds = [effect['parameters']], [effect['intervals']]
+        for values, interval in zip(parts, bounds):
+            name = values.get('name', effect['name'])
+            for key, value in values.items():
+                if key in ('name', 'coefficients') or interval[key] in ([value, value],
+                                                                      [None, None]):
+                    continue
+                rows.append([name, key.replace('_', ' '), value, between(interval[key])])
+            for place, value in enumerate(values['coefficients']):
+                rows.append([name, f'coefficient {place + 1}', value,
+                             between(interval['coefficients'][place])])
+    return rows
+
+
+def between(interval: list[float]) -> str:
+    """Return an interval in words."""
+    low, high = interval
+    return f'{number(low)} to {number(high)}'
 
 
 @styled
@@ -110,7 +155,7 @@ def steps_figure(result: RefineResult) -> Figure:
     axes.plot(range(len(errors)), errors, 'o-', color=COLOURS['blue'])
     axes.axhline(result.report['noise_floor'], color=COLOURS['grey'], linestyle='--')
     axes.set_xticks(range(len(errors)), labels, rotation=20, ha='right')
-    axes.set_ylabel('RMS error (A)')
+    axes.set_ylabel(f"RMS error ({result.report['unit']})")
     axes.set_ylim(bottom=0.0)
     return figure
 
@@ -135,18 +180,33 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
         axes.set_xlabel(label)
     limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
     both[0].set_ylim(-1.2 * limit, 1.2 * limit)
-    both[0].set_ylabel('measured − predicted (A)')
+    both[0].set_ylabel(f"measured − predicted ({result.report['unit']})")
     if name != 'velocity':
         both[1].legend(loc='upper right')
     return figure
 
 
 def averages(x: np.ndarray, y: np.ndarray, number: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Return the middles of ranges with as many samples each, and the averages in them."""
+    """Return the middles of ranges with as many samples each, and the averages in them.
+
+    Where no sample lies between two ranges for more than a tenth of the whole, as between two
+    recordings, there is a NaN, so that no line is drawn across.
+    """
     order = np.argsort(x, kind='stable')
     pieces = [piece for piece in np.array_split(order, number) if len(piece)]
-    return (np.array([x[piece].mean() for piece in pieces]),
-            np.array([y[piece].mean() for piece in pieces]))
+    wide = 0.1 * float(np.ptp(x))
+    middles, means, last = [], [], -np.inf
+    for piece in pieces:
+        own = x[piece]
+        cuts = np.nonzero(np.diff(own) > wide)[0] + 1
+        for part in np.split(piece, cuts):
+            if middles and np.min(x[part]) - last > max(wide, 1e-300):
+                middles.append(np.nan)
+                means.append(np.nan)
+            middles.append(x[part].mean())
+            means.append(y[part].mean())
+            last = np.max(x[part])
+    return np.array(middles), np.array(means)
 
 
 @styled
@@ -168,7 +228,7 @@ def spectrum_figure(result: RefineResult) -> Figure | None:
         axes.plot(k, size, color=COLOURS[colour], label=words)
     axes.set_xscale('log')
     axes.set_xlabel('periods a turn')
-    axes.set_ylabel('amplitude (A)')
+    axes.set_ylabel(f"amplitude ({result.report['unit']})")
     axes.set_ylim(bottom=0.0)
     axes.legend()
     return figure
@@ -181,23 +241,24 @@ def coarse(k: np.ndarray, size: np.ndarray, number: int = 700) -> tuple[np.ndarr
     return k[first], np.maximum.reduceat(size, first)
 
 
-def model_words(model: FrictionModel) -> str:
+def model_words(model: FrictionModel, unit: str = 'A') -> str:
     """Return the model as a list in words."""
     s = model.sigmoid
-    lines = [f'- Friction by Eq. 6: {number(s.upper)} A towards positive and {number(s.lower)} A '
-             f'towards negative speed, {number(s.viscous)} A more per rad/s']
-    lines += [f'- {effect.describe()}' for effect in model.effects]
+    lines = [f'- Friction by Eq. 6: {number(s.upper)} {unit} towards positive and '
+             f'{number(s.lower)} {unit} towards negative speed, {number(s.viscous)} {unit} more '
+             'per rad/s']
+    lines += [f'- {in_unit(effect.describe(), unit)}' for effect in model.effects]
     return '\n'.join(lines)
 
 
-def formula(model: FrictionModel) -> str:
+def formula(model: FrictionModel, unit: str = 'A') -> str:
     """Return the model as a formula with its numbers."""
     s = model.sigmoid
     lines = [f'i(t) = {s.viscous:.4g}·v {s.lower:+.4g} '
              f'{s.upper - s.lower:+.4g}/(1 + exp(-{s.steepness:.4g}·(v - {s.shift:.3g})))']
     lines += [f'       {effect.formula()}' for effect in model.effects]
     lines.append('')
-    lines.append('i in A, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m')
+    lines.append(f'i in {unit}, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m')
     return '\n'.join(lines)
 
 

@@ -42,6 +42,9 @@ def main(argv: list[str] | None = None) -> int:
                         help='model file that refine or identification wrote')
     parser.add_argument('--output', metavar='FILE', type=Path, required=True,
                         help='CSV file with the columns time, measured, predicted')
+    parser.add_argument('--with-time-effects', action='store_true',
+                        help='apply what drifted with the time since the start as well: for the '
+                             'recording that the model was refined on, or one begun as cold')
     arguments = parser.parse(argv)
     import numpy as np
 
@@ -63,11 +66,15 @@ def main(argv: list[str] | None = None) -> int:
         samples, info = found[0]
         report(1.0, 'predicting')
         try:
-            predicted = model.predict(samples)
+            predicted = model.predict(samples, same_recording=arguments.with_time_effects)
         except InputError as error:
             raise InputError(f'{arguments.recording}: {error}') from None
     text = table(samples, info, predicted)
     write_atomically(arguments.output, text)
+    left_out = [effect.name for effect in model.effects if not effect.holds_on_another_day]
+    if left_out and not arguments.with_time_effects:
+        print(f"left out, since it belongs to the recording it was found in: {', '.join(left_out)} "
+              '(--with-time-effects applies it)')
     residual = samples.current - predicted
     print(f'{arguments.output}: {len(text.splitlines()) - 1} rows, RMS of measured minus predicted '
           f'{np.sqrt(np.mean(residual ** 2)):.4g} A')

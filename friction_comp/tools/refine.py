@@ -41,6 +41,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--urdf', metavar='FILE', type=Path,
                         help='description of the arm: all joints of the recording are refined, '
                         'beside its weight and inertia (needs Pinocchio)')
+    parser.add_argument('--unit', metavar='UNIT',
+                        help='unit of the figures in the report; by default A where a torque '
+                             'constant, a gear ratio or a model is given (1 and 1 say that effort '
+                             'holds current), else N·m, which is what effort holds by the message')
     arguments = parser.parse(argv)
     if arguments.urdf:
         from friction_comp.tools.refine_arm import refine_whole_arm
@@ -53,6 +57,7 @@ def main(argv: list[str] | None = None) -> int:
 
     model = FrictionModel.load(arguments.model, arguments.joint) if arguments.model else None
     drive = drive_of(arguments, model)
+    unit = arguments.unit or unit_of(arguments, model)
     with progress('reading') as report:
         found = read_recording_with_info(
             arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
@@ -60,7 +65,8 @@ def main(argv: list[str] | None = None) -> int:
         try:
             result = refine(
                 [samples for samples, _ in found], model, drive,
-                progress=lambda share, name: report(0.2 + 0.7 * share, f'trying {name}'))
+                progress=lambda share, name: report(0.2 + 0.7 * share, f'trying {name}'),
+                unit=unit)
         except InputError as error:
             raise InputError(f'{arguments.recordings[0]}: {error}') from None
         # What is missing from a recording, or odd in it, is to be known beside the result.
@@ -68,7 +74,7 @@ def main(argv: list[str] | None = None) -> int:
             f'{info.path}: {note}' for _, info in found for note in info.notes)
         report(0.9, 'writing')
         names = [str(path) for path in arguments.recordings]
-        result.model.notes = {**result.model.notes, 'refined_from': names}
+        result.model.notes = {**result.model.notes, 'refined_from': names, 'unit': unit}
         with output_folder(arguments.output) as folder:
             (folder / 'report.json').write_text(to_json(result.report), encoding='utf-8')
             refinement_report(result, names).save(folder / 'report.html')
@@ -88,19 +94,39 @@ def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
     return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **given})
 
 
+def unit_of(arguments: Namespace, model: FrictionModel | None) -> str:
+    """Return the unit of what is fitted: current where the drive is known, else effort's own.
+
+    Where effort holds something else still (a servo's voltage, a linear axis' force) only the
+    user knows: then ``--unit`` says so.
+    """
+    known = model is not None or arguments.torque_constant is not None or (
+        arguments.gear_ratio is not None)
+    if model is not None and not (arguments.torque_constant or arguments.gear_ratio):
+        return str(model.notes.get('unit', 'A'))
+    return 'A' if known else 'N·m'
+
+
 def print_summary(report: dict[str, Any]) -> None:
     """Print what was found, in a few lines."""
     from friction_comp.reports.html import number
 
+    unit = report['unit']
+    print(f"verdict: {report['verdict']}")
+    for line in report['reasons']:
+        print(f'  {line}')
+    for line in report['record_again']:
+        print(f'  record: {line}')
     before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
-    print(f"before: {number(before)} A RMS on data not fitted ({report['before']['model']})")
+    print(f"before: {number(before)} {unit} RMS on data not fitted ({report['before']['model']})")
     for effect in report['effects']:
         print(f"  + {effect['name']} ({effect['variable']}): "
-              f"{number(effect['held_out_rmse'])} A   {effect['in_words']}")
+              f"{number(effect['held_out_rmse'])} {unit}   {effect['in_words']}")
     if not report['effects']:
         print('  no effect beyond the model shows in the recordings')
-    print(f"after:  {number(after)} A RMS on data not fitted; noise floor "
-          f"{number(report['noise_floor'])} A")
+    print(f"after:  {number(after)} {unit} RMS on data not fitted; noise floor "
+          f"{number(report['noise_floor'])} {unit}")
+    print(f"stopped because {report['stopped_because']}")
     for entry in report['unexplained']:
         print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
               'variance)')

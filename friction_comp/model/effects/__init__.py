@@ -9,6 +9,7 @@ from friction_comp.model.effects.direction_asymmetry import DirectionAsymmetry
 from friction_comp.model.effects.gravity import Gravity
 from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.effects.inertia import Inertia
+from friction_comp.model.effects.inner_load import InnerLoadFriction
 from friction_comp.model.effects.load_effects import LoadFriction, LoadTorque
 from friction_comp.model.effects.other_joints import (
     CarriedLoadFriction,
@@ -55,8 +56,8 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 for _effect in (
         Stribeck, ViscousShape, DirectionAsymmetry, Gravity, Spring, Cogging, FrictionRipple, Bump,
-        Inertia, RigidBody, OtherJoints, LoadTorque, LoadFriction, CarriedLoadFriction, Temperature,
-        WarmUp, OffsetDrift, Hysteresis, RestTime, ActuationLag):
+        Inertia, RigidBody, OtherJoints, LoadTorque, LoadFriction, CarriedLoadFriction,
+        InnerLoadFriction, Temperature, WarmUp, OffsetDrift, Hysteresis, RestTime, ActuationLag):
     register(_effect)
 
 __all__ = [

@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import advance, delayed, earlier
-from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.base import Effect, too_coarse
 from friction_comp.model.effects.scene import NEITHER, Search
 
 if TYPE_CHECKING:
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 # The longest lag tried, s.
 _LONGEST = 0.15
-# Share of the loss that a lag of a sample or two has to take away.
-_SHARE_OF_SHORT_LAG = 0.16
+# Share of the loss that a lag has to take away. A sample or two may be how the signals were
+# sampled, and any blur may be that of differentiation: a lag of the drive shows at every reversal.
+_SHARE = 0.2
 
 
 class ActuationLag(Effect):
@@ -39,6 +40,7 @@ class ActuationLag(Effect):
     constants = {'lag': Search(1.0, unit=lambda scene, _: scene.sample_time, joint_only=True),
                  'first_order': None}
     reshapes = True
+    flexible = True
     not_fed_back = (
         'to make up for a delay the compensator would have to know the motion in advance')
 
@@ -101,8 +103,15 @@ class ActuationLag(Effect):
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """A low pass has a time constant above zero."""
-        return max(value, 0.1 * scene.sample_time) if constants['first_order'] else value
+        """A low pass has a time constant above zero; nothing in a drive takes longer than this."""
+        longest = max(_LONGEST, 2.0 * scene.sample_time)
+        lowest = 0.1 * scene.sample_time if constants['first_order'] else -longest
+        return min(max(value, lowest), longest)
+
+    @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why coarse positions show nothing of it."""
+        return too_coarse(scene)
 
     @classmethod
     def plausible(cls, coefficients: Sequence[float] | np.ndarray, constants: dict[str, float],
@@ -112,8 +121,8 @@ class ActuationLag(Effect):
 
     @classmethod
     def worth(cls, share: float, constants: dict[str, float], scene: Scene) -> float:
-        """A lag of a sample or two may be how the signals were sampled, and asks for more."""
-        return share if abs(constants['lag']) > 2.0 * scene.sample_time else _SHARE_OF_SHORT_LAG
+        """A lag blurs, as the differentiation of positions does, and so asks for more."""
+        return max(share, _SHARE)
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -16,6 +16,7 @@ from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects.scene import (
+    COARSE,
     RESISTS,
     Scene,
     Search,
@@ -75,6 +76,17 @@ class Effect(ABC):
         Whether it lowers the noise of the current as well.
     weight : bool
         Whether it holds the limb up, which the robot's own controller may do already.
+    flexible : bool
+        Whether it takes so many shapes that it may stand in for a plainer cause: refinement tries
+        to do without.
+    open_ended : tuple of str
+        Constants whose bound is a shape of its own, and no sign that the effect is another.
+    amplitudes : tuple of int
+        Coefficients that are the effect's current in A at its largest.
+    gives_load : bool
+        Whether it loads the teeth with a torque that depends on where the joint is.
+    carried : bool
+        Whether its constants hold the load that the other effects of the model carry.
     fades_at_rest : bool
         Whether it is fed back in motion only: what the teeth hold at rest is held by friction, and
         fed to the motor it would push a joint that nobody touches.
@@ -95,6 +107,11 @@ class Effect(ABC):
     coulomb_column: int | None = None
     not_fed_back = ''
     weight = False
+    flexible = False
+    open_ended: tuple[str, ...] = ()
+    amplitudes: tuple[int, ...] = ()
+    gives_load = False
+    carried = False
     fades_at_rest = False
     smooths: bool = False
     _positive = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width',
@@ -183,8 +200,32 @@ class Effect(ABC):
 
     @classmethod
     def hard_to_tell(cls, scene: Scene) -> str:
-        """Return why such a scene shows little of it; empty where it shows enough."""
+        """Return why it cannot be seen in such a scene, one sentence; empty where it can.
+
+        Refinement warns of it, and does not name the effect then.
+        """
         return ''
+
+    @classmethod
+    def at_bound(cls, constants: dict, scene: Scene) -> str:
+        """Return the name of a constant that ended where it is kept from going on; empty if none.
+
+        Such a constant was not found: the data ask for something that is not this effect.
+        """
+        for name, how in cls.constants.items():
+            if how is None or name in cls.open_ended:
+                continue
+            value = constants[name]
+            small = 0.01 * (abs(value) if how.logarithmic else how.unit(scene, constants))
+            for moved in (value - small, value + small):
+                if abs(cls.limited(name, moved, constants, scene) - value) < 0.1 * small:
+                    return name
+        return ''
+
+    @classmethod
+    def load_share(cls, coefficients: Sequence[float], constants: dict) -> dict[str, float]:
+        """Return its share of the load on the teeth, in the words of `InnerLoadFriction`."""
+        return {}
 
     @classmethod
     def by_mechanics(cls, drive: Drive) -> list[float] | None:
@@ -376,6 +417,22 @@ class LiveTerm:
 def sign(velocity: Any, transition: float) -> Any:
     """Return the sign of friction, which passes through zero smoothly as Eq. 6 does."""
     return np.tanh(velocity / transition)
+
+
+def speed_hardly_varied(scene: Scene) -> str:
+    """Return a sentence where the speed hardly varied; empty where it did."""
+    if scene.speed >= 1.5 * scene.slow:
+        return ''
+    return (f'Speed hardly varied ({scene.slow:.3g} to {scene.speed:.3g} rad/s): effects of '
+            'velocity cannot be seen.')
+
+
+def too_coarse(scene: Scene) -> str:
+    """Return a sentence where the encoder gave too few distinct positions; empty if enough."""
+    if scene.positions >= COARSE:
+        return ''
+    return (f'Position is coarse: {scene.positions:.0f} distinct values. Lag, presliding and what '
+            'else happens within a few steps of it cannot be seen, and acceleration is uncertain.')
 
 
 def segment_starts(samples: Samples) -> np.ndarray:

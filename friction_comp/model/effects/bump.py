@@ -24,6 +24,9 @@ class Bump(Effect):
     name = 'bump'
     variable = 'position'
     most = 3
+    flexible = True
+    open_ended = ('exponent',)
+    amplitudes = (0,)
     constants = {'position': Search(0.5, unit=lambda _, constants: constants['width']),
                  'width': Search(1.5), 'exponent': Search(2.2), 'directional': None,
                  'transition': None}
@@ -55,8 +58,20 @@ class Bump(Effect):
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Sharper than this is a step up and a step down."""
-        return min(value, 40.0) if name == 'exponent' else value
+        """Keep it in the range, and narrower than it; sharper than this is a step up and down."""
+        if name == 'exponent':
+            return min(value, 40.0)
+        if name == 'position':
+            return min(max(value, scene.lowest), scene.highest)
+        if name == 'width':
+            return min(max(value, 0.002 * scene.span, scene.resolution), 0.2 * scene.span)
+        return value
+
+    @classmethod
+    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
+        """Return the name of a constant at a bound; a bump may lie at an end of the range."""
+        name = super().at_bound(constants, scene)
+        return '' if name == 'position' else name
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -36,6 +36,14 @@ class DirectionAsymmetry(Effect):
         return (1.0 if c.offset else x.side ** 2, abs(x.velocity))
 
     @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why motion in one direction shows nothing of it."""
+        if scene.both_directions:
+            return ''
+        return ('Motion was in one direction only: differences between directions, constant '
+                'offsets and reversals cannot be seen.')
+
+    @classmethod
     def holds_offset(cls, scene: Scene) -> bool:
         """It is where an offset of the sigmoid belongs."""
         return True

@@ -13,6 +13,8 @@ from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.scene import CARRIES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from friction_comp.model.effects.scene import Scene, Signals
 
 
@@ -23,6 +25,8 @@ class Gravity(Effect):
     variable = 'position'
     role = CARRIES
     weight = True
+    gives_load = True
+    amplitudes = (0, 1)
     constants = {}
 
     @classmethod
@@ -45,7 +49,14 @@ class Gravity(Effect):
         """Return why a short range shows little of it."""
         if scene.span >= 0.5:
             return ''
-        return (f'over {scene.span:.2g} rad gravity, a spring and a slow ripple look the same')
+        return (f'Position covered {scene.span:.3g} rad only: gravity cannot be told from an '
+                'offset or a spring, and slow ripple cannot be seen.')
+
+    @classmethod
+    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
+                   ) -> dict[str, float]:
+        """Return cos and sin of the joint angle, A."""
+        return {'cosine': coefficients[0], 'sine': coefficients[1]}
 
     def describe(self) -> str:
         """Return the effect in words."""

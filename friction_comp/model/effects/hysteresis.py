@@ -10,7 +10,7 @@ from typing import Any, TYPE_CHECKING
 from numba import njit
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, segment_starts
+from friction_comp.model.effects.base import Effect, geometric, segment_starts, too_coarse
 from friction_comp.model.effects.scene import Search
 
 if TYPE_CHECKING:
@@ -77,6 +77,9 @@ class Hysteresis(Effect):
     signs = (1,)
     sees_history = True
     coulomb_column = 0
+    flexible = True
+    open_ended = ('exponent',)
+    amplitudes = (0,)
     fades_at_rest = True
 
     @classmethod
@@ -110,8 +113,24 @@ class Hysteresis(Effect):
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Beyond these exponents it turns round at once, or never."""
-        return min(max(value, 0.3), 3.0) if name == 'exponent' else value
+        """Keep it presliding: turning round within steps that are seen, well within the range.
+
+        Beyond these exponents it turns round at once, or never.
+        """
+        if name == 'exponent':
+            return min(max(value, 0.3), 3.0)
+        if name == 'distance':
+            lowest = max(1e-5 * scene.span, 0.5 * scene.resolution)
+            return min(max(value, lowest), max(0.25 * scene.span, 2.0 * lowest))
+        return value
+
+    @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why few reversals or coarse positions show nothing of it."""
+        if scene.reversals < 3:
+            return (f'The direction of motion changed {scene.reversals:.0f} times: what happens '
+                    'at reversals cannot be seen.')
+        return too_coarse(scene)
 
     def describe(self) -> str:
         """Return the effect in words."""

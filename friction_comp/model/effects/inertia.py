@@ -10,6 +10,8 @@ from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.scene import CARRIES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from friction_comp.model.effects.scene import Scene, Signals
 
 
@@ -35,6 +37,12 @@ class Inertia(Effect):
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return the acceleration."""
         return (x.acceleration,)
+
+    @classmethod
+    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
+                   ) -> dict[str, float]:
+        """Return the current per acceleration, A·s²/rad."""
+        return {'inertia': coefficients[0]}
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -58,6 +58,7 @@ class LoadFriction(Effect):
     name = 'load_friction'
     variable = 'load'
     needs = ('load',)
+    signs = (1,)
     constants = {'exponent': Search(1.6), 'transition': None}
 
     @classmethod
@@ -69,6 +70,11 @@ class LoadFriction(Effect):
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         return (x.side * abs(x.load) ** c.exponent,)
+
+    @classmethod
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
+        """Keep the power that of a load: below, it is Coulomb friction once more."""
+        return min(max(value, 0.3), 3.0) if name == 'exponent' else value
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -62,6 +62,8 @@ class RestTime(Effect):
                  'transition': None}
     signs = (1,)
     sees_history = True
+    flexible = True
+    amplitudes = (0,)
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
@@ -89,9 +91,27 @@ class RestTime(Effect):
         return (x.side * x.memory,)
 
     @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why a joint that never rests shows nothing of it."""
+        if scene.rested >= 1.0:
+            return ''
+        return ('The joint hardly ever rested: stiction that grows with the time at rest cannot '
+                'be seen.')
+
+    @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Slower than this is a straight line in time, however slow."""
-        return min(value, 5.0 * scene.duration) if name == 'time_constant' else value
+        """Keep the constants where it is stiction that grows at rest.
+
+        Slower than the recording it is a straight line in time; quicker than a tenth of a second
+        it does not grow but is there whenever the joint stands still. Lost over less than a
+        resolution step or more than the range, it is not seen to be lost.
+        """
+        if name == 'time_constant':
+            return min(max(value, 0.1), max(5.0 * scene.duration, 0.2))
+        if name == 'distance':
+            lowest = max(scene.resolution, 1e-4 * scene.span)
+            return min(max(value, lowest), max(0.5 * scene.span, 2.0 * lowest))
+        return value
 
     def describe(self) -> str:
         """Return the effect in words."""

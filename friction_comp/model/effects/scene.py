@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+import math
 from typing import Any, NamedTuple
 
 VARIABLES = (
@@ -78,6 +79,16 @@ class Scene:
         Smallest step of the recorded position in rad.
     both_directions : bool
         Whether there is motion in both directions.
+    slow : float
+        5th percentile of the speed while moving, rad/s.
+    reversals : float
+        How often the direction of motion changed.
+    rested : float
+        How long the joint stood still, s.
+    positions : float
+        How many distinct positions the encoder gave.
+    temperature_span : float
+        Range of the motor temperature, K.
     """
 
     transition: float
@@ -91,6 +102,11 @@ class Scene:
     gear_ratio: float = 1.0
     resolution: float = 0.0
     both_directions: bool = True
+    slow: float = 0.0
+    reversals: float = math.inf
+    rested: float = math.inf
+    positions: float = math.inf
+    temperature_span: float = math.inf
 
     @property
     def span(self) -> float:
@@ -121,3 +137,8 @@ class Search:
     def logarithmic(self) -> bool:
         """Whether the constant is searched on a logarithmic scale."""
         return self.unit is None
+
+
+COARSE = 150
+"""An encoder that gives fewer distinct positions over the motion is called coarse: less than a
+hundredth of the range is then a step or two."""

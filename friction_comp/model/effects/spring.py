@@ -10,6 +10,8 @@ from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.scene import CARRIES
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from friction_comp.model.effects.scene import Scene, Signals
 
 
@@ -19,6 +21,7 @@ class Spring(Effect):
     name = 'spring'
     variable = 'position'
     role = CARRIES
+    gives_load = True
     constants = {'position': None}
 
     @classmethod
@@ -35,6 +38,12 @@ class Spring(Effect):
     def holds_offset(cls, scene: Scene) -> bool:
         """A constant says where the spring is slack."""
         return True
+
+    @classmethod
+    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
+                   ) -> dict[str, float]:
+        """Return slope in A per rad and what it amounts to at position zero."""
+        return {'slope': coefficients[0], 'offset': -coefficients[0] * constants['position']}
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -8,7 +8,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.base import Effect, geometric, speed_hardly_varied
 from friction_comp.model.effects.scene import Search
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ class Stribeck(Effect):
 
     name = 'stribeck'
     variable = 'velocity'
+    amplitudes = (0,)
     constants = {'velocity': Search(1.6), 'exponent': None, 'transition': None}
 
     @classmethod
@@ -36,15 +37,25 @@ class Stribeck(Effect):
         return (x.side * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
 
     @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why a speed that hardly varies shows nothing of it."""
+        return speed_hardly_varied(scene)
+
+    @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """What fades as slowly as the top speed is a curved viscous friction."""
-        return min(value, 0.7 * scene.speed) if name == 'velocity' else value
+        """Fading as slowly as the top speed it is curved viscous friction; at rest, not seen."""
+        if name == 'velocity':
+            return min(max(value, 0.5 * scene.slowest), 0.7 * scene.speed)
+        return value
 
     def describe(self) -> str:
         """Return the effect in words."""
-        more = 'higher' if self.coefficients[0] > 0 else 'lower'
-        return (f'Stribeck: near standstill friction is {abs(self.coefficients[0]):.3g} A {more}, '
-                f'fading at about {self.values["velocity"]:.3g} rad/s')
+        size, speed = abs(self.coefficients[0]), self.values['velocity']
+        if self.coefficients[0] > 0:
+            return (f'Stribeck: near standstill friction is {size:.3g} A higher, fading at about '
+                    f'{speed:.3g} rad/s')
+        return (f'Sub-linear friction: near standstill it is {size:.3g} A lower, rising within '
+                f'about {speed:.3g} rad/s')
 
     def formula(self) -> str:
         """Return the formula with its numbers."""

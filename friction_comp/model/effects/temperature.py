@@ -28,6 +28,13 @@ class Temperature(Effect):
         """The reference is a convention: the median temperature of the recordings."""
         return [{'reference_temperature': scene.temperature, 'transition': scene.transition}]
 
+    @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why a temperature that hardly changes shows nothing of it."""
+        if scene.temperature_span >= 2.0:
+            return ''
+        return 'Motor temperature varied by less than 2 °C: its effect cannot be seen.'
+
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return three columns."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
-from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.base import Effect, speed_hardly_varied
 from friction_comp.model.effects.scene import Search
 
 if TYPE_CHECKING:
@@ -35,11 +35,24 @@ class ViscousShape(Effect):
         return (x.side * (abs(x.velocity) / c.reference) ** c.exponent,)
 
     @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why a speed that hardly varies shows nothing of it."""
+        return speed_hardly_varied(scene)
+
+    @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Next to one it is the linear term once more, and the two grow against each other."""
+        """Next to one it is the linear term once more, and the two grow against each other.
+
+        Below a fifth it is Coulomb friction once more, above three and a half a few fast samples.
+        """
         if name == 'exponent' and 0.85 < value < 1.2:
             return 0.85 if value < 1.0 else 1.2
-        return value
+        return min(max(value, 0.2), 3.5) if name == 'exponent' else value
+
+    @classmethod
+    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
+        """Return the name of a constant at a bound; next to one the shape is a shape still."""
+        return 'exponent' if not 0.21 < constants['exponent'] < 3.46 else ''
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -14,15 +14,35 @@ from friction_comp.model.effects.scene import NEITHER, Search
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
 
+# Motors and gears warm up over minutes; in less than this, s, other things look like it.
+SHORTEST = 30.0
+
 
 class _Drift(Effect):
     variable = 'time'
+    flexible = True
+    amplitudes = (0,)
     holds_on_another_day = False
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Slower than this is a straight line in time, however slow."""
-        return min(value, 5.0 * scene.duration) if name == 'time_constant' else value
+        """Slower than this is a straight line in time; faster, a matter of a few movements."""
+        if name == 'time_constant':
+            return min(max(value, 0.02 * scene.duration), 5.0 * scene.duration)
+        return value
+
+    @classmethod
+    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
+        """Return the name of a constant at a bound; a straight line in time is a drift as well."""
+        return 'time_constant' if constants['time_constant'] < 0.021 * scene.duration else ''
+
+    @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why a short recording shows nothing of it."""
+        if scene.duration >= SHORTEST:
+            return ''
+        return (f'The longest recording lasts {scene.duration:.3g} s: warm-up and other drift take '
+                'minutes and cannot be seen.')
 
     @classmethod
     def holds_offset(cls, scene: Scene) -> bool:

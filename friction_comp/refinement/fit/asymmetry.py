@@ -11,7 +11,8 @@ import numpy as np
 from friction_comp.model.effects.direction_asymmetry import DirectionAsymmetry
 from friction_comp.refinement.fit.effect_sum import Term
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
-from friction_comp.refinement.search.candidate_fit import ALPHA, Step
+from friction_comp.refinement.search.candidate_fit import Step
+from friction_comp.refinement.thresholds import ALPHA, ASYMMETRY
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from friction_comp.refinement.prepare.fit_data import FitData
     from friction_comp.samples import Samples
 
-# Plateaus of Eq. 6 that differ by less are drawn as they are: the note's three drives do.
-WORTH_A_NAME = 0.10
 _KIND = DirectionAsymmetry
 
 
@@ -64,7 +63,7 @@ def named_asymmetry(data: FitData, fits: list[Fit], steps: list[Step],
     if any(step.kind.holds_offset(data.scene) for step in steps) or not both_directions(data):
         return None
     for fit in fits:
-        if abs(fit.coefficients[0] - known) < WORTH_A_NAME * abs(coulomb_of(fit)):
+        if abs(fit.coefficients[0] - known) < ASYMMETRY * abs(coulomb_of(fit)):
             return None
     full = held_out_residual(data, fits)
     even = held_out_residual(data, [without_offset(fit, known) for fit in fits])

@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+import copy
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any, TYPE_CHECKING
 
@@ -74,8 +75,22 @@ def huber_loss(residual: np.ndarray, scale: float) -> np.ndarray:
     return np.where(size <= limit, size * size, limit * (2.0 * size - limit))
 
 
-def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray) -> np.ndarray | None:
-    """Return weighted least squares coefficients; columns that say the same share the work."""
+def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray,
+          signs: Sequence[int] = ()) -> np.ndarray:
+    """Return weighted least squares coefficients; columns that say the same share the work.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (N, M)
+    current, weights : ndarray, shape (N,)
+    signs : sequence of int, length M, optional
+        Sign that a coefficient must have, 1 or -1, 0 for either. One that would have the wrong
+        sign is zero, the worst first, and the others are solved for without it.
+
+    Returns
+    -------
+    ndarray, shape (M,)
+    """
     norm = np.sqrt(np.einsum('ij,ij->j', matrix, matrix) / len(matrix))
     fine = np.isfinite(norm) & (norm > 1e-100)
     if not fine.all():
@@ -85,7 +100,15 @@ def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray) -> np.nd
     weighted = scaled * weights[:, None]
     gram = weighted.T @ scaled
     gram[np.diag_indices_from(gram)] += _RIDGE * max(len(matrix), 1)
-    return np.linalg.lstsq(gram, weighted.T @ current, rcond=1e-12)[0] / norm
+    goal = weighted.T @ current
+    found = np.linalg.lstsq(gram, goal, rcond=1e-12)[0]
+    if len(signs):
+        wanted, free = np.asarray(signs), np.ones(len(goal), dtype=bool)
+        while np.any(wrong := free & (found * wanted < 0.0)):
+            free[np.argmin(np.where(wrong, found * wanted, 0.0))] = False
+            found = np.zeros(len(goal))
+            found[free] = np.linalg.lstsq(gram[np.ix_(free, free)], goal[free], rcond=1e-12)[0]
+    return found / norm
 
 
 class Fit:
@@ -114,20 +137,47 @@ class Fit:
         self.index = np.nonzero(rows)[0]
         self.transition = transition or 2.0 / steepness
         self.terms = [term.turned(self.transition) for term in terms]
+        self._basis = self._pick = None
         self.refresh()
 
     def copy(self) -> Fit:
-        """Return an independent copy."""
-        twin = object.__new__(Fit)
-        twin.__dict__.update(self.__dict__)
-        twin.terms = list(self.terms)
+        """Return a copy whose terms and coefficients may change."""
+        twin = copy.copy(self)
+        twin.terms, twin.parts = list(self.terms), list(self.parts)
         return twin
 
     def forget(self) -> None:
         """Drop what was kept of the samples, for they are others now."""
         self._pick: tuple[Samples, Samples] | None = None
 
-    def refresh(self) -> None:
+    def own_coefficients(self) -> list[np.ndarray]:
+        """Return the coefficients in A of the base and of each term."""
+        edges = np.cumsum([part.shape[1] for part in self.parts])[:-1]
+        return np.split(self.coefficients, edges)
+
+    def loaded(self, term: Term) -> Term:
+        """Return a term with the load in it that the others carry now, if it asks for that."""
+        if not term.kind.carried:
+            return term
+        base, *own = self.own_coefficients()
+        others = [(other, gains) for other, gains in zip(self.terms, own)
+                  if not other.kind.carried]
+        shares = [other.kind.load_share(gains, other.constants) for other, gains in others]
+        if any(other.kind.gives_load and other.kind.holds_offset(self.data.scene)
+               for other, _ in others):
+            shares.append({'offset': base[0]})
+        return replace(term, constants=term.kind.carrying(term.constants, shares))
+
+    @property
+    def signs(self) -> list[int]:
+        """Sign that physics asks of every coefficient: friction takes energy from the motion."""
+        signs = [0, 1, 1]
+        for term, part in zip(self.terms, self.parts[1:]):
+            own = list(term.kind.signs[:part.shape[1]])
+            signs += own + [0] * (part.shape[1] - len(own))
+        return signs
+
+    def refresh(self):
         """Compute all columns anew and solve."""
         self.fill()
         self.solve()
@@ -174,9 +224,16 @@ class Fit:
         """Find the coefficients by iteratively reweighted least squares."""
         matrix = np.hstack(self.parts)
         inner, goal = matrix[self.index], self.target[self.index]
-        weights = np.ones(len(goal))
-        for _ in range(rounds):
-            self.coefficients = solve(inner, goal, weights)
+        weights, signs = np.ones(len(goal)), self.signs
+        loaded = [place for place, term in enumerate(self.terms) if term.kind.carried]
+        for number in range(rounds):
+            if loaded and number:
+                for place in loaded:
+                    self.terms[place] = self.loaded(self.terms[place])
+                    self.parts[place + 1] = self.columns(self.terms[place])
+                matrix = np.hstack(self.parts)
+                inner = matrix[self.index]
+            self.coefficients = solve(inner, goal, weights, signs)
             residual = goal - inner @ self.coefficients
             self.scale = robust_scale(residual)
             weights = huber_weights(residual, self.scale)
@@ -192,7 +249,7 @@ class Fit:
             twin.terms.append(term)
             twin.refresh()
             return twin
-        term = term.turned(self.transition)
+        term = self.loaded(term.turned(self.transition))
         twin.terms.append(term)
         twin.parts = self.parts + [self.columns(term)]
         twin.solve()
@@ -209,7 +266,17 @@ class Fit:
         twin.solve()
         return twin
 
-    def basis(self, every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def reordered(self, places: Sequence[int]) -> Fit:
+        """Return a copy with its terms in another order."""
+        twin = self.copy()
+        twin.terms = [self.terms[place] for place in places]
+        twin.parts = [self.parts[0], *(self.parts[place + 1] for place in places)]
+        own = self.own_coefficients()
+        twin.coefficients = np.concatenate([own[0], *(own[place + 1] for place in places)])
+        twin._basis = None
+        return twin
+
+    def basis(self, every=1):
         """Return orthonormal weighted columns and the weighted residual on the fitted rows."""
         if self._basis is None or self._basis[0] != every:
             index = self.index[::every]
@@ -225,6 +292,7 @@ class Fit:
     def gain(self, term: Term, every: int = 1) -> float:
         """Return by how much a term would lower the weighted sum of squares, in A²."""
         index, root, q, residual = self.basis(every)
+        term = self.loaded(term)
         if term.kind.sees_history or self.reshaped:
             columns = self.columns(term)[index]
         else:
@@ -241,11 +309,15 @@ class Fit:
         gram = columns.T @ columns
         gram[np.diag_indices_from(gram)] += 1e-9
         product = columns.T @ residual
-        return float(product @ np.linalg.solve(gram, product)) * every
+        found = np.linalg.solve(gram, product)
+        wanted = (*term.kind.signs, *[0] * len(fresh))[:len(fresh)]
+        if np.any(found * np.array(wanted)[fresh] < 0.0):
+            return 0.0
+        return float(product @ found) * every
 
     def _picked(self, index: np.ndarray) -> Samples:
         """Return the fitted samples alone."""
-        held = getattr(self, '_pick', None)
+        held = self._pick
         if held is None or held[0] is not self.samples or len(held[1]) != len(index):
             self._pick = held = (self.samples, self.samples.take(index))
         return held[1]

@@ -16,7 +16,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import huber_loss, Term
-from friction_comp.refinement.prepare.fit_data import FitData
+from friction_comp.refinement.prepare.fit_data import FitData, Measured
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
@@ -128,7 +128,7 @@ def tune_lag(fit: Fit) -> Fit:
     return judge.best
 
 
-def moved(fit: Fit, data: FitData, rows: np.ndarray) -> Fit:
+def moved(fit: Fit, data: Measured, rows: np.ndarray) -> Fit:
     """Return a fit with the same terms and constants on other rows, solved."""
     twin = fit.copy()
     twin.data, twin.rows, twin.index = data, rows, np.nonzero(rows)[0]
@@ -151,8 +151,7 @@ def to_model(fit: Fit, samples: Samples | None, usable: np.ndarray | None, drive
         How velocity was had of position.
     """
     if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
-        whole = FitData(samples, usable, None, None, None, 0.0, fit.data.scene, '',
-                     load_coefficient=fit.data.load_coefficient)
+        whole = Measured(samples, usable, 0.0, fit.data.scene, fit.data.load_coefficient)
         fit = moved(fit, whole, usable)
     offset, coulomb, viscous = (float(value) for value in fit.coefficients[:3])
     sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb,

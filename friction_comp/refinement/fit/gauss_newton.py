@@ -20,6 +20,8 @@ _ENOUGH = 1e-4
 # Steepness of the sigmoid, and the velocity over which other terms change sign, in parts of the
 # top speed: outside of this the recordings cannot tell.
 _STEEPEST, _FLATTEST = 3000.0, 2.0
+# Friction that takes longer to change its sign than this part of the top speed is viscous.
+_WIDEST = 0.15
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,7 @@ def within(fit: Fit, name: str, value: float) -> float:
     if name == 'steepness':
         return min(max(value, _FLATTEST / speed), _STEEPEST / speed)
     if name == 'transition':
-        return min(max(value, 2.0 * speed / _STEEPEST), speed / _FLATTEST)
+        return min(max(value, 2.0 * speed / _STEEPEST), speed * _WIDEST)
     return min(max(value, -0.1 * speed), 0.1 * speed)
 
 

@@ -8,7 +8,10 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.model.effects import EFFECTS, Scene
 from friction_comp.refinement.judge.residual_dependence import rank_correlation
+from friction_comp.refinement.search.candidate_fit import Step
+from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene
@@ -45,46 +48,35 @@ def experiment(first: Any, second: Any) -> Any:
                      'and the other way round')
 
 
-def warnings(samples: Samples, usable: np.ndarray, scene: Scene) -> list[str]:
-    """Return one sentence for each variable that hardly varied.
+def warnings(samples: Samples, scene: Scene) -> list[str]:
+    """Return one sentence for everything that the recordings cannot show.
 
-    An effect of such a variable is invisible: that none was found is no evidence against it.
+    What an effect says cannot be seen is not named either, so that no warning stands beside the
+    very effect that it speaks of.
+
+    Parameters
+    ----------
+    samples : Samples
+    scene : Scene
     """
-    moving = samples.take(usable)
     found = []
-    v = moving.velocity
-    positive = float(np.mean(v > 0))
-    if min(positive, 1 - positive) < 0.05:
-        side = 'positive' if positive > 0.5 else 'negative'
-        found.append(f'Motion was in the {side} direction only: differences between directions, '
-                     'constant offsets and reversals cannot be seen.')
-    low, high = np.percentile(np.abs(v), (5, 95))
-    if high < 1.5 * low:
-        found.append(f'Speed hardly varied ({low:.3g} to {high:.3g} rad/s): effects of velocity '
-                     'cannot be seen.')
-    span = scene.highest - scene.lowest
-    if span < 0.5:
-        found.append(f'Position covered {span:.3g} rad only: gravity cannot be told from an '
-                     'offset or a spring, and slow ripple cannot be seen.')
-    if moving.temperature is None:
+    if samples.temperature is None:
         found.append('Motor temperature was not recorded: its effect can only show as drift over '
                      'time.')
-    elif np.ptp(np.percentile(moving.temperature, (1, 99))) < 2.0:
-        found.append('Motor temperature varied by less than 2 °C: its effect cannot be seen.')
-    if moving.load is None:
+    if samples.load is None:
         found.append('No load was recorded: effects of load, and an error of the torque '
                      'constant, cannot be seen.')
-    if scene.duration < 60.0:
+    for kind in EFFECTS.values():
+        why = kind.hard_to_tell(scene)
+        if why and all(getattr(samples, signal) is not None for signal in kind.needs):
+            found.append(why)
+    if scene.duration < 60.0 and not any('warm-up' in line for line in found):
         found.append(f'The longest recording lasts {scene.duration:.3g} s: warm-up takes minutes '
                      'and cannot be seen in full.')
-    rested = np.abs(samples.velocity) < scene.slowest
-    if rested.mean() * len(samples) * samples.sample_time < 1.0:
-        found.append('The joint hardly ever rested: stiction that grows with the time at rest '
-                     'cannot be seen.')
-    return found
+    return list(dict.fromkeys(found))
 
 
-def ambiguities(samples: Samples, usable: np.ndarray, steps: list[Step], scene: Scene) -> list[Any]:
+def ambiguities(samples: Samples, usable: np.ndarray, steps: list[Step]) -> list[dict]:
     """Return entries of report.json's `ambiguous`.
 
     Parameters
@@ -93,7 +85,6 @@ def ambiguities(samples: Samples, usable: np.ndarray, steps: list[Step], scene: 
     usable : ndarray of bool, shape (N,)
     steps : list of Step
         The effects that were added, with their rivals.
-    scene : Scene
     """
     found, seen = [], set()
 
@@ -124,9 +115,4 @@ def ambiguities(samples: Samples, usable: np.ndarray, steps: list[Step], scene: 
         add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
             f'correlation {alike:.2f}): drift over time, which may be as large on another day, '
             'cannot be told from the dependence on velocity')
-    for kind in {step.kind for step in steps}:
-        why = kind.hard_to_tell(scene)
-        if why:
-            found.append({'between': [kind.variable, kind.variable], 'why': why,
-                          'experiment': 'record motion over at least a third of a turn'})
     return found

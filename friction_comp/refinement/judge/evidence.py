@@ -11,13 +11,12 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.refinement.fit.effect_sum import huber_loss, robust_scale
-from friction_comp.refinement.prepare.fit_data import correlation_samples
+from friction_comp.refinement.prepare.correlation import stretches
 
 if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
     from friction_comp.refinement.prepare.fit_data import FitData
 
-_MOST_STRETCHES = 400
 
 
 def held_out_residual(data: FitData, fits: list[Fit]) -> np.ndarray:
@@ -115,12 +114,7 @@ def where_it_acts(energy: np.ndarray, count: np.ndarray, scale: float) -> np.nda
 def stretch_sums(data: FitData, values: np.ndarray,
                  residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sum values of usable samples over stretches longer than the residual's memory."""
-    usable = data.usable
-    size = int(usable.sum())
-    length = 2 * correlation_samples(residual, usable)
-    length = int(max(length, size / _MOST_STRETCHES))
-    length = max(2, min(length, size // 20))
-    number = np.arange(size) // length
+    number = stretches(residual, data.usable, data.folds.run)
     return np.bincount(number, values), np.bincount(number)
 
 

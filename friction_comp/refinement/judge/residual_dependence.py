@@ -13,7 +13,7 @@ from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
 from friction_comp.refinement.fit.effect_sum import robust_scale
-from friction_comp.refinement.prepare.fit_data import correlation_samples
+from friction_comp.refinement.prepare.correlation import correlation_samples
 from friction_comp.refinement.search.spectrum import position_spectrum
 
 if TYPE_CHECKING:

@@ -17,22 +17,16 @@ from friction_comp.refinement.judge.residual_dependence import (
     ResidualDependence,
     unexplained,
 )
+from friction_comp.refinement.thresholds import (
+    CLEARLY_ABOVE_NOISE,
+    FAR,
+    LEAST_LOUD,
+)
 
 if TYPE_CHECKING:
     from friction_comp.refinement.prepare.fit_data import FitData
-    from friction_comp.refinement.search.candidate_fit import Step
     from friction_comp.samples import Samples
 
-# Residuals this many times the noise from sample to sample hold something that is no noise.
-CLEARLY_ABOVE_NOISE = 1.5
-# Beyond so many standard deviations an error counts as if it were of that size.
-_FAR = 15.0
-# What stays below this share of that noise is not worth a word.
-LEAST_LOUD = 0.15
-# ResidualDependence this strong may bend what else is fitted.
-LARGE = 0.2
-# While something large has no name, an effect that lowers the loss by less is likely a stand-in.
-STAND_IN = 0.25
 
 
 def left_over(data: FitData, residual: np.ndarray, slowest: float,
@@ -56,9 +50,9 @@ def left_over(data: FitData, residual: np.ndarray, slowest: float,
     found = unexplained(data.samples, data.usable, residual, slowest, LEAST_LOUD * floor)
     values = residual[data.usable]
     # Rare but large errors next to each other are no outliers of a sensor: they hold something.
-    rare = clipped_rms(values, _FAR)
+    rare = clipped_rms(values, FAR)
     lasting = rare > CLEARLY_ABOVE_NOISE * floor and lag1_autocorrelation(
-        np.clip(values, -_FAR * floor, _FAR * floor)) > 0.3
+        np.clip(values, -FAR * floor, FAR * floor)) > 0.3
     if not found and (lasting or clipped_rms(values) > CLEARLY_ABOVE_NOISE * floor):
         entry = fallback(residual, data.samples, data.usable, slowest)
         if entry.strength > LEAST_STRENGTH:
@@ -128,18 +122,3 @@ def clipping(samples: Samples, clipped: np.ndarray) -> ResidualDependence | None
     return ResidualDependence(
         best[0], best[1], f'the current signal ends at {ends} in {100 * share:.2g} % of the '
         f'samples, mostly by {best[0]}: the sensor saturates, and these samples are not fitted')
-
-
-def without_stand_ins(steps: list[Step], keep: int = 1) -> list[Step]:
-    """Return the steps without small effects at the end.
-
-    Parameters
-    ----------
-    steps : list of Step
-    keep : int
-        The first steps are kept in any case.
-    """
-    steps = list(steps)
-    while len(steps) > keep and steps[-1].evidence.get('loss_reduction', 1.0) < STAND_IN:
-        steps.pop()
-    return steps

@@ -4,15 +4,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import differentiate, METHOD
+from friction_comp.model.differentiation import METHOD
 from friction_comp.model.effects import Scene
+from friction_comp.refinement.prepare.folds import Folds
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
@@ -25,43 +27,28 @@ _SIGNALS = ('time', 'position', 'velocity', 'acceleration', 'current', 'load', '
             'rigid_body', 'coupling')
 
 
-@dataclass
-class FitData:
-    """Samples to choose effects on, and the folds they fall into.
+@dataclass(frozen=True)
+class Measured:
+    """Samples that a sum of effects is to explain.
 
     Parameters
     ----------
     samples : Samples
-        Averaged over `window` original samples each, with velocity and acceleration.
+        Averaged over `window`, with velocity and acceleration.
     usable : ndarray of bool, shape (N,)
         Where the joint moves and the current is neither clipped nor missing.
-    block : ndarray of int, shape (N,)
-        Number of the stretch each sample belongs to; stretches are what is held out.
-    fold : ndarray of int, shape (N,)
-        0 or 1: each half is predicted by the model fitted on the other half.
-    guard : ndarray of bool, shape (N,)
-        Samples beside the edge of a stretch, which are not fitted.
     window : float
         Time in s over which samples were averaged; 0 where they were not.
     scene : Scene
-    held_out : str
-        How the samples were split, in words.
-    origin : ndarray of int, shape (N,)
-        Which of the original samples each one begins at.
     load_coefficient : float
         A per N·m of load by which the motor is spared, where mechanics is relied on for it: see
-        `load.carried_by_a_person`.
+        `load_compensation.carried_by_a_person`.
     """
 
     samples: Samples
     usable: np.ndarray
-    block: np.ndarray
-    fold: np.ndarray
-    guard: np.ndarray
     window: float
     scene: Scene
-    held_out: str
-    origin: np.ndarray | None = None
     load_coefficient: float = 0.0
 
     @property
@@ -71,11 +58,29 @@ class FitData:
             return self.samples.current
         return self.samples.current - self.load_coefficient * self.samples.load
 
+
+@dataclass(frozen=True)
+class FitData(Measured):
+    """Samples to choose effects on, and the folds they fall into.
+
+    Parameters
+    ----------
+    folds : Folds
+    origin : ndarray of int, shape (N,)
+        Which of the original samples each one begins at.
+    """
+
+    folds: Folds = field(kw_only=True)
+    origin: np.ndarray = field(kw_only=True)
+
+    @property
+    def fold(self) -> np.ndarray:
+        """The fold of each sample, 0 or 1, shape (N,)."""
+        return self.folds.fold
+
     def fit_rows(self, fold: int) -> np.ndarray:
-        """Return which samples the model that predicts a fold is fitted on; all for None."""
-        if fold is None:
-            return self.usable
-        return self.usable & (self.fold != fold) & ~self.guard
+        """Return which samples the model that predicts a fold is fitted on."""
+        return self.usable & (self.fold != fold) & ~self.folds.guard
 
 
 def join(recordings: list[Samples]) -> Samples | None:
@@ -86,7 +91,9 @@ def join(recordings: list[Samples]) -> Samples | None:
     InputError
         If there is too little to fit anything on.
     """
-    recordings = [part for part in recordings if len(part)]
+    # By what they hold, so that the order in which files are named makes no difference.
+    recordings = sorted((part for part in recordings if len(part)), key=lambda part: (
+        len(part), *map(float, part.position[:2]), *map(float, part.current[:2])))
     if not recordings:
         raise InputError('the recordings hold no samples')
     samples = Samples.concatenate(recordings) if len(recordings) > 1 else recordings[0]
@@ -214,76 +221,8 @@ def _averaged(samples: Samples, usable: np.ndarray,
     return result, np.concatenate(kept), np.concatenate(origin)
 
 
-def split(samples: Samples, usable: np.ndarray,
-          residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
-    """Cut samples into stretches and deal the stretches to two folds.
-
-    Whole recordings are held out where several are given, else stretches several times as long
-    as the residual stays correlated, in turn. The stretches on which evidence is counted are
-    short ones in either case.
-
-    Returns
-    -------
-    block, fold : ndarray of int, shape (N,)
-    guard : ndarray of bool, shape (N,)
-    held_out : str
-    """
-    step = max(samples.sample_time, 1e-9)
-    total = int(usable.sum())
-    length = correlation_samples(residual, usable)
-    rows = int(np.clip(10 * length, total / 120, total / 24))
-    rows = max(rows, 4)
-    # Counted in usable samples, so that rests do not make empty stretches.
-    count = np.cumsum(usable)
-    number = np.minimum((count - 1).clip(0) // rows, max(total // rows - 1, 0))
-    change = np.diff(samples.recording, prepend=samples.recording[:1]) != 0
-    block = _renumber(number + np.cumsum(change) * (int(number[-1]) + 2))
-    recordings = np.unique(samples.recording)
-    edge = np.diff(block, prepend=block[:1]) != 0
-    if len(recordings) > 1:
-        size = {r: int((usable & (samples.recording == r)).sum()) for r in recordings}
-        sums, where = [0, 0], {}
-        for r in sorted(recordings, key=lambda r: -size[r]):
-            side = int(sums[1] < sums[0])
-            where[r] = side
-            sums[side] += size[r]
-        fold = np.array([where[r] for r in samples.recording])
-        guard = np.zeros(len(samples), dtype=bool)
-        words = (f'{len(recordings)} recordings in two halves of whole recordings, each half '
-                 'predicted by the model fitted on the other')
-    else:
-        fold = block % 2
-        guard = np.zeros(len(samples), dtype=bool)
-        width = min(int(length), rows // 8)
-        for place in np.nonzero(edge)[0]:
-            guard[max(0, int(place) - width):int(place) + width] = True
-        words = (f'{block.max() + 1} stretches of about {rows * step:.2g} s in turn, each half '
-                 'predicted by the model fitted on the other half, '
-                 f'with {2 * width * step:.2g} s beside every edge not fitted')
-    return block, fold, guard, words + '; standstill and clipped samples are left out'
-
-
-def correlation_samples(residual: np.ndarray, usable: np.ndarray) -> int:
-    """Return after how many samples the residual's autocorrelation has fallen below 0.2."""
-    values = residual[usable]
-    values = values - np.median(values)
-    # A few large errors at reversals would else stand for all the rest.
-    limit = 3.0 * 1.4826 * float(np.median(np.abs(values)))
-    values = np.clip(values, -limit, limit)
-    values = values - values.mean()
-    size = len(values)
-    padded = 1 << (2 * size - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(values, padded)) ** 2
-    correlation = np.fft.irfft(spectrum)[:max(2, size // 10)]
-    if correlation[0] <= 0:
-        return 1
-    below = np.nonzero(correlation < 0.2 * correlation[0])[0]
-    return int(below[0]) if below.size else size // 10
-
-
-def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, transition: float,
-             slowest: float) -> Scene:
-    """Return the `Scene` of samples."""
+def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float) -> Scene:
+    """Return the `Scene` of samples as they were recorded, with velocity and acceleration."""
     moving = samples.take(usable)
     # The longest recording alone tells how far time constants can be seen.
     duration = max(float(np.ptp(samples.time[samples.recording == r]))
@@ -291,20 +230,34 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, transition: flo
     steps = np.abs(np.diff(samples.position[:20000]))
     steps = steps[steps > 1e-12]
     lowest, highest = np.percentile(moving.position, (1, 99))
+    slow, speed = np.percentile(np.abs(moving.velocity), (5, 95))
+    side = np.sign(moving.velocity)
     return Scene(
-        transition=transition, speed=float(np.percentile(np.abs(moving.velocity), 95)),
+        transition=0.05 * float(speed), speed=float(speed),
         slowest=slowest, lowest=float(lowest), highest=float(highest), duration=duration,
         sample_time=samples.sample_time,
         temperature=(25.0 if samples.temperature is None
                      else float(np.median(samples.temperature))),
         gear_ratio=drive.gear_ratio,
         resolution=float(steps.min()) if steps.size else 0.0,
-        both_directions=0.02 < float(np.mean(moving.velocity > 0)) < 0.98)
+        both_directions=0.02 < float(np.mean(moving.velocity > 0)) < 0.98,
+        slow=float(slow), reversals=float(np.count_nonzero(np.diff(side))),
+        rested=float(np.sum(np.abs(samples.velocity) < slowest)) * samples.sample_time,
+        positions=distinct(moving.position),
+        temperature_span=(0.0 if moving.temperature is None else
+                          float(np.ptp(np.percentile(moving.temperature, (1, 99))))))
 
 
-def _renumber(values: np.ndarray) -> np.ndarray:
-    return np.unique(values, return_inverse=True)[1].reshape(-1)
+def distinct(position: np.ndarray) -> float:
+    """Return how many positions the encoder tells apart over the range that was moved.
+
+    That is how many different values there are: few samples on a fine encoder have few values
+    too, but hardly any twice.
+    """
+    values = np.unique(np.round(position / max(float(np.ptp(position)), 1e-300), 9))
+    return math.inf if len(values) > 0.5 * len(position) else float(len(values))
 
 
-__all__ = ['FitData', 'bandwidths', 'clipped', 'differentiate', 'join', 'scene_of', 'split',
-           'sticking_speed', 'thinned']
+def with_transition(scene: Scene, transition: float, sample_time: float) -> Scene:
+    """Return a scene with the velocity over which friction was seen to change its sign."""
+    return replace(scene, transition=transition, sample_time=sample_time)

@@ -10,22 +10,17 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.refinement.fit import gauss_newton as optimizer
-from friction_comp.refinement.fit.effect_sum import huber_loss, robust_scale, Term
+from friction_comp.refinement.fit.effect_sum import Fit, huber_loss, robust_scale, Term
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual
-from friction_comp.refinement.search.candidates import best_forms, best_term, plausible
+from friction_comp.refinement.judge.physics import objection
+from friction_comp.refinement.search.candidates import best_forms, best_term
+from friction_comp.refinement.thresholds import ALPHA, LEAST_SHARE
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
     from friction_comp.refinement.fit.effect_sum import Fit
     from friction_comp.refinement.prepare.fit_data import FitData
 
-# Chance of any wrong effect in a step, over all candidates together.
-ALPHA = 0.01
-# An effect has to lower the held-out loss by this share (the error by half of it), or it is not
-# worth its place: less may be a base that is not quite of the right shape.
-LEAST_SHARE = 0.04
-# Nor one whose current is a smaller share of the signal than this: no drive is known as well.
-LEAST_SIZE = 0.003
 
 
 @dataclass
@@ -47,27 +42,26 @@ class CandidateFit:
         free = term.columns(self.fits[0].samples.take(slice(0, 3)), 0.0).shape[1]
         return searched + free
 
-    def evidence(self, loss: float, candidates: int) -> dict[str, float | int]:
-        """Return the entry `evidence` of the report.
-
-        Parameters
-        ----------
-        loss : float
-            Mean loss in A² without the effect.
-        candidates : int
-            How many effects were tried.
-        """
-        return {'loss_reduction': self.advantage / loss,
-                'standard_errors': self.advantage / max(self.error, 1e-300),
-                'p_value': self.p_value, 'candidates': candidates}
-
 
 @dataclass
 class Step:
-    """An effect that was added: how, and what else would have done nearly as well."""
+    """An effect that was added: with what before it, and what evidence it has at the end.
 
-    kind: type[Effect]
-    fits: list[Any]
+    Parameters
+    ----------
+    kind : type
+    fits : list of Fit
+        Of both folds, with this effect and those before it.
+    held_out_rmse : float
+        A.
+    evidence : dict
+        Against the final model without it, everything else fitted anew.
+    rivals : list of (type, float)
+        What explains nearly the same, and the correlation.
+    """
+
+    kind: type
+    fits: list[Fit]
     held_out_rmse: float
     evidence: dict[str, Any]
     rivals: list[Any] = field(default_factory=list)
@@ -96,7 +90,7 @@ def try_kind(data: FitData, fits: list[Fit], residual: np.ndarray,
     best = None
     for choice in choices:
         grown = [fit.with_term(term) for fit, term in zip(fits, choice)]
-        if not all(plausible(fit) for fit in grown):
+        if any(objection(fit, -1) for fit in grown):
             continue
         trial = CandidateFit(kind, grown, held_out_residual(data, grown))
         trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
@@ -115,7 +109,7 @@ def _best_form(data: FitData, fits: list[Fit], residual: np.ndarray,
         trial = CandidateFit(
             kind, [fit.with_term(term) for fit, term in zip(fits, choice)], residual)
         adjust_constants(data, residual, trial)
-        if all(plausible(fit) for fit in trial.fits) and (
+        if not any(objection(fit, -1) for fit in trial.fits) and (
                 best is None or trial.advantage > best.advantage):
             best = trial
     return best

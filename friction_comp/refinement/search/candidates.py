@@ -32,7 +32,9 @@ def kinds_for(data: FitData, terms: list[Term]) -> list[type[Effect]]:
     for kind in EFFECTS.values():
         if any(getattr(data.samples, signal) is None for signal in kind.needs):
             continue
-        if present.count(kind) >= kind.most:
+        if present.count(kind) >= kind.most or kind.hard_to_tell(data.scene):
+            continue
+        if kind.carried and not any(other.gives_load for other in present):
             continue
         kinds.append(kind)
     return kinds
@@ -46,27 +48,30 @@ def best_term(fit: Fit, kind: type[Effect]) -> Term | None:
     Term or None
         None where the data offer nothing to search.
     """
-    every = max(1, len(fit.index) // _COARSE_ROWS)
-    if kind.spectral:
-        points = _by_spectrum(fit, kind)
-    else:
-        points = [(Term(kind, constants), every) for constants in kind.grid(fit.data.scene)]
-    best, best_gain = None, 0.0
-    for term, coarse in points:
-        gain = fit.gain(term, coarse)
-        if gain > best_gain:
-            best, best_gain = term, gain
+    best, _ = _on_grid(fit, kind)
     if best is None:
         return None
     best, _ = fit.search(best)
     return best
 
 
-def plausible(fit: Fit) -> bool:
-    """Tell whether physics allows the last term's coefficients and constants."""
-    last, number = fit.terms[-1], fit.parts[-1].shape[1]
-    own = fit.coefficients[len(fit.coefficients) - number:]
-    return last.kind.plausible(own, last.constants, fit.data.scene)
+def best_gain(fit, kind):
+    """Return by how much the best point of a kind's grid would lower the sum of squares, A²."""
+    return _on_grid(fit, kind)[1]
+
+
+def _on_grid(fit, kind):
+    every = max(1, len(fit.index) // _COARSE_ROWS)
+    if kind.spectral:
+        points = _by_spectrum(fit, kind)
+    else:
+        points = [(Term(kind, constants), every) for constants in kind.grid(fit.data.scene)]
+    best, most = None, 0.0
+    for term, coarse in points:
+        gain = fit.gain(term, coarse)
+        if gain > most:
+            best, most = term, gain
+    return best, most
 
 
 def _by_spectrum(fit: Fit, kind: type[Effect]) -> list[tuple[Term, int]]:

@@ -9,26 +9,20 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.refinement.fit.effect_sum import robust_scale, Term
-from friction_comp.refinement.judge.evidence import held_out_residual, rms
-from friction_comp.refinement.judge.residual_verdict import CLEARLY_ABOVE_NOISE
+from friction_comp.refinement.judge.evidence import held_out_residual
+from friction_comp.refinement.judge.physics import objection
 from friction_comp.refinement.judge.scores import noise_floor
 from friction_comp.refinement.search.candidate_fit import (
     adjust_constants,
-    ALPHA,
     chance_of,
-    LEAST_SHARE,
     mean_loss,
-    Step,
     try_kind,
 )
-from friction_comp.refinement.search.candidates import plausible
 from friction_comp.refinement.search.unlisted_products import Nameless
+from friction_comp.refinement.thresholds import ALPHA, CLEARLY_ABOVE_NOISE, LEAST_SHARE
 
 if TYPE_CHECKING:
-    from friction_comp.model.effects.base import Effect
-    from friction_comp.refinement.fit.effect_sum import Fit
     from friction_comp.refinement.prepare.fit_data import FitData
-    from friction_comp.refinement.search.candidate_fit import CandidateFit
     from friction_comp.samples import Samples
 
 _POSITIONS, _TIMES = 16, 12
@@ -93,12 +87,11 @@ def beside_nuisance(data: Any, fits: Any) -> Any:
 def with_expected(fits: Any, kind: Any) -> Any:
     """Return fits with an effect that every drive has, None where its sign would be wrong."""
     grown = [fit.with_term(Term(kind, {})) for fit in fits]
-    return grown if all(plausible(fit) for fit in grown) else None
+    return None if any(objection(fit, -1) for fit in grown) else grown
 
 
-def hidden_expected(data: FitData, fits: list[Fit], residual: np.ndarray,
-                    kinds: list[type[Effect]]) -> Step | None:
-    """Return a step for what every drive has and a larger effect without a name hides, or None.
+def hidden_expected(data, fits, residual, kinds):
+    """Return what every drive has and a larger effect without a name hides, None if there is none.
 
     Parameters
     ----------
@@ -107,6 +100,11 @@ def hidden_expected(data: FitData, fits: list[Fit], residual: np.ndarray,
     residual : ndarray, shape (N,)
     kinds : list of type
         What may be tried still.
+
+    Returns
+    -------
+    (type, list of Fit, dict) or None
+        Kind, fits of both folds with it, and its evidence.
     """
     kind = next((kind for kind in kinds if kind.expected), None)
     if kind is None or not exceeds_noise(data, residual):
@@ -120,14 +118,14 @@ def hidden_expected(data: FitData, fits: list[Fit], residual: np.ndarray,
     grown = with_expected(fits, kind)
     if grown is None or trial.advantage < LEAST_SHARE * loss:
         return None
-    return Step(kind, grown, rms(held_out_residual(data, grown)[data.usable]), {
-        **trial.evidence(loss, len(kinds)),
-        'beside': 'free levels over position and time, since something larger has no name'})
+    return kind, grown, {
+        'loss_reduction': trial.advantage / loss,
+        'standard_errors': trial.advantage / max(trial.error, 1e-300), 'p_value': trial.p_value,
+        'beside': 'free levels over position and time, since something larger has no name'}
 
 
-def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[CandidateFit],
-             kinds: list[type[Effect]], least: float) -> list[Step]:
-    """Return two steps for effects that help only together, none if there are no such.
+def together(data, fits, residual, trials, kinds, least):
+    """Return the fits with two effects that help only together, None if there are no such.
 
     Load torque that is not in the model hides friction that grows with the load, and the other way
     round: neither lowers the held-out error alone. A second effect is tried beside each of those
@@ -147,33 +145,27 @@ def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[
 
     Returns
     -------
-    list of Step
+    CandidateFit or None
+        Of the second effect, beside the first.
     """
     if not exceeds_noise(data, residual):
-        return []
+        return None
 
     def fitted(trial: Any) -> Any:
         return sum(float(np.mean(np.abs(fit.residual[fit.index]))) for fit in trial.fits)
     firsts = sorted(trials, key=fitted)[:_FIRSTS]
-    best, first = None, None
+    best = None
     for trial in firsts:
         for kind in kinds:
             if kind is trial.kind and kind.most == 1:
                 continue
             pair = try_kind(data, trial.fits, residual, kind)
             if pair is not None and (best is None or pair.advantage > best.advantage):
-                best, first = pair, trial
-    loss = mean_loss(data, residual)
+                best = pair
     if best is None:
-        return []
+        return None
     adjust_constants(data, residual, best)
-    number = _FIRSTS * len(kinds)
-    if best.p_value > ALPHA / number or best.advantage < max(2.0 * LEAST_SHARE * loss, least):
-        return []
-    evidence = best.evidence(loss, number)
-    steps = []
-    for trial, other in ((first, best), (best, first)):
-        steps.append(Step(
-            trial.kind, trial.fits, rms(held_out_residual(data, trial.fits)[data.usable]),
-            {**evidence, 'together_with': other.kind.name}))
-    return steps
+    worth = max(2.0 * LEAST_SHARE * mean_loss(data, residual), least)
+    if best.p_value > ALPHA / (_FIRSTS * len(kinds)) or best.advantage < worth:
+        return None
+    return best

@@ -1,0 +1,101 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Friction that grows with the load that the model itself knows of, without a torque sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.scene import Scene, Search, Signals
+
+
+class InnerLoadFriction(Effect):
+    """``A·tanh(v/v_t)·|L|^p``, fading with speed where `fading` is 1: load-dependent friction.
+
+    L is the current that the other effects of the model carry: gravity, springs, inertia. Its
+    constants say that load once more, so that the effect needs no other one to be evaluated; a fit
+    keeps them those of the model. p = 1 and 2 are the linear and the quadratic load dependence, and
+    ``fading`` the Stribeck one, exp(-|v|/v_s), of Duclusaud et al. 2025 (BAM, models M3 to M6).
+    Live, where accelerations come too late, the load is that of rest.
+    """
+
+    name = 'inner_load_friction'
+    variable = 'load'
+    carried = True
+    most = 2
+    signs = (1,)
+    constants = {'cosine': None, 'sine': None, 'slope': None, 'offset': None, 'inertia': None,
+                 'with_inertia': None, 'exponent': None, 'fading': None,
+                 'velocity': Search(1.6), 'transition': None}
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """Linear and quadratic, with and without the load of acceleration; fading with speed."""
+        still = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
+        shapes = [(1.0, 0.0, scene.speed), (2.0, 0.0, scene.speed)]
+        shapes += [(1.0, 1.0, value) for value in geometric(0.05 * scene.speed, scene.speed, 4)]
+        return [{**still, 'with_inertia': with_inertia, 'exponent': exponent, 'fading': fading,
+                 'velocity': velocity, 'transition': scene.transition}
+                for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
+
+    @classmethod
+    def carrying(cls, constants: dict, shares: Iterable[dict[str, float]]) -> dict:
+        """Return the constants with the load of others in them.
+
+        Parameters
+        ----------
+        constants : dict
+        shares : iterable of dict
+            What each of the other effects says by `Effect.load_share`.
+        """
+        total = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
+        for share in shares:
+            for name, value in share.items():
+                total[name] += float(value)
+        return {**constants, **total}
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        """Return one column."""
+        load = (c.cosine * np.cos(x.position) + c.sine * np.sin(x.position)
+                + c.slope * x.position + c.offset + c.with_inertia * c.inertia * x.acceleration)
+        fade = np.exp(-c.fading * np.minimum(abs(x.velocity) / c.velocity, 700.0))
+        return (x.side * abs(load) ** c.exponent * fade,)
+
+    @classmethod
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
+        """Fading as slowly as this it does not fade; where it does not, the speed is idle."""
+        if name != 'velocity':
+            return value
+        return min(max(value, scene.slowest), 2.0 * scene.speed) if constants['fading'] else (
+            constants['velocity'])
+
+    @classmethod
+    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
+        """Return the name of a constant at a bound, if it counts."""
+        return super().at_bound(constants, scene) if constants['fading'] else ''
+
+    def describe(self) -> str:
+        """Return the effect in words."""
+        c = self.values
+        how = ('growing with its square' if c['exponent'] == 2.0 else
+               f'fading at about {c["velocity"]:.3g} rad/s' if c['fading'] else 'in proportion')
+        size = math.hypot(c['cosine'], c['sine']) + abs(c['slope'])
+        return (f'Load-dependent friction: {self.coefficients[0]:.3g} A of friction for 1 A of the '
+                f'load that gravity or a spring makes ({size:.3g} A), {how}')
+
+    def formula(self) -> str:
+        """Return the formula with its numbers."""
+        c = self.values
+        load = (f'{c["cosine"]:+.4g}·cos(q) {c["sine"]:+.4g}·sin(q) {c["slope"]:+.4g}·q '
+                f'{c["offset"]:+.4g}')
+        if c['with_inertia']:
+            load += f' {c["inertia"]:+.4g}·dv/dt'
+        fade = f'·exp(-|v|/{c["velocity"]:.3g})' if c['fading'] else ''
+        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})·|{load}|'
+                f'^{c["exponent"]:g}{fade}')

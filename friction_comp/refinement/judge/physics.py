@@ -1,0 +1,82 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Physics as a judge of a fit: signs, bounds, size against the signal, and passivity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from friction_comp.model.effects import RESISTS
+from friction_comp.refinement.fit.effect_sum import Fit
+from friction_comp.refinement.thresholds import LARGEST, PASSIVE, SPEED_RANGES
+
+
+def objection(fit: Fit, place: int) -> str:
+    """Return why physics does not allow a term of a fit as it stands; empty where it does.
+
+    Parameters
+    ----------
+    fit : Fit
+    place : int
+        Of the term; counted from the end where negative.
+    """
+    place %= len(fit.terms)
+    term, own = fit.terms[place], fit.own_coefficients()[place + 1]
+    scene = fit.data.scene
+    if not term.kind.plausible(own, term.constants, scene):
+        return 'its sign or its constants are none that a drive can have'
+    if np.size(own) and not np.any(own):
+        return 'it could only take part with a sign that no drive has'
+    signal = float(np.max(np.abs(fit.target[fit.index])))
+    sizes = [abs(float(own[number])) for number in term.kind.amplitudes if number < len(own)]
+    share = fit.parts[place + 1][fit.index] @ own if len(own) else np.zeros(1)
+    if max([*sizes, float(np.max(np.abs(share)))]) > LARGEST * signal:
+        return 'it is far larger than the signal, so that another effect has to cancel it'
+    if term.kind.role == RESISTS and len(own) and not passive(fit):
+        return 'friction would push the joint along at some speed'
+    return ''
+
+
+def bound(fit: Fit, place: int) -> str:
+    """Return which constant of a term ended at a bound, as an objection; empty if none."""
+    term = fit.terms[place]
+    name = term.kind.at_bound(term.constants, fit.data.scene)
+    return f'its {name.replace("_", " ")} ended at the bound of what was searched' if name else ''
+
+
+def passive(fit: Fit) -> bool:
+    """Tell whether friction takes energy from the motion at all speeds that were seen.
+
+    Friction is the base's and that of all effects that resist. It is averaged over ranges of
+    speed; where there are both directions, half the difference between them counts, so that
+    what does not change its sign with the direction drops out. Just after a reversal, presliding
+    gives energy back: the average over a range holds that too.
+    """
+    own = fit.own_coefficients()
+    friction = fit.parts[0][:, 1:] @ own[0][1:]
+    for term, part, gains in zip(fit.terms, fit.parts[1:], own[1:]):
+        if term.kind.role == RESISTS and part.shape[1]:
+            friction = friction + part @ gains
+    friction, velocity = friction[fit.index], fit.samples.velocity[fit.index]
+    speed = np.abs(velocity)
+    edges = np.unique(np.quantile(speed, np.linspace(0, 1, int(SPEED_RANGES) + 1)[1:-1]))
+    cell = np.searchsorted(edges, speed)
+    number = len(edges) + 1
+    sides = []
+    for side in (velocity > 0, velocity <= 0):
+        count = np.bincount(cell[side], minlength=number)
+        total = np.bincount(cell[side], friction[side], minlength=number)
+        sides.append(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+    if fit.data.scene.both_directions:
+        resisting = 0.5 * (sides[0] - sides[1])
+    else:
+        resisting = np.where(np.isnan(sides[0]), -sides[1], sides[0])
+    resisting = resisting[np.isfinite(resisting)]
+    return bool(resisting.size == 0
+                or np.min(resisting) >= -PASSIVE * np.max(np.abs(resisting)))
+
+
+def sound(fits: list[Fit], places: list[int]) -> bool:
+    """Tell whether physics allows some terms of the fits of both folds."""
+    return not any(objection(fit, place) or bound(fit, place)
+                   for fit in fits for place in places)

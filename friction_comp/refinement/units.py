@@ -1,0 +1,17 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sentences in the unit of the recording."""
+
+from __future__ import annotations
+
+import re
+
+
+def in_unit(text: str, unit: str) -> str:
+    """Return a sentence on currents in A with the unit that the recording has.
+
+    Effects describe themselves in A. A recording may hold torque in N·m, or a servo's voltage.
+    """
+    if unit == 'A':
+        return text
+    return re.sub(r'(?<=\d) A\b', f' {unit}', text)
