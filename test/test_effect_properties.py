@@ -21,14 +21,18 @@ RANGES = {
     'directional': (0.0, 1.0), 'reference_temperature': (10.0, 40.0),
     'time_constant': (0.1, 1000.0), 'distance': (1e-4, 1.0), 'lag': (0.001, 0.1),
     'first_order': (0.0, 1.0),
+    'cosine': (-2.0, 2.0), 'sine': (-2.0, 2.0), 'slope': (-1.0, 1.0), 'fading': (0.0, 1.0),
+    # Live there is no acceleration: with it, live and offline are not the same.
+    'inertia': (0.0, 0.0), 'with_inertia': (0.0, 1.0),
 }
-FLAGS = {'offset', 'directional', 'first_order'}
+FLAGS = {'offset', 'directional', 'first_order', 'fading', 'with_inertia'}
 COLUMNS = {
     'direction_asymmetry': 2, 'gravity': 2, 'cogging': 2, 'friction_ripple': 2, 'temperature': 3,
     'warm_up': 3, 'actuation_lag': 0, 'hysteresis': 2,
 }
 # Even or odd: what the current does when the motion is mirrored in time, at the same place.
-ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction', 'carried_load_friction'}
+ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction', 'carried_load_friction',
+       'inner_load_friction'}
 EVEN = {'direction_asymmetry', 'gravity', 'spring', 'cogging', 'load_torque', 'offset_drift'}
 HOLDS = {'gravity', 'spring', 'cogging', 'rigid_body', 'other_joints'}
 LIVE = [name for name in EFFECTS if name not in (
@@ -53,7 +57,9 @@ def defaults(name, /, **changes):
     middle = {'transition': TRANSITION, 'exponent': 2.0, 'offset': 0.0, 'directional': 1.0,
               'growth': 0.0, 'first_order': 0.0, 'position': 0.3, 'width': 0.1, 'speed': 1.0,
               'reference': 1.0, 'velocity': 0.1, 'frequency': 12.0, 'time_constant': 2.0,
-              'distance': 0.05, 'reference_temperature': 25.0, 'lag': 0.02}
+              'distance': 0.05, 'reference_temperature': 25.0, 'lag': 0.02,
+              'cosine': 0.5, 'sine': 0.2, 'slope': 0.1, 'inertia': 0.0, 'with_inertia': 0.0,
+              'fading': 0.0}
     if name == 'hysteresis':
         middle['exponent'] = 1.0
     found = {key: middle[key] for key in EFFECTS[name].constants}
