@@ -50,6 +50,9 @@ lint: setup
 	@$(BIN)/python -m ruff check .
 	@$(BIN)/python -m mypy
 
+# Two processes share two cores: more threads for small matrices only get in each other's way.
+test: export OPENBLAS_NUM_THREADS = 1
+test: export OMP_NUM_THREADS = 1
 test: lint
 	@$(BIN)/python -m pytest -n 2 --dist loadgroup $(TESTS)
 
