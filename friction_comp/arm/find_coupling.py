@@ -10,6 +10,7 @@ fitted bear it out. Such a sum holds for postures like the recorded ones; a URDF
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -28,7 +29,7 @@ _SHORT_LIST = 6
 _RIDGE = 1e-6
 
 
-def groups_for(names, own):
+def groups_for(names: Sequence[str], own: str) -> list[Group]:
     """Return the groups that other joints may add to the current of one.
 
     Parameters
@@ -42,7 +43,7 @@ def groups_for(names, own):
     -------
     list of Group
     """
-    sums = [((name, 1),) for name in names if name != own]
+    sums: list[tuple[tuple[str, int], ...]] = [((name, 1),) for name in names if name != own]
     sums += [((one, 1), (two, side)) for one, two in combinations(names, 2) for side in (1, -1)]
     sums += [tuple((name, 1) for name in names[start:stop])
              for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
@@ -57,7 +58,9 @@ def groups_for(names, own):
     return groups
 
 
-def find_coupling(current, names, own, motion, recording, rows):
+def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
+                  motion: tuple[np.ndarray, np.ndarray, np.ndarray], recording: np.ndarray,
+                  rows: np.ndarray) -> Coupling | None:
     """Return what other joints add to a joint's current.
 
     Parameters
@@ -96,7 +99,8 @@ def find_coupling(current, names, own, motion, recording, rows):
 class _Search:
     """Greedy choice of groups beside the joint's own friction, weight and inertia."""
 
-    def __init__(self, current, names, own, motion, stretch):
+    def __init__(self, current: np.ndarray, names: Sequence[str], own: str,
+                 motion: tuple[np.ndarray, np.ndarray, np.ndarray], stretch: np.ndarray) -> None:
         q, v, a = motion
         k = list(names).index(own)
         top = max(float(np.percentile(np.abs(v[:, k]), 95)), 1e-9)
@@ -114,9 +118,9 @@ class _Search:
         self._count = np.bincount(stretch).astype(float)
         self._weigh(np.ones(len(q)))
 
-    def run(self):
+    def run(self) -> list[int]:
         """Return the numbers of the groups chosen, in their order."""
-        chosen = []
+        chosen: list[int] = []
         while len(chosen) < _MOST_GROUPS:
             self._weigh(huber_weights(self._residual(chosen)))
             before = self._losses(chosen)
@@ -136,35 +140,35 @@ class _Search:
             chosen.append(best)
         return chosen
 
-    def coefficients(self, chosen):
+    def coefficients(self, chosen: list[int]) -> tuple[tuple[float, ...], ...]:
         """Return the coefficients of chosen groups in A per unit, a tuple for each."""
         self._weigh(huber_weights(self._residual(chosen)))
         columns, found = self._solved(chosen, np.arange(len(self._grams)))
         values = dict(zip(columns, found * self._norm[-1] / self._norm[columns]))
         return tuple(tuple(float(values[c]) for c in self._places[k + 1]) for k in chosen)
 
-    def error(self, chosen):
+    def error(self, chosen: list[int]) -> float:
         """Return the RMS error in A on stretches not fitted."""
         self._weigh(np.ones(len(self._matrix)))
         return float(np.sqrt(self._losses(chosen).sum() / self._count.sum()) * self._norm[-1])
 
-    def _weigh(self, weights):
+    def _weigh(self, weights: np.ndarray) -> None:
         self._grams = np.array([
             (self._matrix[rows] * weights[rows, None]).T @ self._matrix[rows]
             for rows in (self._stretch == number for number in range(len(self._count)))])
 
-    def _solved(self, chosen, stretches):
+    def _solved(self, chosen: list[int], stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         columns = np.concatenate([self._places[0], *(self._places[k + 1] for k in chosen)])
         gram = self._grams[stretches].sum(axis=0)
         inner = gram[np.ix_(columns, columns)]
         inner = inner + _RIDGE * np.trace(inner) / len(inner) * np.eye(len(inner))
         return columns, np.linalg.solve(inner, gram[columns, -1])
 
-    def _residual(self, chosen):
+    def _residual(self, chosen: list[int]) -> np.ndarray:
         columns, found = self._solved(chosen, np.arange(len(self._grams)))
         return self._matrix[:, -1] - self._matrix[:, columns] @ found
 
-    def _losses(self, chosen):
+    def _losses(self, chosen: list[int]) -> np.ndarray:
         """Return the weighted sum of squares of every stretch by a fit on the others' folds."""
         numbers = np.arange(len(self._grams))
         losses = np.empty(len(numbers))
@@ -176,7 +180,7 @@ class _Search:
                 losses[number] = mix @ self._grams[number][np.ix_(places, places)] @ mix
         return losses
 
-    def _gain(self, chosen, group):
+    def _gain(self, chosen: list[int], group: int) -> float:
         """Return by how much a group lowers the weighted sum of squares of everything."""
         gram = self._grams.sum(axis=0)
         columns, found = self._solved(chosen, np.arange(len(self._grams)))

@@ -11,8 +11,10 @@ the motion does not show stay at the URDF's figures, and every π is that of pos
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -23,6 +25,9 @@ from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, Tree
 from friction_comp.samples import Samples
+
+if TYPE_CHECKING:
+    from friction_comp.arm.urdf import Chain
 
 FEWEST = 200
 # Strengths of the regularisation that are compared, and the one with which everything else is
@@ -68,7 +73,7 @@ class ArmFit:
         Current per torque of each joint, A per N·m.
     friction : ndarray, shape (J, 4)
         Offset A, Coulomb A, viscous A·s/rad and rotor A·s²/rad, as far as the fit needs them.
-    differentiation : dict
+    differentiation : dict[str, Any]
         How velocity and acceleration were had of the recording.
     strength : float
         Of the regularisation.
@@ -84,7 +89,7 @@ class ArmFit:
     start: Tree
     scales: np.ndarray
     friction: np.ndarray
-    differentiation: dict
+    differentiation: dict[str, Any]
     strength: float
     held_out: np.ndarray
     without: np.ndarray
@@ -128,17 +133,18 @@ class _Problem:
     weights: np.ndarray
 
     @property
-    def fold(self):
+    def fold(self) -> np.ndarray:
         return self.stretch % _FOLDS
 
-    def matrices(self):
+    def matrices(self) -> np.ndarray:
         """Return the products of columns, summed over the samples of each fold."""
         return np.array([normal_matrices(
             self.regressor[rows], self.friction[rows], self.current[rows], self.weights[rows])
             for rows in (self.fold == number for number in range(_FOLDS))])
 
 
-def fit_arm(chain, joints, declared=None, progress=None):
+def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = None,
+            progress: Callable[..., Any] | None = None) -> ArmFit:
     """Fit an arm to recordings.
 
     Parameters
@@ -184,7 +190,7 @@ def fit_arm(chain, joints, declared=None, progress=None):
     report(1.0)
     unknowns = Unknowns(len(joints))
 
-    def found(numbers):
+    def found(numbers: np.ndarray) -> tuple[Tree, np.ndarray]:
         return (replace(chain.tree, parameters=bodies.parameters(numbers[unknowns.links])[0]),
                 np.exp(numbers[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
@@ -197,7 +203,12 @@ def fit_arm(chain, joints, declared=None, progress=None):
         prior.strength, errors, without, identifiable(whole.regressor), unseen)
 
 
-def _best_settings(chain, joints, bodies, declared, report):
+_Trial: TypeAlias = 'tuple[float, dict[str, Any], _Problem, Prior, np.ndarray]'
+
+
+def _best_settings(
+        chain: Chain, joints: list[Samples], bodies: Bodies, declared: np.ndarray | None,
+        report: Callable[[float], None]) -> _Trial | None:
     """Return the trial with the differentiation that suits best, or None where none does."""
     best, choices = None, _settings(joints)
     for number, settings in enumerate(choices):
@@ -206,7 +217,9 @@ def _best_settings(chain, joints, bodies, declared, report):
     return best
 
 
-def _trial(chain, joints, settings, bodies, declared):
+def _trial(
+        chain: Chain, joints: list[Samples], settings: dict[str, Any], bodies: Bodies,
+        declared: np.ndarray | None) -> _Trial | None:
     """Return the mean logarithm of the held-out errors and all that gave it, or None.
 
     None is for an arm that asks of no joint what its current shows.
@@ -226,20 +239,21 @@ def _trial(chain, joints, settings, bodies, declared):
     return float(np.mean(np.log(_held_out(problem, prior, x)))), settings, problem, prior, x
 
 
-def _better(old, new, by=0.0):
+def _better(old: Any, new: Any, by: float = 0.0) -> Any:
     """Return the trial with the smaller errors; a new one has to be better by a share."""
     if old is None or new is None:
         return new or old
     return new if new[0] < old[0] - by else old
 
 
-def _mounted(chain, joints, bodies, best, declared):
+def _mounted(chain: Chain, joints: list[Samples], bodies: Bodies, best: Any,
+             declared: np.ndarray | None) -> tuple[Chain, Any]:
     """Return the arm with gravity in the direction that the recording shows, and its trial.
 
     An arm may hang from a wall or a ceiling while its URDF begins at its own base. Another
     direction than the URDF's is taken only where stretches not fitted leave no doubt.
     """
-    mounted = other = None
+    mounted, other = chain, None
     settings = best[1] if best else _settings(joints)[-1]
     for direction in product((-1.0, 0.0, 1.0), repeat=3):
         length = np.linalg.norm(direction)
@@ -257,7 +271,7 @@ def _mounted(chain, joints, bodies, best, declared):
     return mounted, _best_settings(mounted, joints, bodies, declared, lambda share: None)
 
 
-def identifiable(regressor, least=1e-6):
+def identifiable(regressor: np.ndarray, least: float = 1e-6) -> int:
     """Return the number of base parameters: combinations that joint torques show.
 
     Parameters
@@ -274,18 +288,20 @@ def identifiable(regressor, least=1e-6):
     return int(np.count_nonzero(values > least * values.max(initial=0.0)))
 
 
-def _settings(joints):
+def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
     step = max(joints[0].sample_time, 1e-9)
     narrow = [value for value in _BANDWIDTHS if value <= 0.3 / step]
     sources = ['position']
-    velocity = joints[0].arm.velocity
+    arm = joints[0].arm
+    velocity = None if arm is None else arm.velocity
     if velocity is not None and np.any(velocity, axis=0).all():
         sources.append('velocity')
     return [{'method': 'zero-phase Butterworth', 'source': source, 'bandwidth': value}
             for source in sources for value in [*narrow, None]]
 
 
-def _problem(chain, joints, settings, most_rows):
+def _problem(chain: Chain, joints: list[Samples], settings: dict[str, Any],
+             most_rows: int) -> _Problem:
     q, v, a = moving_states(joints[0], chain.tree.joints, settings)
     every = max(1, len(q) // most_rows)
     rows = slice(None, None, every)
@@ -304,7 +320,7 @@ def _problem(chain, joints, settings, most_rows):
         counts / np.maximum(np.var(current, axis=0), 1e-12))
 
 
-def _usual_scale(problem, bodies):
+def _usual_scale(problem: _Problem, bodies: Bodies) -> float | None:
     """Return the current per torque, A per N·m, by which the URDF's figures fit the whole arm.
 
     None where they fit no joint.
@@ -333,7 +349,7 @@ def _usual_scale(problem, bodies):
     return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))
 
 
-def _settle(problem, prior, x, rounds=3):
+def _settle(problem: _Problem, prior: Prior, x: np.ndarray, rounds: int = 3) -> np.ndarray:
     """Return the unknowns by iteratively reweighted least squares; weights stay in the problem."""
     for _ in range(rounds):
         x = solve(problem.matrices().sum(axis=0), prior, x)
@@ -347,7 +363,8 @@ def _settle(problem, prior, x, rounds=3):
     return x
 
 
-def _held_out(problem, prior, x, matrices=None):
+def _held_out(problem: _Problem, prior: Prior, x: np.ndarray,
+              matrices: Any | None = None) -> np.ndarray:
     """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
     matrices = problem.matrices() if matrices is None else matrices
     residual = np.empty_like(problem.current)
@@ -360,7 +377,7 @@ def _held_out(problem, prior, x, matrices=None):
     return np.sqrt(sums / np.maximum(problem.counts.sum(axis=0), 1.0)) + 1e-12
 
 
-def _choose_strength(problem, prior, x):
+def _choose_strength(problem: _Problem, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
     """Return the prior with the largest strength that predicts as well as the best."""
     found, matrices = [], problem.matrices()
     for strength in STRENGTHS:

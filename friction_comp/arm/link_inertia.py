@@ -14,9 +14,14 @@ ten numbers is how far the two are apart, whatever the units and the frame.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.model.arm.tree import PARAMETERS
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # Where a URDF gives a link no mass or no extent, as many do for frames, it is taken to have these:
 # kg and m.
@@ -24,7 +29,7 @@ _LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3
 _UPPER = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
 
 
-def pseudo_inertia(parameters):
+def pseudo_inertia(parameters: ArrayLike) -> np.ndarray:
     """Return the pseudo-inertia of a link.
 
     Parameters
@@ -36,13 +41,13 @@ def pseudo_inertia(parameters):
     -------
     ndarray, shape (4, 4)
     """
-    m, x, y, z, xx, xy, yy, xz, yz, zz = (float(value) for value in parameters)
+    m, x, y, z, xx, xy, yy, xz, yz, zz = np.asarray(parameters, dtype=float).tolist()
     half = 0.5 * (xx + yy + zz)
     return np.array([[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y],
                      [-xz, -yz, half - zz, z], [x, y, z, m]])
 
 
-def parameters_of(pseudo):
+def parameters_of(pseudo: np.ndarray) -> np.ndarray:
     """Return the ten parameters of a pseudo-inertia; leading axes are kept."""
     trace = pseudo[..., 0, 0] + pseudo[..., 1, 1] + pseudo[..., 2, 2]
     return np.stack([
@@ -51,12 +56,12 @@ def parameters_of(pseudo):
         -pseudo[..., 0, 2], -pseudo[..., 1, 2], trace - pseudo[..., 2, 2]], axis=-1)
 
 
-def possible(parameters):
+def possible(parameters: ArrayLike) -> bool:
     """Tell whether a body of positive density has these ten parameters."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
 
 
-def nearest_possible(parameters):
+def nearest_possible(parameters: ArrayLike) -> np.ndarray:
     """Return the ten parameters with mass and extent raised to where a body has them.
 
     Parameters
@@ -92,11 +97,11 @@ class Bodies:
         What is known beforehand: the URDF's figures.
     """
 
-    def __init__(self, known):
+    def __init__(self, known: ArrayLike) -> None:
         self.known = np.array([nearest_possible(row) for row in np.asarray(known, dtype=float)])
         self._root = np.array([np.linalg.cholesky(pseudo_inertia(row)) for row in self.known])
 
-    def parameters(self, numbers):
+    def parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return parameters and derivatives.
 
         Parameters

@@ -11,7 +11,7 @@ HUBER = 2.0
 STRETCHES = 12
 
 
-def huber_weights(residual, rows=None):
+def huber_weights(residual: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
     """Return Huber's weights over the variance of the bulk, shape (N,).
 
     Parameters
@@ -25,7 +25,7 @@ def huber_weights(residual, rows=None):
     return np.minimum(1.0, HUBER * scale / np.maximum(size, 1e-300)) / scale ** 2
 
 
-def stretches_of(recording, number=STRETCHES):
+def stretches_of(recording: np.ndarray, number: int = STRETCHES) -> np.ndarray:
     """Return which stretch each sample belongs to, shape (N,), counted from 0.
 
     Parameters

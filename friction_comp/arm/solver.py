@@ -50,7 +50,7 @@ class Unknowns:
     joints : int
     """
 
-    def __init__(self, joints):
+    def __init__(self, joints: int) -> None:
         self.joints = joints
         self.links = slice(0, PARAMETERS * joints)
         self.scales = slice(self.links.stop, self.links.stop + joints)
@@ -59,13 +59,14 @@ class Unknowns:
         for joint in range(joints):
             self.lowest[self.friction(joint)][1:] = 0.0
 
-    def friction(self, joint):
+    def friction(self, joint: int) -> slice:
         """Return where a joint's friction coefficients are."""
         start = self.scales.stop + FRICTION * joint
         return slice(start, start + FRICTION)
 
 
-def normal_matrices(regressor, friction, current, weights):
+def normal_matrices(regressor: np.ndarray, friction: np.ndarray, current: np.ndarray,
+                    weights: np.ndarray) -> np.ndarray:
     """Return each joint's matrix of products of columns.
 
     Parameters
@@ -89,7 +90,7 @@ def normal_matrices(regressor, friction, current, weights):
     return result
 
 
-def solve(matrices, prior, start):
+def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     """Return the unknowns that fit best.
 
     Levenberg's and Marquardt's method; coefficients that would be negative stay at zero.
@@ -131,7 +132,8 @@ def solve(matrices, prior, start):
     return x
 
 
-def _loss(matrices, prior, unknowns, x):
+def _loss(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
+          x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Return half the loss, its slope and the Gauss-Newton matrix."""
     joints, links = unknowns.joints, unknowns.links
     parameters, slopes = prior.bodies.parameters(x[links])
@@ -159,14 +161,15 @@ def _loss(matrices, prior, unknowns, x):
         change[:flat.size, :flat.size] = scale * inner
         change[:flat.size, flat.size] = scale * flat
         change[flat.size:-1, flat.size + 1:] = np.eye(FRICTION)
-        place = np.concatenate((np.arange(flat.size), [unknowns.scales.start + joint],
-                                np.arange(own.start, own.stop)))
-        slope[place] += change.T @ product
-        bend[np.ix_(place, place)] += change.T @ (matrix @ change)
+        places = np.concatenate((np.arange(flat.size), [unknowns.scales.start + joint],
+                                 np.arange(own.start, own.stop)))
+        slope[places] += change.T @ product
+        bend[np.ix_(places, places)] += change.T @ (matrix @ change)
     return 0.5 * loss, slope, bend
 
 
-def predict(x, bodies, regressor, friction):
+def predict(x: np.ndarray, bodies: Bodies, regressor: np.ndarray,
+            friction: np.ndarray) -> np.ndarray:
     """Return every joint's current in A, shape (N, J), for unknowns x."""
     joints = friction.shape[1]
     unknowns = Unknowns(joints)

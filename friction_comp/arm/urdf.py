@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import replace
@@ -11,11 +12,15 @@ import os
 from pathlib import Path
 import re
 import sys
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.arm.tree import FREE_FALL, Tree
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 # What drivers and robot descriptions put round a joint's name.
 _WORDS = ('joint', 'axis')
@@ -40,7 +45,7 @@ class Chain:
         Joints of the file that are taken to stand still.
     unknown : list of str
         Joints that the file does not describe, such as those of a gripper.
-    names : dict of str to str
+    names : dict[str, Any] of str to str
         Name in the file of each joint that it describes.
 
     Raises
@@ -49,7 +54,7 @@ class Chain:
         If Pinocchio is missing, the file cannot be used, or it is that of another robot.
     """
 
-    def __init__(self, path, joints):
+    def __init__(self, path: str | Path, joints: Sequence[str]) -> None:
         self._library = pinocchio()
         whole = _read(self._library, path)
         self.names, self.unknown = match_names(joints, list(whole.names)[1:], path)
@@ -63,7 +68,7 @@ class Chain:
         known = {there: here for here, there in self.names.items()}
         self.tree = self._to_tree([known[name] for name in list(self._model.names)[1:]])
 
-    def _to_tree(self, joints):
+    def _to_tree(self, joints: Sequence[str]) -> Tree:
         kinds, axes, placements, parameters, parents = [], [], [], [], []
         for number in range(1, self._model.njoints):
             joint = self._model.joints[number]
@@ -85,7 +90,7 @@ class Chain:
             np.array([placement.translation for placement in placements]),
             np.array(axes), np.array(parameters), np.array(FREE_FALL))
 
-    def falling(self, gravity):
+    def falling(self, gravity: ArrayLike) -> Chain:
         """Return the same arm mounted otherwise.
 
         Parameters
@@ -100,7 +105,7 @@ class Chain:
         twin.tree = replace(self.tree, gravity=np.array(gravity, dtype=float))
         return twin
 
-    def regressor(self, q, v, a):
+    def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return the matrix that turns the links' parameters into joint torques.
 
         Parameters
@@ -129,7 +134,7 @@ class Chain:
         return result
 
 
-def pinocchio():
+def pinocchio() -> Any:
     """Return the library, or say how to get it.
 
     Raises
@@ -150,7 +155,7 @@ def pinocchio():
     return library
 
 
-def _read(library, path):
+def _read(library: Any, path: str | Path) -> Any:
     path = Path(path)
     try:
         text = path.read_text(encoding='utf-8')
@@ -175,7 +180,7 @@ def _read(library, path):
 
 
 @contextmanager
-def _silent():
+def _silent() -> Iterator[None]:
     """Keep what the XML parser writes to standard error by itself from the user."""
     sys.stderr.flush()
     kept = os.dup(2)
@@ -189,7 +194,8 @@ def _silent():
         os.close(nowhere)
 
 
-def match_names(recorded, described, path):
+def match_names(recorded: Sequence[str], described: Sequence[str],
+                path: str | Path) -> tuple[dict[str, str], list[str]]:
     """Return which joint of a URDF file each recorded joint is.
 
     Names that are equal belong together; else those that are equal without the robot's prefix
@@ -213,7 +219,8 @@ def match_names(recorded, described, path):
     InputError
         If a joint may be one of several, or most are not in the file.
     """
-    pairs, unknown = {}, []
+    pairs: dict[str, str] = {}
+    unknown: list[str] = []
     listed = ', '.join(map(repr, described))
     for name in recorded:
         found = [other for other in described if other == name]
@@ -235,7 +242,7 @@ def match_names(recorded, described, path):
     return pairs, unknown
 
 
-def plain(name):
+def plain(name: str) -> str:
     """Return a joint's name without what differs from one driver to the next."""
     words = re.findall(r'[a-z]+|[0-9]+', name.lower())
     kept = [word for word in words if word not in _WORDS]

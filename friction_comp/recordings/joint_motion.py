@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +19,7 @@ class Started(Protocol):
 
 
 def beside(samples: Samples, info: Started,
-           everyone: dict[str, tuple[Samples, Started]]) -> JointStates:
+           everyone: Mapping[str, tuple[Samples, Started]]) -> JointStates:
     """Return the motion of all joints at the times of one of them.
 
     Parameters

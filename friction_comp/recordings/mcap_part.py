@@ -193,7 +193,7 @@ class McapPart:
 
     def flush(self) -> None:
         """End the chunk and write it."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
 
     def wait(self) -> None:
         """Wait until what was flushed is in the system's hands."""
@@ -204,7 +204,7 @@ class McapPart:
         try:
             self.flush()
             self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
-            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._writer.finish()
             self._stream.flush()
         finally:
             self._stream.close()

@@ -166,7 +166,8 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambd
     names = list(dict.fromkeys(name for track in scan.of('joint_states') for name in track.names))
     read: dict[str, tuple[Samples, RecordingInfo]] = {}
     reason = None
-    for name in names or [None]:
+    wanted: list[str | None] = [*names] or [None]
+    for name in wanted:
         try:
             entry = to_samples(scan, name, torque_per_current(name or ''))
         except InputError as error:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,7 @@ class ArmResult:
             'notes': list(self.notes)}
 
 
-def refine_arm(recorded: dict[str, list[Samples]], urdf: str | PathLike[str],
+def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                drives: dict[str, Drive] | None = None,
                models: dict[str, FrictionModel] | None = None, declared: bool = False,
                only: Sequence[str] | None = None,
