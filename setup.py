@@ -17,7 +17,7 @@ import interfaces  # noqa: E402 - stands in the folder just added
 
 NAMES = (
     'plant', 'identification', 'compensator', 'exercise', 'recorder', 'refinement',
-    'demo', 'reproduce', 'evaluate', 'refine', 'predict', 'doctor',
+    'demo', 'reproduce', 'evaluate', 'refine', 'predict', 'watch', 'doctor',
 )
 # pip puts scripts into the environment's bin/, where such plain names would be in the way; colcon
 # puts them into lib/friction_comp/, where `ros2 run` looks for them (setup.cfg).
@@ -82,7 +82,7 @@ setup(
     ],
     # colcon runs the tests with pytest where it finds it asked for here.
     # Pinocchio reads URDF files for `refine --urdf`.
-    extras_require={'arm': ['pin>=2.7'], 'test': ['pytest']},
+    extras_require={'arm': ['pin>=2.7'], 'watch': ['bokeh>=3.1'], 'test': ['pytest']},
     zip_safe=False,
     author='The friction_comp authors',
     maintainer='The friction_comp authors',

@@ -29,6 +29,7 @@ TOOLS = {
     'reproduce': "repeats the technical note's experiments in simulation",
     'evaluate': 'measures the backdriving torque in recordings',
     'refine': 'finds the effects that a model misses in recordings',
+    'watch': 'shows what runs, or a recording, as a live page on this machine',
     'doctor': 'tells what is installed and running, what is wrong with it, and what to do',
     'predict': "writes a model's current for a recording beside the measured one",
 }
@@ -142,6 +143,7 @@ reproduce = partial(run, 'reproduce')
 evaluate = partial(run, 'evaluate')
 refine = partial(run, 'refine')
 predict = partial(run, 'predict')
+watch = partial(run, 'watch')
 doctor = partial(run, 'doctor')
 
 if __name__ == '__main__':

@@ -99,9 +99,9 @@ def test_package_xml_names_what_the_modules_import():
     needed = set()
     for path in MODULES + LAUNCH_FILES:
         for name in imported(path) - set(sys.stdlib_module_names):
-            # Pinocchio is optional: an extra for pip, a dependency of the tests for rosdep.
+            # Optional ones are extras for pip, dependencies of the tests for rosdep.
             if name not in ('friction_comp', INTERFACES, 'rosbags', 'mcap', 'zstandard',
-                                'pinocchio'):
+                            'pinocchio', 'bokeh'):
                 needed.add(ROSDEP_KEYS.get(name, name))
     assert needed - declared == set()
 

@@ -24,6 +24,12 @@ _FEWEST, _ENOUGH = 30, 300
 _WORSE = 1.05
 
 
+def frame_of(cdr: bytes) -> str:
+    """Return the frame_id of a serialised message that begins with a header."""
+    length, = struct.unpack_from('<I' if cdr[1] & 1 else '>I', cdr, 12)
+    return bytes(cdr[16:15 + length]).decode(errors='replace')
+
+
 class LiveSignals:
     """Rows for `LiveResidual` from serialised messages, a hundred or so a second.
 
@@ -42,10 +48,7 @@ class LiveSignals:
 
     def hold(self, topic: str, stamp: int, cdr: bytes) -> None:
         """Keep the newest message of a topic on one joint (its frame_id)."""
-        order = '<' if cdr[1] & 1 else '>'
-        length, = struct.unpack_from(f'{order}I', cdr, 12)
-        frame = bytes(cdr[16:15 + length]).decode(errors='replace')
-        self._held[topic, frame] = stamp, bytes(cdr)
+        self._held[topic, frame_of(cdr)] = stamp, bytes(cdr)
 
     def see(self, stamp: int, cdr: bytes) -> None:
         """Take a joint state, unless the one before has only just been taken."""

@@ -1,0 +1,174 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What runs, as the live page takes it: heard in a thread of its own, some samples a second."""
+
+from __future__ import annotations
+
+from collections import deque
+import contextlib
+import math
+import threading
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
+
+from friction_comp.errors import InputError
+from friction_comp.nodes.joint_watch import frame_of
+from friction_comp.nodes.recorder import stamp_of
+from friction_comp.samples import Samples
+
+_QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+# ns between the states that are shown, rows kept for each joint, s after which a word is old.
+_STEP, _KEPT, _OLD = 20_000_000, 3000, 5.0
+_COLUMNS = ('time', 'position', 'velocity', 'torque', 'load', 'command', 'direction',
+            'reference_velocity')
+_LEVELS = {0: 'ok', 1: 'warning', 2: 'problem', 3: 'problem'}
+
+
+class LiveFeed:
+    """Joints of a running system.
+
+    Parameters
+    ----------
+    joints : list of str
+        The order of arrays on topics; that of the joint states where it is empty.
+    models : sequence of FrictionModel
+        One for each joint, in that order, or none.
+    arguments : list of str
+        ROS arguments.
+    """
+
+    title = 'What runs'
+    duration = 0.0
+
+    def __init__(self, joints, models, arguments):
+        if models and joints and len(models) != len(joints):
+            raise InputError(f'--model: one file per joint is needed, {len(joints)} for '
+                             f'{", ".join(joints)}')
+        self.joints, self._fixed = list(joints), bool(joints)
+        self._models = list(models)
+        self._rows, self._lock = {}, threading.Lock()
+        self._held, self._status = {}, {}
+        self._due, self._first, self._heard = 0, None, 0.0
+        self._context = Context()
+        rclpy.init(args=['watch', *arguments], context=self._context,
+                   signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node('friction_comp_watch', context=self._context)
+        for kind, topic in ((Float64MultiArray, 'current_command'), (Int8MultiArray, 'direction'),
+                            (JointState, 'reference')):
+            self._node.create_subscription(
+                kind, topic, lambda cdr, topic=topic: self._held.__setitem__(topic, cdr), _QOS,
+                raw=True)
+        self._node.create_subscription(
+            WrenchStamped, 'interaction_wrench', lambda cdr: self._held.__setitem__(
+                ('load', frame_of(cdr)), cdr), _QOS, raw=True)
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _QOS)
+        self._node.create_subscription(
+            JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        threading.Thread(target=self._spin, name='live feed', daemon=True).start()
+
+    def _spin(self):
+        with contextlib.suppress(ExternalShutdownException):
+            self._executor.spin()
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            self._status[status.name] = (
+                _LEVELS.get(ord(status.level), 'note'), status.message, time.monotonic())
+
+    def _on_joint_states(self, cdr):
+        stamp = stamp_of(cdr) or time.time_ns()
+        if self._due - 10 * _STEP < stamp < self._due:
+            return
+        self._due, self._heard = stamp + _STEP, time.monotonic()
+        if self._first is None or stamp < self._first:
+            self._first = stamp
+            with self._lock:
+                self._rows.clear()
+        message = deserialize_message(cdr, JointState)
+        if not self._fixed:
+            self.joints = list(message.name)
+        commands, directions = self._array('current_command', Float64MultiArray), self._array(
+            'direction', Int8MultiArray)
+        reference = self._held.get('reference')
+        reference = reference and deserialize_message(reference, JointState)
+        with self._lock:
+            for number, joint in enumerate(self.joints):
+                if joint in message.name:
+                    place = message.name.index(joint)
+                    row = (1e-9 * (stamp - self._first), _at(message.position, place),
+                           _at(message.velocity, place), _at(message.effort, place),
+                           self._load(joint), _at(commands, number), _at(directions, number),
+                           _at(reference.velocity, list(reference.name).index(joint))
+                           if reference and joint in reference.name else math.nan)
+                    self._rows.setdefault(joint, deque(maxlen=_KEPT)).append(row)
+
+    def _array(self, topic, kind):
+        cdr = self._held.get(topic)
+        return () if cdr is None else deserialize_message(cdr, kind).data
+
+    def _load(self, joint):
+        cdr = self._held.get(('load', joint))
+        return math.nan if cdr is None else deserialize_message(cdr, WrenchStamped).wrench.torque.z
+
+    def window(self, joint, end, length):
+        """Return the signals of the last s."""
+        with self._lock:
+            table = np.array(self._rows.get(joint, ())).reshape(-1, len(_COLUMNS))
+        if len(table):
+            table = table[table[:, 0] >= table[-1, 0] - length]
+        data = dict(zip(_COLUMNS, table.T))
+        none = np.full(len(table), np.nan)
+        data.update(current=none, predicted=none, residual=none)
+        number = self.joints.index(joint) if joint in self.joints else len(self._models)
+        if number < len(self._models) and len(table) > 10:
+            self._compare(data, self._models[number])
+        return data
+
+    @staticmethod
+    def _compare(data, model):
+        gain = model.drive.torque_per_current
+        data['current'] = data['torque'] / gain
+        velocity = data['velocity'] if np.isfinite(data['velocity']).all() else None
+        load = data['load'] if np.isfinite(data['load']).all() else None
+        try:
+            data['predicted'] = model.predict(Samples(
+                time=data['time'], position=data['position'], current=data['current'],
+                velocity=velocity, load=load))
+        except InputError:
+            return
+        carried = not any(effect.by_mechanics(model.drive) for effect in model.effects)
+        person = np.nan_to_num(data['load']) / gain if carried else 0.0
+        data['residual'] = data['current'] + person - data['predicted']
+
+    def status(self):
+        """Return what the nodes say of themselves, worst first."""
+        now = time.monotonic()
+        found = [(level, name, words) for name, (level, words, since) in sorted(
+            self._status.items()) if now - since < _OLD]
+        if now - self._heard > 1.0:
+            found.append(('problem', 'joint_states', 'none'))
+        order = list(dict.fromkeys(('problem', 'warning', 'note', 'ok')))
+        return sorted(found, key=lambda item: order.index(item[0])) or [
+            ('note', 'nodes', 'none of them says anything')]
+
+    def close(self):
+        """Stop listening."""
+        rclpy.try_shutdown(context=self._context)
+
+
+def _at(values, place):
+    return float(values[place]) if len(values) > place else math.nan

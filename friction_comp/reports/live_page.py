@@ -1,0 +1,177 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The live page: what each joint does and what its model says of it, as a Bokeh application.
+
+Bokeh serves its own scripts, so the page works without internet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+from typing import Any, Protocol
+
+from bokeh.layouts import column, row
+from bokeh.models import (
+    ColumnDataSource,
+    DataTable,
+    Div,
+    NumberFormatter,
+    Select,
+    Slider,
+    TableColumn,
+    Toggle,
+)
+from bokeh.plotting import figure
+import numpy as np
+
+SIGNALS = ('time', 'position', 'velocity', 'reference_velocity', 'direction', 'current', 'command',
+           'predicted', 'residual', 'torque', 'load')
+# Colours that the colour-blind tell apart (Okabe and Ito 2008), with the signal's own words.
+_PLOTS = (
+    ('Torque (N·m)', (('torque', 'motor, at the joint', '#0072B2'), ('load', 'person', '#D55E00'))),
+    ('Current (A)', (('current', 'measured', '#0072B2'), ('command', 'commanded', '#E69F00'),
+                     ('predicted', 'model', '#009E73'))),
+    ('Velocity (rad/s)', (('velocity', 'joint', '#0072B2'),
+                          ('reference_velocity', 'reference', '#E69F00'))),
+    ('Direction', (('direction', 'announced', '#CC79A7'),)),
+    ('Residual (A)', (('residual', 'measured - model', '#D55E00'),)))
+_TABLE = ('position', 'velocity', 'direction', 'current', 'torque', 'load', 'residual')
+_LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
+# ms between two looks, and the shares of real time at which a recording may play.
+_PERIOD = 200
+_SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')
+
+
+class Feed(Protocol):
+    """Where the page has its data from.
+
+    Attributes
+    ----------
+    title : str
+    joints : list of str
+    duration : float
+        s of a recording; 0 for what runs.
+    """
+
+    title: str
+    joints: list[str]
+    duration: float
+
+    def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
+        """Return `SIGNALS` of the s before `end`; before now, where there is no duration."""
+
+    def status(self) -> list[tuple[str, str, str]]:
+        """Return level ('ok', 'note', 'warning', 'problem'), name and words, worst first."""
+
+
+def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
+    """Return the Bokeh application of a feed.
+
+    Parameters
+    ----------
+    feed : Feed
+    length : float
+        s that are shown at once.
+    """
+    def application(document: Any) -> None:
+        page = _Page(feed, length)
+        document.title = feed.title
+        document.add_root(page.layout)
+        document.add_periodic_callback(page.update, _PERIOD)
+    return application
+
+
+class _Page:
+    """One visitor's view; it reads and changes nothing but itself."""
+
+    def __init__(self, feed: Feed, length: float):
+        self._feed, self._length = feed, length
+        self._at, self._looked = 0.0, time.monotonic()
+        self._source = ColumnDataSource({name: [] for name in SIGNALS})
+        self._overview = ColumnDataSource({'joint': [], **{name: [] for name in _TABLE}})
+        self._status = Div(sizing_mode='stretch_width')
+        self._joint = Select(title='Joint', value=_first(feed.joints), options=feed.joints,
+                             width=160)
+        controls: list[Any] = [self._joint]
+        if feed.duration:
+            self._play = Toggle(label='Play', button_type='primary', active=False, width=80,
+                                align='end')
+            self._speed = Select(title='Speed', value='1', options=list(_SPEEDS), width=80)
+            self._seek = Slider(title='Time (s)', start=0.0, end=feed.duration, step=0.05,
+                                value=min(length, feed.duration), sizing_mode='stretch_width')
+            controls += [self._play, self._speed, self._seek]
+        self.layout = column(
+            Div(text=f'<h1 style="font-size:1.3em;margin:0.2em 0">{_safe(feed.title)}</h1>'),
+            self._status, row(*controls, sizing_mode='stretch_width'), self._table(),
+            *self._figures(), sizing_mode='stretch_width')
+        self.update()
+
+    def _table(self) -> Any:
+        numbers = NumberFormatter(format='0.0000', nan_format='–', text_align='right')
+        units = {'position': 'rad', 'velocity': 'rad/s', 'current': 'A', 'torque': 'N·m',
+                 'load': 'N·m', 'residual': 'A', 'direction': 'd'}
+        columns = [TableColumn(field='joint', title='joint')] + [TableColumn(
+            field=name, title=f'{name} ({units[name]})', formatter=numbers) for name in _TABLE]
+        return DataTable(
+            source=self._overview, columns=columns, index_position=None, sortable=False,
+            selectable=False, reorderable=False, sizing_mode='stretch_width',
+            height=30 + 26 * max(1, min(8, len(self._feed.joints))))
+
+    def _figures(self) -> list[Any]:
+        plots: list[Any] = []
+        for label, lines in _PLOTS:
+            shared = {'x_range': plots[0].x_range} if plots else {}
+            if label == 'Direction':
+                shared = {**shared, 'y_range': (-1.4, 1.4)}
+            plot = figure(height=110 if label == 'Direction' else 165, min_border_left=80,
+                          sizing_mode='stretch_width', tools='xpan,xwheel_zoom,reset',
+                          toolbar_location=None, y_axis_label=label, **shared)
+            for name, legend, colour in lines:
+                draw = plot.step if name == 'direction' else plot.line
+                # What it ought to be lies dashed over what it is.
+                draw('time', name, source=self._source, color=colour, line_width=1.6,
+                     line_dash=[6, 4] if name in ('command', 'reference_velocity') else 'solid',
+                     legend_label=legend)
+            if label == 'Direction':
+                plot.yaxis.ticker = [-1, 0, 1]
+            plot.legend.location = 'top_left'
+            plot.legend.orientation = 'horizontal'
+            plot.legend.background_fill_alpha = 0.7
+            plot.legend.padding = 2
+            plot.yaxis.axis_label_text_font_style = 'normal'
+            plots.append(plot)
+        plots[-1].xaxis.axis_label = 'Time (s)'
+        return plots
+
+    def update(self) -> None:
+        """Show what there is now."""
+        now = time.monotonic()
+        if self._feed.duration:
+            if self._play.active:
+                self._seek.value = min(
+                    self._seek.value + (now - self._looked) * float(self._speed.value),
+                    self._feed.duration)
+                self._play.active = self._seek.value < self._feed.duration
+            self._at = self._seek.value
+        self._looked = now
+        if self._joint.options != self._feed.joints:
+            self._joint.options = list(self._feed.joints)
+            self._joint.value = self._joint.value or _first(self._feed.joints)
+        if self._joint.value:
+            self._source.data = self._feed.window(self._joint.value, self._at, self._length)
+        last = {joint: self._feed.window(joint, self._at, 1.0) for joint in self._feed.joints}
+        self._overview.data = {'joint': list(last), **{
+            name: [float(data[name][-1]) if len(data[name]) else float('nan')
+                   for data in last.values()] for name in _TABLE}}
+        self._status.text = ' '.join(
+            f'<span style="color:{_LEVELS[level]};margin-right:1.5em"><b>{_safe(name)}</b>: '
+            f'{_safe(words)}</span>' for level, name, words in self._feed.status())
+
+
+def _first(joints: list[str]) -> str:
+    return joints[0] if joints else ''
+
+
+def _safe(text: str) -> str:
+    return text.replace('&', '&amp;').replace('<', '&lt;').replace('>', '&gt;')

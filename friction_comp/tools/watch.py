@@ -1,0 +1,209 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``watch``: what runs, or a recording, as a live page on this machine.
+
+Torque, current, velocity, direction and residual of each joint, with state and faults. The page
+only reads: it publishes nothing, and is served to this machine alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+import signal
+import sys
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.package_files import name_this_environment
+from friction_comp.tools.common import Arguments, positive, progress, whole_number
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.reports.live_page import Feed
+    from friction_comp.samples import Samples
+
+# Samples a second that are shown.
+_RATE = 100.0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Serve the page until it is interrupted.
+
+    Parameters
+    ----------
+    argv : list of str, optional
+        The process's own arguments by default.
+
+    Returns
+    -------
+    int
+        0.
+
+    Raises
+    ------
+    InputError
+        If the recording, a model or the port cannot be used, or Bokeh is not installed.
+    """
+    given = list(sys.argv[1:] if argv is None else argv)
+    parser = Arguments('watch', __doc__)
+    parser.add_argument('recording', metavar='RECORDING', type=Path, nargs='?',
+                        help='recording to play; what runs without')
+    parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
+                        help='model file of each joint, for current and residual')
+    parser.add_argument('--joint', metavar='NAME', nargs='+', default=[],
+                        help='joints to show; all without')
+    parser.add_argument('--port', type=whole_number(0), default=5006,
+                        help='on localhost; 0 takes any that is free (%(default)s)')
+    parser.add_argument('--window', metavar='S', type=positive, default=10.0,
+                        help='s that are shown at once (%(default)s)')
+    arguments = parser.parse(given)
+    try:
+        from bokeh.server.server import Server
+
+        from friction_comp.reports.live_page import live_page
+    except ModuleNotFoundError as error:
+        if (error.name or '').partition('.')[0] != 'bokeh':
+            raise
+        raise InputError('the page needs Bokeh: pip install "friction_comp[watch]", or '
+                         'pip install bokeh') from None
+    from friction_comp.model.friction_model import FrictionModel
+
+    models = [FrictionModel.load(path) for path in arguments.model]
+    if arguments.recording is not None:
+        feed: Any = recorded_feed(arguments.recording, arguments.joint, models)
+    else:
+        ros = given[given.index('--ros-args'):] if '--ros-args' in given else []
+        feed = _live_feed(arguments.joint, models, ros)
+    try:
+        _serve(Server, live_page(feed, arguments.window), arguments.port)
+    finally:
+        close = getattr(feed, 'close', None)
+        if close is not None:
+            close()
+    return 0
+
+
+def _serve(server_class: Any, page: Any, port: int) -> None:
+    try:
+        # Without further origins, only pages from localhost and this very port may connect.
+        server = server_class({'/': page}, port=port, address='localhost')
+    except OSError as error:
+        raise InputError(f'--port {port}: {error.strerror or error}') from None
+    server.start()
+    print(f'http://localhost:{server.port}/   (Ctrl+C ends it)', flush=True)
+
+    def end(*_: Any) -> None:
+        server.io_loop.add_callback_from_signal(server.io_loop.stop)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+    server.io_loop.start()
+    with suppress(Exception):
+        server.stop()
+
+
+def _live_feed(joints: list[str], models: Sequence[FrictionModel], ros: list[str]) -> Feed:
+    name_this_environment()
+    from friction_comp.nodes.live_feed import LiveFeed
+
+    return LiveFeed(joints, models, ros)
+
+
+class RecordedFeed:
+    """A recording as the page takes it.
+
+    Parameters
+    ----------
+    title : str
+    samples : dict of str to Samples
+        By joint.
+    models : dict of str to FrictionModel
+    notes : list of str
+        What there is to know about the recording.
+    """
+
+    def __init__(self, title: str, samples: dict[str, Samples],
+                 models: dict[str, FrictionModel], notes: Sequence[str] = ()):
+        self.title, self.joints = title, list(samples)
+        self._notes = list(notes)
+        self._columns = {joint: columns_of(one, models.get(joint))
+                         for joint, one in samples.items()}
+        self.duration = max(float(columns['time'][-1]) for columns in self._columns.values())
+
+    def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
+        """Return the signals of the s before `end`."""
+        columns = self._columns[joint]
+        first, last = np.searchsorted(columns['time'], (end - length, end + 1e-9))
+        return {name: values[first:last] for name, values in columns.items()}
+
+    def status(self) -> list[tuple[str, str, str]]:
+        """Return what there is to know about the recording."""
+        return [('note', 'recording', note) for note in self._notes] or [
+            ('ok', 'recording', 'whole')]
+
+
+def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.ndarray]:
+    """Return what the page shows of one joint's samples, NaN where nothing was recorded.
+
+    Parameters
+    ----------
+    samples : Samples
+    model : FrictionModel, optional
+        For what it predicts and leaves over; the load, where measured, is carried by the person.
+    """
+    from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+
+    none = np.full(len(samples), np.nan)
+    if samples.velocity is None:
+        samples = differentiate(samples, DEFAULT_SETTINGS)
+    gain = model.drive.torque_per_current if model else 1.0
+    columns = {name: none if getattr(samples, name) is None else np.asarray(
+        getattr(samples, name), dtype=float) for name in (
+            'time', 'position', 'velocity', 'reference_velocity', 'direction', 'current',
+            'command', 'load')}
+    columns['torque'] = columns['current'] * gain
+    columns['predicted'] = columns['residual'] = none
+    if model is None:
+        # Without a model nobody knows torque constant and gear ratio: effort is a torque.
+        columns['current'] = none
+    else:
+        with suppress(InputError):
+            columns['predicted'] = model.predict(samples)
+            carried = not any(effect.by_mechanics(model.drive) for effect in model.effects)
+            load = np.nan_to_num(columns['load']) / gain if carried else 0.0
+            columns['residual'] = columns['current'] + load - columns['predicted']
+    every = max(1, round(1.0 / (_RATE * max(samples.sample_time, 1e-9))))
+    return {name: values[::every] for name, values in columns.items()}
+
+
+def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]) -> RecordedFeed:
+    """Read a recording for the page.
+
+    Raises
+    ------
+    InputError
+        If it cannot be used.
+    """
+    from friction_comp.recordings import inspect_recording, read_recording_with_info
+
+    with progress('reading') as report:
+        wanted = joints or inspect_recording(path).joints
+        if models and len(models) != len(wanted):
+            raise InputError(f'--model: one file per joint is needed, {len(wanted)} for '
+                             f'{", ".join(wanted)}')
+        samples, notes = {}, []
+        chosen = dict(zip(wanted, models))
+        for number, joint in enumerate(wanted):
+            drive = chosen[joint].drive if joint in chosen else None
+            found = read_recording_with_info(
+                [path], joint, drive.torque_constant if drive else 1.0,
+                drive.gear_ratio if drive else 1.0)
+            if len(found) != 1:
+                raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
+            samples[joint], info = found[0]
+            notes += [note for note in info.notes if note not in notes]
+            report((number + 1) / len(wanted))
+    return RecordedFeed(path.name, samples, chosen, notes)

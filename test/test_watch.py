@@ -1,0 +1,129 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The live page: what it shows of a recording, played and sought, and to whom it is served."""
+
+import re
+import socket
+import subprocess
+import sys
+import time
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+
+pytest.importorskip('bokeh', reason='Bokeh is an extra: pip install friction_comp[watch]')
+
+from bokeh.document import Document
+from bokeh.models import ColumnDataSource, Select, Slider, Toggle
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
+from friction_comp.recordings import write_samples
+from friction_comp.reports.live_page import live_page, SIGNALS
+from friction_comp.samples import Samples
+from friction_comp.tools import watch
+
+FILE = package_file('config', 'armin_configuration_1.yaml')
+MODEL = FrictionModel.load(FILE)
+GAIN = MODEL.drive.torque_per_current
+
+
+@pytest.fixture(scope='module')
+def recording(tmp_path_factory):
+    """Two joints; the person carries half of the friction, so the residual is nothing."""
+    time = np.arange(0.0, 12.0, 0.005)
+    joints = []
+    for joint, speed in (('shoulder', 0.7), ('elbow', 1.1)):
+        position = 0.6 * np.sin(speed * time)
+        velocity = np.gradient(position, time)
+        friction = MODEL.sigmoid(velocity)
+        joints.append(Samples(
+            time=time, position=position, velocity=velocity, current=0.5 * friction,
+            load=0.5 * friction * GAIN, direction=np.sign(velocity).astype(int), joint=joint))
+    path = tmp_path_factory.mktemp('watch') / 'trial'
+    write_samples(path, joints, MODEL.drive.torque_constant, MODEL.drive.gear_ratio)
+    return path
+
+
+@pytest.fixture(scope='module')
+def feed(recording):
+    return watch.recorded_feed(recording, [], [MODEL, MODEL])
+
+
+def test_a_window_ends_at_its_time_and_holds_every_signal(feed):
+    assert feed.joints == ['shoulder', 'elbow']
+    assert feed.duration == pytest.approx(12.0, abs=0.02)
+    data = feed.window('elbow', 8.0, 3.0)
+    assert set(data) == set(SIGNALS)
+    assert data['time'][0] == pytest.approx(5.0, abs=0.02)
+    assert data['time'][-1] == pytest.approx(8.0, abs=0.02)
+    np.testing.assert_allclose(data['torque'], data['current'] * GAIN)
+    assert np.abs(data['residual']).max() < 0.2 * np.abs(data['predicted']).max()
+    assert set(np.unique(data['direction'])) <= {-1.0, 0.0, 1.0}
+
+
+def test_without_a_model_there_is_torque_but_no_current(recording):
+    data = watch.recorded_feed(recording, ['elbow'], []).window('elbow', 8.0, 3.0)
+    assert np.isfinite(data['torque']).all()
+    assert np.isnan(data['current']).all()
+    assert np.isnan(data['residual']).all()
+
+
+def test_the_page_seeks_plays_and_changes_the_joint(feed):
+    document = Document()
+    live_page(feed, length=2.0)(document)
+    update = document.session_callbacks[0].callback
+    slider, play = document.select_one({'type': Slider}), document.select_one(
+        {'type': Toggle})
+    source = next(s for s in document.select({'type': ColumnDataSource}) if 'time' in s.data)
+    slider.value = 6.0
+    update()
+    assert source.data['time'][-1] == pytest.approx(6.0, abs=0.02)
+    assert source.data['time'][0] == pytest.approx(4.0, abs=0.02)
+    before = np.array(source.data['position'])
+    next(s for s in document.select({'type': Select}) if s.title == 'Joint').value = 'elbow'
+    update()
+    assert not np.array_equal(before, source.data['position'])
+    play.active = True
+    time.sleep(0.3)
+    update()
+    assert slider.value > 6.2
+    slider.value = feed.duration - 0.01
+    time.sleep(0.05)
+    update()
+    assert slider.value == feed.duration
+    assert not play.active, 'it stops at the end'
+
+
+def test_served_to_this_machine_alone_without_anything_from_elsewhere(recording):
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'friction_comp', 'watch', str(recording), '--port', '0'],
+        stdout=subprocess.PIPE, text=True, cwd=FILE.parent.parent)
+    try:
+        port = int(re.search(r'localhost:(\d+)', process.stdout.readline())[1])
+        page = urlopen(f'http://localhost:{port}/', timeout=20).read().decode()
+        for source in re.findall(r'(?:src|href)="([^"]+)"', page):
+            assert not source.startswith(('http', '//')) or 'localhost' in source, source
+        script = re.search(r'src="([^"]*bokeh[^"]*\.js[^"]*)"', page)[1]
+        assert urlopen(f'http://localhost:{port}/{script.lstrip("/")}', timeout=20).status == 200
+        # Another address of this machine, where it has one.
+        outside = socket.gethostbyname(socket.gethostname())
+        if not outside.startswith('127.'):
+            with pytest.raises((ConnectionError, TimeoutError)):
+                socket.create_connection((outside, port), timeout=2.0)
+    finally:
+        process.terminate()
+        assert process.wait(20.0) == 0
+
+
+def test_what_cannot_be_used_is_named(recording, monkeypatch, capsys):
+    with pytest.raises(InputError, match='one file per joint'):
+        watch.recorded_feed(recording, [], [MODEL])
+    with pytest.raises(InputError, match='nothing'):
+        watch.recorded_feed(recording / 'nothing', [], [])
+    monkeypatch.setitem(sys.modules, 'bokeh.server.server', None)
+    monkeypatch.setitem(sys.modules, 'bokeh', None)
+    with pytest.raises(InputError, match=r'pip install'):
+        watch.main([str(recording)])
