@@ -34,8 +34,9 @@ class Steps:
     def __init__(self):
         import numpy as np
 
-        from friction_comp.compensation import law_columns, law_kernel
+        from friction_comp.compensation import guards, law_kernel
         from friction_comp.compensation.law import law_parameters
+        from friction_comp.compensation.records import STATE
         from friction_comp.model.friction_model import FrictionModel
         from friction_comp.simulation import joint_kernel as kernel
         from friction_comp.simulation.joint import plant_parameters, random_states
@@ -44,8 +45,10 @@ class Steps:
         np.seterr(over='ignore')
         model = FrictionModel.load(CONFIG)
         self._law, self._kernel = law_kernel, kernel
-        self._law_parameters = law_parameters(model)
-        self._law_state = np.zeros(law_columns.STATES)
+        # As records that plain Python reads by name too.
+        self._law_parameters = law_parameters(model).view(np.recarray)[0]
+        self._law_state = np.zeros(1, STATE).view(np.recarray)[0]
+        self._guards = guards
         self._plant_parameters = plant_parameters(model)
         self._plant_state = np.zeros(kernel.STATES)
         self._random = random_states(1, 1)[0]
@@ -58,8 +61,8 @@ class Steps:
         parameters, state = self._law_parameters, self._law_state
         begin = time.perf_counter()
         for k in range(count):
-            self._law.observe(parameters, state, 1e-3 * k, 3e-4 * k, 0.3, True)
-            self._law.decide(parameters, state, 1.0, 0.0, 0.0)
+            self._guards.observe(parameters, state, 1e-3 * k, 3e-4 * k, 0.3, True)
+            self._law.decide(parameters, state, 1.0, 0.0, 0.0, 0.0)
         return (time.perf_counter() - begin) / count
 
     def plant(self, count):
@@ -114,7 +117,7 @@ def loops(joints=40):
     count = round(movement.duration * 1000)
     reference = movement.at(np.arange(count) * 1e-3)
     parameters = np.tile(plant_parameters(model), (joints, 1))
-    law = np.tile(law_parameters(model), (joints, 1))
+    law = np.tile(law_parameters(model), joints)
 
     def python():
         plant, own = Plant([model], seed=1), CompensationLaw([model])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
+from friction_comp.compensation.law_parameters import SHARE
 from friction_comp.errors import InputError
 from friction_comp.model.effects.inertia import Inertia
 from friction_comp.model.effects.load_effects import LoadFriction
@@ -43,14 +44,14 @@ def test_printed_law_by_the_book():
             assert current == pytest.approx(float(model.sigmoid(speed)))
 
 
-def test_continuous_law_keeps_equation_6_in_motion():
-    """Once the joint moves, both laws agree."""
+def test_continuous_law_gives_its_share_of_equation_6_in_motion():
+    """Once the joint has slid, whatever the direction announced."""
     model = drive(2)
     for d, speed in ((1, 0.6), (-1, -0.6), (0, 0.6), (0, -0.6)):
         law = CompensationLaw([model])
         for k in range(600):
             current = law.update(k * 1e-3, [speed * k * 1e-3], [speed], [d])[0]
-        assert current == pytest.approx(float(model.sigmoid(speed)), rel=0.01)
+        assert current == pytest.approx(SHARE * float(model.sigmoid(speed)), rel=0.01)
 
 
 @pytest.mark.parametrize('d', [-1, 1])
@@ -60,22 +61,22 @@ def test_continuous_law_rises_holds_and_falls_without_a_jump(d):
     rest, up = hold(law, 0), hold(law, d, start=1.5)
     down = hold(law, 0, start=3.0)
     assert not rest.any()
-    assert up[-1] * d == pytest.approx(0.97 * 0.9 * 0.0995)
+    assert up[-1] * d == pytest.approx(0.9 * 0.0995)
     assert np.abs(up).max() <= 0.9 * 0.0995 + 1e-12
     assert down[-1] == 0.0
     everything = np.concatenate((rest, up, down))
-    assert np.abs(np.diff(everything)).max() < 0.003
+    assert np.abs(np.diff(everything)).max() < 0.05 * 0.0995
 
 
 def test_continuous_law_never_jumps_while_the_joint_is_moved():
-    """In a whole trial the current changes by a few per cent of i_b from sample to sample."""
+    """In a whole trial the current changes by a tenth of i_b at most from sample to sample."""
     model = drive()
     movement = ReferenceMovement(
         amplitude=0.5, speed=0.35, acceleration_time=1.0, standstill=2.0, repetitions=1)
     log = closed_loop(Plant([model], seed=2), CompensationLaw([model]), movement,
                       movement.duration)
     steps = np.abs(np.diff(log['command'], axis=0))
-    assert steps.max() < 0.15 * 0.0995
+    assert steps.max() < 0.1 * 0.0995
     paper = closed_loop(Plant([model], seed=2), CompensationLaw([model], law='paper'), movement,
                         movement.duration)
     assert np.abs(np.diff(paper['command'], axis=0)).max() > 0.5 * 0.0995
@@ -86,7 +87,7 @@ def test_continuous_law_never_jumps_while_the_joint_is_moved():
 
 @pytest.mark.parametrize('number', [1, 2, 3])
 def test_continuous_law_never_starts_an_untouched_joint(number):
-    """With i_b 10 % too large and its scatter, nothing leaves a tenth of a degree."""
+    """With i_b 10 % too large and its scatter, nothing leaves a third of a degree."""
     model = drive(number)
     wrong = replace(model, breakaway=replace(
         model.breakaway, positive_mean=1.1 * model.breakaway.positive_mean,
@@ -98,9 +99,9 @@ def test_continuous_law_never_starts_an_untouched_joint(number):
     runs = 120
     _, extremes = closed_loops(
         np.tile(plant_parameters(model), (runs, 1)), random_states(21, runs),
-        np.tile(law_parameters(wrong), (runs, 1)),
+        np.tile(law_parameters(wrong), runs),
         (0.0 * direction, 0.0 * direction, direction), np.arange(runs) % 2, active=False, every=0)
-    assert np.degrees(np.abs(extremes)).max() < 0.1
+    assert np.degrees(np.abs(extremes)).max() < 0.33
 
 
 def test_a_joint_that_slips_in_the_probe_is_held_with_less():
@@ -124,12 +125,12 @@ def test_faults_give_zero_current(law):
     for bad in (math.nan, math.inf):
         both = CompensationLaw([model, model], law=law)
         for k in range(50):
-            current = both.update(k * 1e-3, [0.01 * k, 0.01 * k], [1.0, 1.0], [1, 1])
+            current = both.update(k * 1e-3, [1e-3 * k, 1e-3 * k], [1.0, 1.0], [1, 1])
         assert np.all(current > 0.05)
-        current = both.update(0.051, [bad, 0.5], [1.0, 1.0], [1, 1])
+        current = both.update(0.051, [bad, 0.051], [1.0, 1.0], [1, 1])
         assert current[0] == 0.0
         assert current[1] > 0.05
-        assert both.update(0.052, [0.5, 0.5], [1.0, bad], [1, 1])[1] == 0.0
+        assert both.update(0.052, [0.052, 0.052], [1.0, bad], [1, 1])[1] == 0.0
     odd = CompensationLaw([model], law=law)
     for d in (2, -3, 0.5, math.nan):
         assert not hold(odd, d, 0.5).any()
@@ -166,12 +167,13 @@ def test_a_new_model_comes_in_without_a_jump():
         if k == 400:
             law.set_model(0, other)
         currents.append(law.update(k * 1e-3, [0.5e-3 * k], [0.5], [0])[0])
-    assert np.abs(np.diff(currents[350:])).max() < 0.003
-    assert currents[-1] == pytest.approx(float(other.sigmoid(0.5)), rel=0.01)
+    # From full friction one way to full friction the other takes 20 ms.
+    assert np.abs(np.diff(currents[350:])).max() < 0.11 * other.sigmoid.upper
+    assert currents[-1] == pytest.approx(SHARE * float(other.sigmoid(0.5)), rel=0.01)
 
 
 def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
-    """The list says so, and the current neither jumps when the signal comes nor when it goes."""
+    """The list says so, and the current turns over within its slope limit."""
     model = replace(drive(2), effects=[
         Temperature({'coefficients': [0.01, 0.0, 0.0], 'reference_temperature': 25.0,
                      'transition': 0.02}),
@@ -193,11 +195,11 @@ def test_an_effect_without_its_signal_is_left_out_until_the_signal_comes():
         assert not any(joint == 1 for joint, *_ in law.left_out)
         currents.append(current[0])
         differences.append(current[0] - plain.update(k * 1e-3, *both)[0])
-    assert np.abs(np.diff(currents[50:])).max() < 0.005
+    assert np.abs(np.diff(currents[50:])).max() < 0.11 * drive(2).sigmoid.upper
     assert differences[240] == pytest.approx(0.0, abs=1e-6)
-    assert differences[490] == pytest.approx(0.02, rel=0.03)
-    assert differences[990] == pytest.approx(0.12, rel=0.03)
-    assert differences[-1] == pytest.approx(0.02, rel=0.03)
+    assert differences[490] == pytest.approx(SHARE * 0.02, rel=0.03)
+    assert differences[990] == pytest.approx(SHARE * 0.12, rel=0.03)
+    assert differences[-1] == pytest.approx(SHARE * 0.02, rel=0.03)
     law.reset()
     assert law.left_out == law.never_applied
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from friction_comp.compensation.effects_here import EffectsHere
 from friction_comp.compensation.law import CompensationLaw
-from friction_comp.compensation.rest_level import sliding_friction
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.gravity import Gravity
 from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.effects.ripple import FrictionRipple
@@ -63,43 +64,23 @@ def test_a_model_that_does_not_know_the_place_keeps_its_level():
     assert current_at_rest(law, 0.3, 1) == pytest.approx(0.9 * bare.breakaway.positive_mean)
 
 
-def test_what_sliding_takes_here_and_now():
-    """Friction counts, what pushes at rest as well does not, and memories are left alone."""
+def test_friction_of_effects_is_asked_for_in_both_directions_of_sliding():
+    """Friction changes its sign with the side, what carries does not; memories know no rest."""
     warmth = Temperature({'coefficients': [0.002, 0.0, 0.0], 'reference_temperature': 25.0,
                           'transition': 0.001})
     bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
                            'transition': 0.001})
-    terms = [(effect, effect.live()) for effect in (RIPPLE, GRAVITY, warmth, bristles)]
-    terms[3][1].update(0.0, 0.0, 0.1)
+    here = EffectsHere(model([RIPPLE, GRAVITY, warmth, bristles]), Effect.why_left_out)
     for temperature, more in ((None, 0.0), (35.0, 0.02)):
         for position in (-0.4, 0.0, 0.23):
-            expected = 0.02 * np.cos(20.0 * position) + more
-            signals = {'temperature': temperature, 'load': None}
-            assert sliding_friction(terms, 1.0, position, signals) == pytest.approx(
-                (expected, expected), abs=1e-4)
-    assert terms[3][1].update(0.1, 0.001, 1.0) == pytest.approx(0.05 * (1.0 - np.exp(-0.1)))
-
-
-def test_a_push_may_earn_what_sliding_takes():
-    """A cold drive sticks with more than the breakaway current that was measured warm."""
-    warmth = Temperature({'coefficients': [-0.005, 0.0, 0.0], 'reference_temperature': 25.0,
-                          'transition': 0.001})
-    helps = []
-    for temperature in (25.0, 15.0):
-        law = CompensationLaw([replace(model([]), effects=[warmth])])
-        current = 0.0
-        for k in range(1600):
-            # The gear gives under the current and, later, under a push that would be 0.03 A.
-            push = 0.03 * max(0, k - 1300) / 300.0
-            position = np.round((current + push) / 500.0 / 1.57e-5) * 1.57e-5
-            current = law.update(1e-3 * k, [position], [0.0], [int(k > 100)],
-                                 temperature=[temperature])[0]
-            if k == 1290:
-                level = current
-        assert level == pytest.approx(0.97 * 0.09, rel=0.02)
-        helps.append(current)
-    assert helps[0] == pytest.approx(0.1, rel=0.02)
-    assert helps[1] > 0.115
+            asked = here.ask(1.0, position, 0.0, {
+                'temperature': temperature, 'load': None, 'rigid_body': None, 'coupling': None})
+            expected = 0.02 * np.cos(20.0 * position) + more + 0.05
+            assert asked.forward == pytest.approx(expected)
+            assert asked.backward == pytest.approx(-expected)
+            assert asked.carried == pytest.approx(0.03 * np.sin(position))
+            assert [name for name, _ in asked.missing] == (
+                ['temperature'] if temperature is None else [])
 
 
 def test_place_survives_the_model_file(tmp_path):

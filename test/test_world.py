@@ -145,7 +145,7 @@ def test_parallel_runs_are_the_same_joint_and_law(law):
     plain = closed_loop(plant, CompensationLaw([model], law=law), movement, 3.0,
                         reference_period=1e-3)
     log, _ = closed_loops(
-        plant_parameters(model)[None], random_states(8, 1), law_parameters(model, law)[None],
+        plant_parameters(model)[None], random_states(8, 1), law_parameters(model, law),
         movement.at(time))
     for ours, theirs in (('position', 'position'), ('command', 'command'),
                          ('interaction_torque', 'interaction_torque')):

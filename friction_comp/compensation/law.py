@@ -1,139 +1,42 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The note's friction compensation (section 2.5), as printed and without its gap at breakaway."""
+"""The note's friction compensation (section 2.5), as printed and as a passive law."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
-from friction_comp.compensation import law_columns as columns, law_kernel as kernel
-from friction_comp.compensation.rest_level import level_shifts, places_of, sliding_friction
+from friction_comp.compensation import law_kernel as kernel
+from friction_comp.compensation.effects_here import EffectsHere
+from friction_comp.compensation.law_parameters import (
+    bound_current,
+    law_parameters,
+    LAWS,
+    set_breakaway,
+)
+from friction_comp.compensation.records import CONTINUOUS, NONE, PARAMETERS, STATE
 from friction_comp.errors import InputError
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.friction_model import FrictionModel
 
-LAWS = {'none': columns.NONE, 'kinetic': columns.KINETIC, 'paper': columns.PAPER,
-        'continuous': columns.CONTINUOUS}
+__all__ = ['CompensationLaw', 'GRAVITY', 'law_parameters', 'LAWS']
 
 GRAVITY = ('feed_forward', 'left_to_robot')
-# rad; where the encoder is unknown.
-DEFAULT_RESOLUTION = 1e-5
-# What the continuous law needs beyond the model. One encoder count a millisecond is 0.9 deg/s at
-# a gear ratio of 100: the velocity is smoothed over a few milliseconds before it enters.
-FILTER_TIME = 0.004
-RISE_TIME = 0.2
-STEEPEST = 2.0
-BACK_SPEED = math.radians(3.0)
-# The gain covers an error in the mean breakaway current; its scatter from one rest to the next
-# comes on top: where the level cannot be probed it stays this many standard deviations lower.
-SCATTER_MARGIN = 4.0
-# Share of a push's deflection that the law answers; 1 would be unstable.
-ASSIST = 0.8
-# Below this speed the level follows what is known of the place, rad/s.
-SLOW = 0.05
-# A joint that goes farther while the level rises is not sticking, rad.
-FARTHEST = math.radians(2.0)
-
-
-def law_parameters(model, law='continuous', breakaway_gain=0.9, current_limit=None,
-                   sample_time=1e-3):
-    """Return the kernel's parameters of one joint.
-
-    Parameters
-    ----------
-    model : FrictionModel
-    law : {'continuous', 'paper', 'kinetic', 'none'}
-        The last two never apply the breakaway term, or no current at all: the note's case 1, and
-        the bare drive.
-    breakaway_gain : float
-        Share of the mean breakaway current that is applied; 0.9 in the note.
-    current_limit : float, optional
-        A; the drive's own when omitted or larger.
-    sample_time : float
-        Expected s between samples, used for the first one.
-
-    Returns
-    -------
-    ndarray, shape (law_columns.PARAMETERS,)
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
-    """
-    if law not in LAWS:
-        raise InputError(f'law must be one of {", ".join(LAWS)}, not {law!r}')
-    if not (math.isfinite(breakaway_gain) and 0.0 <= breakaway_gain <= 2.0):
-        raise InputError(f'breakaway_gain must be between 0 and 2, not {breakaway_gain!r}')
-    limit = model.drive.current_limit
-    if current_limit is not None:
-        if not (math.isfinite(current_limit) and current_limit >= 0.0):
-            raise InputError(f'current_limit must not be negative, not {current_limit!r}')
-        limit = min(limit, float(current_limit))
-    if not (math.isfinite(sample_time) and sample_time > 0.0):
-        raise InputError(f'sample_time must be positive, not {sample_time!r}')
-    p = np.zeros(columns.PARAMETERS)
-    p[columns.LAW] = LAWS[law]
-    sigmoid = model.sigmoid
-    p[columns.UPPER], p[columns.LOWER] = sigmoid.upper, sigmoid.lower
-    p[columns.STEEPNESS], p[columns.SHIFT] = sigmoid.steepness, sigmoid.shift
-    p[columns.VISCOUS] = sigmoid.viscous
-    if model.breakaway is not None:
-        set_levels(p, model.breakaway, breakaway_gain)
-    p[columns.LIMIT] = limit
-    p[columns.SAMPLE_TIME] = sample_time
-    p[columns.FILTER_TIME] = FILTER_TIME
-    p[columns.RISE_TIME] = RISE_TIME
-    p[columns.BACK_SPEED] = BACK_SPEED
-    p[columns.ASSIST], p[columns.FARTHEST] = ASSIST, FARTHEST
-    p[columns.RESOLUTION] = model.drive.position_resolution or DEFAULT_RESOLUTION
-    if law == 'continuous':
-        # No steeper than the encoder can tell speeds apart within one sample: the current would
-        # jump from count to count.
-        count_speed = p[columns.RESOLUTION] / sample_time
-        p[columns.STEEPNESS] = min(sigmoid.steepness, STEEPEST / count_speed)
-    return p
-
-
-def set_levels(p, breakaway, gain, shifts=(0.0, 0.0), sliding=None):
-    """Set the breakaway levels in a joint's parameters.
-
-    Parameters
-    ----------
-    p : ndarray, shape (law_columns.PARAMETERS,)
-        Changed in place.
-    breakaway : Breakaway
-    gain : float
-        Share of the mean breakaway current that is applied.
-    shifts : tuple of float
-        What to add to the magnitudes of the positive and negative mean, A.
-    sliding : tuple of float, optional
-        What effects add to the sigmoid's sliding friction here and now, A. A push may earn as
-        much as sliding takes, where that is more than the breakaway current.
-    """
-    plateaus = (0.0, 0.0)
-    if sliding is not None:
-        plateaus = p[columns.UPPER] + sliding[0], -p[columns.LOWER] + sliding[1]
-    for level, safe, most, mean, std, plateau in (
-            (columns.BREAK_POSITIVE, columns.SAFE_POSITIVE, columns.MOST_POSITIVE,
-             breakaway.positive_mean + shifts[0], breakaway.positive_std, plateaus[0]),
-            (columns.BREAK_NEGATIVE, columns.SAFE_NEGATIVE, columns.MOST_NEGATIVE,
-             -breakaway.negative_mean + shifts[1], breakaway.negative_std, plateaus[1])):
-        mean = max(0.0, mean)
-        p[level] = gain * mean
-        p[safe] = max(0.0, gain * mean - SCATTER_MARGIN * std)
-        p[most] = max(p[level], mean, plateau)
 
 
 class CompensationLaw:
     """Current that makes geared joints easy to move in a direction known beforehand.
 
-    Call `update` with every sample; the terms of the last one are open to inspection in `terms`.
+    Call `update` with every sample; the terms of the last one are open to inspection in `terms`,
+    what the guards did in `guards`.
 
     Parameters
     ----------
     models : list of FrictionModel
-        One per joint. Without breakaway currents only the kinetic term is applied.
+        One per joint. Without breakaway currents nothing is applied at rest.
     law : {'continuous', 'paper', 'kinetic', 'none'}
         See `law_parameters`.
     breakaway_gain : float
@@ -148,7 +51,9 @@ class CompensationLaw:
     Attributes
     ----------
     terms : dict of str to ndarray, shape (J,)
-        ``kinetic``, ``breakaway`` and ``effects`` of the last sample in A.
+        ``kinetic``, ``breakaway`` and ``effects`` of the last sample in A; they add up to the
+        current where no bound is met. Under the continuous law friction effects are part of the
+        first two, and ``effects`` is what carries.
     never_applied : list of (int, str, str)
         Joint, effect and reason for every effect of the models that cannot be fed back.
     missing : list of (int, str, tuple of str)
@@ -156,6 +61,8 @@ class CompensationLaw:
         back; without signals where its value was not finite.
     left_out : list of (int, str, str)
         Joint, effect and reason: both of them.
+    guards : dict of str to ndarray, shape (J,)
+        What the continuous law's guards did: see `guards`.
 
     Raises
     ------
@@ -172,34 +79,53 @@ class CompensationLaw:
             raise InputError(f'gravity must be one of {", ".join(GRAVITY)}, not {gravity!r}')
         self._gravity = gravity
         self.joints = len(self.models)
-        limits = [None] * self.joints
+        limits: Any = [None] * self.joints
         if current_limit is not None:
             limits = np.broadcast_to(np.asarray(current_limit, dtype=float), self.joints)
         self._options = [
             {'law': law, 'breakaway_gain': float(breakaway_gain), 'sample_time': sample_time,
              'current_limit': None if limit is None else float(limit)} for limit in limits]
-        self._parameters = np.array([
-            law_parameters(model, **options)
-            for model, options in zip(self.models, self._options)])
-        self._states = np.zeros((self.joints, columns.STATES))
+        self._parameters = np.zeros(self.joints, PARAMETERS)
+        self._states = np.zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
-        self._effects = [self._live_terms(model) for model in self.models]
-        self._places = [places_of(*pair) for pair in zip(self.models, self._effects)]
-        self._missing = [None] * self.joints
+        self._effects = [EffectsHere(model, self._why_left_out) for model in self.models]
+        self._missing: list = [None] * self.joints
+        for j in range(self.joints):
+            self._take_parameters(j)
         self._collect_never_applied()
         self._clear_terms()
 
     @property
-    def missing(self):
+    def missing(self) -> list:
         """Effects that the last sample could not feed back."""
         return [(j, *entry) for j, entries in enumerate(self._missing) for entry in entries or ()]
 
     @property
-    def left_out(self):
+    def left_out(self) -> list:
         """All effects that are not applied, with the reasons."""
         return self.never_applied + [
             (j, name, f'{" and ".join(signals)} unknown' if signals else 'value is not finite')
             for j, name, signals in self.missing]
+
+    @property
+    def guards(self) -> dict:
+        """What the guards of the continuous law did, per joint.
+
+        ``taken back`` is the share of friction compensation that is withheld since the joint went
+        beyond the identified speeds, ``beyond identified speeds`` for how long it did, s;
+        ``preload`` the share of the preload that the joint is believed to bear and ``slips`` how
+        often it bore less; ``samples dropped`` how many were not believed, and ``in doubt``
+        whether that, or a velocity that contradicts the encoder, gives zero current.
+        """
+        s, p = self._states, self._parameters
+        begun = s['started'] == 1
+        return {
+            'taken back': np.where(begun, 1.0 - s['trust'], 0.0),
+            'beyond identified speeds': s['overspeed'].copy(),
+            'preload': np.where(begun, s['borne'], 1.0),
+            'slips': s['slips'].astype(int),
+            'samples dropped': s['dropped'].astype(int),
+            'in doubt': (s['doubt'] > p['bad_time']) | (s['contradiction'] > p['rest_time'])}
 
     def update(self, time, position, velocity, direction, temperature=None, load=None):
         """Return the current for one sample.
@@ -207,11 +133,12 @@ class CompensationLaw:
         Parameters
         ----------
         time : float
-            s, not decreasing.
+            s, not decreasing; a sample as old as the last one changes nothing.
         position : array_like, shape (J,)
             rad.
         velocity : array_like, shape (J,), or None
-            rad/s; None has the position differentiated.
+            rad/s; None has the position differentiated. The continuous law always does that, and
+            compares.
         direction : array_like, shape (J,)
             d of the coming movement: -1, 0 or +1. Anything else counts as 0.
         temperature, load : array_like, shape (J,), optional
@@ -228,33 +155,31 @@ class CompensationLaw:
         direction = self._row(direction, 'direction')
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
                             known, self._usable)
-        effects, friction = np.zeros(self.joints), np.zeros(self.joints)
-        for j, terms in enumerate(self._effects):
-            if terms and self._usable[j] and self._parameters[j, columns.LAW] != columns.NONE:
-                effects[j], friction[j] = self._apply(
-                    terms, j, time, position,
-                    {'temperature': _entry(temperature, j), 'load': _entry(load, j)})
+        forward, backward, carried = np.zeros((3, self.joints))
+        for j, effects in enumerate(self._effects):
+            if len(effects) and self._usable[j] and self._parameters[j]['law'] != NONE:
+                signals = {'temperature': _entry(temperature, j), 'load': _entry(load, j),
+                           **self._of_arm(j, position)}
+                forward[j], backward[j], carried[j] = self._ask(j, float(time), signals)
         current = np.empty(self.joints)
-        kernel.decide_bank(self._parameters, self._states, self._usable, direction, effects,
-                           friction, current)
-        self.terms = {
-            'kinetic': self._states[:, columns.KINETIC_TERM].copy(),
-            'breakaway': self._states[:, columns.BREAKAWAY_TERM].copy(),
-            'effects': effects}
+        kernel.decide_bank(self._parameters, self._states, self._usable, direction, forward,
+                           backward, carried, current)
+        self.terms = {'kinetic': self._states['kinetic'].copy(),
+                      'breakaway': self._states['breakaway'].copy(), 'effects': carried}
         return current
 
     def reset(self):
         """Forget all history, as after a pause."""
-        self._states[:] = 0.0
-        self._effects = [self._live_terms(model) for model in self.models]
+        self._states[:] = np.zeros(1, STATE)
+        self._effects = [EffectsHere(model, self._why_left_out) for model in self.models]
         self._missing = [None] * self.joints
         self._clear_terms()
 
-    def set_model(self, joint, model):
+    def set_model(self, joint: int, model: FrictionModel) -> None:
         """Exchange a joint's model while the law runs.
 
-        The current does not jump: the difference between the old and the new model's current
-        fades within a few 0.05 s.
+        The current does not jump: it turns over to the new model's within a few hundredths of a
+        second.
 
         Parameters
         ----------
@@ -263,18 +188,15 @@ class CompensationLaw:
         """
         if not 0 <= joint < self.joints:
             raise InputError(f'there is no joint number {joint!r}')
-        parameters = law_parameters(model, **self._options[joint])
-        effects = self._live_terms(model)
+        law_parameters(model, **self._options[joint])
         self.models[joint] = model
-        self._parameters[joint] = parameters
-        self._effects[joint] = effects
-        self._places[joint] = places_of(model, effects)
-        self._states[joint, columns.CHANGED] = self._states[joint, columns.STARTED]
+        self._effects[joint] = EffectsHere(model, self._why_left_out)
+        self._take_parameters(joint)
         self._missing[joint] = None
         self._collect_never_applied()
 
-    def retune(self, law, breakaway_gain, current_limit=None):
-        """Exchange what the law was made with while it runs; history and probe go on.
+    def retune(self, law: str, breakaway_gain: float, current_limit: Any = None) -> None:
+        """Exchange what the law was made with while it runs; its history goes on.
 
         The current does not jump but to a lower limit, as with `set_model`.
 
@@ -283,7 +205,7 @@ class CompensationLaw:
         law, breakaway_gain, current_limit
             As for the class.
         """
-        limits = [None] * self.joints
+        limits: Any = [None] * self.joints
         if current_limit is not None:
             limits = np.broadcast_to(np.asarray(current_limit, dtype=float), self.joints)
         options = [{**old, 'law': law, 'breakaway_gain': float(breakaway_gain),
@@ -295,41 +217,27 @@ class CompensationLaw:
         for joint, model in enumerate(self.models):
             self.set_model(joint, model)
 
-    def _apply(self, terms, joint, time, positions, signals):
-        """Return the sum of the joint's effects, and of those that are friction, in A."""
-        position = positions[joint]
-        signals.update(self._of_arm(joint, positions))
-        speed = float(self._states[joint, columns.SPEED])
-        total = friction = 0.0
-        missing = []
-        for effect, term in terms:
-            unknown = tuple(name for name in term.needs if signals[name] is None)
-            value = math.nan if unknown else float(
-                term.update(float(time), float(position), speed, **signals))
-            if not math.isfinite(value):
-                missing.append((effect.name, unknown))
-                continue
-            total += value
-            if effect.variable in ('velocity', 'direction'):
-                friction += value
-        if missing != self._missing[joint]:
-            # An effect that comes or goes does so without a jump, as a new model does.
-            if self._missing[joint] is not None:
-                self._states[joint, columns.CHANGED] = self._states[joint, columns.STARTED]
-            self._missing[joint] = missing
-        # While the joint moves the level has no say.
-        if self.models[joint].breakaway is not None and abs(speed) < SLOW:
-            here = terms, float(time), float(position), signals
-            shifts = (0.0, 0.0)
-            if self._places[joint]:
-                shifts = level_shifts(terms, self._places[joint], *here[1:])
-            set_levels(self._parameters[joint], self.models[joint].breakaway,
-                       self._options[joint]['breakaway_gain'], shifts, sliding_friction(*here))
-        return total, friction
+    def _take_parameters(self, joint: int) -> None:
+        parameters = law_parameters(self.models[joint], **self._options[joint])
+        p = parameters[0]
+        if p['law'] == CONTINUOUS:
+            bound_current(p, *self._effects[joint].largest(float(p['fade_from'])))
+        self._parameters[joint] = p
+        self._states[joint]['changed'] = self._states[joint]['started']
+
+    def _ask(self, joint, time, signals):
+        """Return what the joint's effects ask for: forward, backward and carried, A."""
+        p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
+        ask = effects.ask if p['law'] == CONTINUOUS else effects.total
+        asked = ask(time, float(s['position']), float(s['speed']), signals)
+        self._missing[joint] = asked.missing
+        if self.models[joint].breakaway is not None:
+            set_breakaway(p, self.models[joint].breakaway, asked.shifts)
+        return asked.forward, asked.backward, asked.carried
 
     def _of_arm(self, joint, positions):
         """Return what the arm asks of a joint at rest, None where other joints are not known."""
-        signals = {'rigid_body': None, 'coupling': None}
+        signals: dict[str, float | None] = {'rigid_body': None, 'coupling': None}
         arm = self.models[joint].arm
         if arm is None:
             return signals
@@ -339,15 +247,10 @@ class CompensationLaw:
             signals['coupling' if arm.tree is None else 'rigid_body'] = value
         return signals
 
-    def _why_left_out(self, effect):
+    def _why_left_out(self, effect: Effect) -> str:
         if effect.weight and self._gravity == 'left_to_robot':
             return "holding the limb is left to the robot's own controller"
         return effect.why_left_out()
-
-    def _live_terms(self, model):
-        pairs = [(effect, effect.live()) for effect in model.effects
-                 if not self._why_left_out(effect)]
-        return [(effect, term) for effect, term in pairs if term is not None]
 
     def _collect_never_applied(self):
         self.never_applied = [

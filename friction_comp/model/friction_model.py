@@ -57,6 +57,30 @@ class Breakaway:
             raise InputError('breakaway standard deviations must not be negative')
 
 
+@dataclass(frozen=True)
+class Presliding:
+    """How far the gear gives before it slides, from current ramps.
+
+    Parameters
+    ----------
+    distance : float
+        rad, from rest without load to breakaway.
+    stiffness : float, optional
+        A/rad, at the beginning of a ramp.
+    """
+
+    distance: float
+    stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ('distance', 'stiffness'):
+            value = getattr(self, name)
+            if value is None and name == 'stiffness':
+                continue
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f'presliding.{name} must be positive and finite, not {value!r}')
+
+
 @dataclass
 class FrictionModel:
     """Sigmoid of Eq. 6, breakaway currents and further effects of one drive.
@@ -67,6 +91,9 @@ class FrictionModel:
     sigmoid : Sigmoid
     breakaway : Breakaway, optional
     effects : list of Effect
+    presliding : Presliding, optional
+    position_limits : tuple of float, optional
+        Ends of the joint's range in rad; the compensator lets no friction push beyond them.
     joint : str
     lookup_table : dict, optional
         ``speeds`` rad/s, ``currents`` A, ``standard_deviations`` A: the table the sigmoid was
@@ -87,6 +114,8 @@ class FrictionModel:
     breakaway: Breakaway | None = None
     effects: list[Effect] = field(default_factory=list)
     joint: str = ''
+    presliding: Presliding | None = None
+    position_limits: tuple[float, float] | None = None
     lookup_table: dict[str, Any] | None = None
     differentiation: dict[str, Any] = field(default_factory=dict)
     arm: Arm | None = None
@@ -167,6 +196,11 @@ class FrictionModel:
                        for what in ('mean', 'std', 'position')
                        if getattr(self.breakaway, f'{side}_{what}') is not None}
                 for side in ('positive', 'negative')}
+        if self.presliding is not None:
+            document['presliding'] = {
+                name: value for name, value in vars(self.presliding).items() if value is not None}
+        if self.position_limits is not None:
+            document['position_limits'] = list(self.position_limits)
         document['effects'] = [effect.to_dict() for effect in self.effects]
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
@@ -216,6 +250,10 @@ class FrictionModel:
         if 'coefficients' not in sigmoid or not isinstance(sigmoid['coefficients'], list):
             raise InputError('sigmoid.coefficients is missing or not a list')
         optional: dict[str, Any] = {}
+        if document.get('presliding') is not None:
+            optional['presliding'] = _presliding(_section(document, 'presliding'))
+        if document.get('position_limits') is not None:
+            optional['position_limits'] = _range(_list(document, 'position_limits'))
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if document.get(name) is not None:
                 optional[name] = _section(document, name)
@@ -228,6 +266,26 @@ class FrictionModel:
             breakaway=_breakaway(document),
             effects=[_effect(entry) for entry in _list(document, 'effects')],
             joint=str(document.get('joint') or ''), **optional)
+
+
+def _presliding(section: dict[str, Any]) -> Presliding:
+    unknown = set(section) - {'distance', 'stiffness'}
+    if unknown:
+        raise InputError(f'presliding has unknown entries: {sorted(map(str, unknown))}')
+    values = {name: _number(section, name, 'presliding') for name in section}
+    if 'distance' not in values:
+        raise InputError('presliding.distance is missing')
+    return Presliding(**values)
+
+
+def _range(values: list[Any]) -> tuple[float, float]:
+    if len(values) != 2:
+        raise InputError('position_limits must be two positions, the lower one first')
+    lowest, highest = (_number({'': value}, '', 'position_limits') for value in values)
+    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest < highest):
+        raise InputError(f'position_limits must be two positions, the lower one first, '
+                         f'not {values!r}')
+    return lowest, highest
 
 
 def _drive(section: dict[str, Any]) -> Drive:

@@ -163,6 +163,10 @@ class CompensatorNode(LifecycleNode):
                 for model in self._loop.law.models]
 
     def _say_left_out(self):
+        if self._of('law') == 'paper':
+            self.get_logger().warning(
+                "law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
+                'over-estimate of friction drives the joint')
         for joint, model in zip(self._joints, self._loop.law.models):
             if model.joint not in ('', joint):
                 self.get_logger().warning(f"{joint}: its model file is that of '{model.joint}'")
@@ -339,6 +343,8 @@ class CompensatorNode(LifecycleNode):
             **per_joint(joints, 'command [A]', loop.port.last)}
         for name, term in loop.law.terms.items():
             values.update(per_joint(joints, f'{name} [A]', term))
+        for name, guarded in loop.law.guards.items():
+            values.update(per_joint(joints, f'guard: {name}', guarded))
         values.update(per_joint(joints, 'direction', loop.direction.at(stamp)))
         values.update(per_joint(joints, 'direction age [s]', (
             loop.direction.age(number, stamp) for number in range(len(joints)))))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.compensation import law_columns
 from friction_comp.compensation.law import law_parameters
 from friction_comp.evaluation.conditions import evaluate, Evaluation
 from friction_comp.samples import Samples
@@ -112,9 +111,9 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
         # A bearing without friction: what is left of the levels only keeps the formulas finite.
         parameters[:, _FRICTION] *= 1e-6
     law = law_parameters(model, 'none' if name == 'inertia' else name, gain)
-    law[law_columns.DEAD_SPEED] = dead_speed
+    law['dead_speed'] = dead_speed
     log, _ = closed_loops(
-        parameters, random_states((seed, 1), repetitions), np.tile(law, (repetitions, 1)),
+        parameters, random_states((seed, 1), repetitions), np.tile(law, repetitions),
         reference, np.arange(repetitions), sample_time=SAMPLE_TIME)
     shown = movement.at(time)
     recordings = [

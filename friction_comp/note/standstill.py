@@ -90,7 +90,7 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
     law_row = law_parameters(with_breakaway_error(model, error), law, gain)
     _, extremes = closed_loops(
         np.tile(parameters, (standstills, 1)), random_states((seed, 2), standstills),
-        np.tile(law_row, (standstills, 1)),
+        np.tile(law_row, standstills),
         (np.zeros_like(direction), np.zeros_like(direction), direction),
         np.arange(standstills) % 2, active=False, sample_time=SAMPLE_TIME, every=0)
     farthest = np.abs(extremes).max(axis=1)

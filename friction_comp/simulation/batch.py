@@ -10,7 +10,9 @@ from __future__ import annotations
 from numba import njit, prange
 import numpy as np
 
-from friction_comp.compensation import law_columns, law_kernel
+from friction_comp.compensation import law_kernel
+from friction_comp.compensation.guards import observe
+from friction_comp.compensation.records import STATE
 from friction_comp.simulation import joint_kernel as kernel
 
 # Columns of the log.
@@ -18,11 +20,10 @@ LOGGED = ('position', 'velocity', 'current', 'interaction_torque', 'temperature'
 
 
 @njit(cache=True)
-def _one_run(p, random, law, position, velocity, direction, active, count, sample_time, every,
+def _one_run(p, random, law, own, position, velocity, direction, active, count, sample_time, every,
              log):
     """Run one joint and return the farthest that it went either way, rad."""
     s = np.zeros(kernel.STATES)
-    own = np.zeros(law_columns.STATES)
     out = np.zeros(kernel.OUTPUTS)
     table, memory = np.zeros((0, 10)), np.zeros(1)
     kernel.start_state(p, s, random)
@@ -32,9 +33,9 @@ def _one_run(p, random, law, position, velocity, direction, active, count, sampl
     for k in range(count):
         i = k % period
         command = 0.0
-        if law_kernel.observe(law, own, k * sample_time, out[kernel.OUT_POSITION],
+        if observe(law, own, k * sample_time, out[kernel.OUT_POSITION],
                               out[kernel.OUT_VELOCITY], True):
-            command = law_kernel.decide(law, own, float(direction[i]), 0.0, 0.0)
+            command = law_kernel.decide(law, own, float(direction[i]), 0.0, 0.0, 0.0)
         if every > 0 and k % every == 0:
             row = k // every
             for c in range(kernel.OUTPUTS):
@@ -48,12 +49,12 @@ def _one_run(p, random, law, position, velocity, direction, active, count, sampl
 
 
 @njit(cache=True, parallel=True)
-def _all_runs(p, random, law, position, velocity, direction, which, active, count, sample_time,
+def _all_runs(p, random, law, own, position, velocity, direction, which, active, count, sample_time,
               every, log, extremes):
     for r in prange(p.shape[0]):
         m = which[r]
         extremes[r, 0], extremes[r, 1] = _one_run(
-            p[r], random[r], law[r], position[m], velocity[m], direction[m], active, count,
+            p[r], random[r], law[r], own[r], position[m], velocity[m], direction[m], active, count,
             sample_time, every, log[r])
 
 
@@ -67,8 +68,8 @@ def closed_loops(parameters, random, laws, reference, which=None, active=True, c
         Of the joints: `joint.plant_parameters`.
     random : ndarray of uint64, shape (R, 1)
         `joint.random_states`.
-    laws : ndarray, shape (R, law_columns.PARAMETERS)
-        `compensation.law_parameters`.
+    laws : ndarray of records.PARAMETERS, shape (R,)
+        `compensation.law_parameters`, joined.
     reference : tuple of ndarray, each of shape (M, L)
         Position, velocity and direction at every sample, as `ReferenceMovement.at` gives them;
         they begin again after L samples.
@@ -97,7 +98,8 @@ def closed_loops(parameters, random, laws, reference, which=None, active=True, c
     rows = -(-count // every) if every else 0
     log = np.zeros((runs, rows, len(LOGGED)))
     extremes = np.zeros((runs, 2))
-    _all_runs(np.ascontiguousarray(parameters), random.copy(), np.ascontiguousarray(laws), position,
+    _all_runs(np.ascontiguousarray(parameters), random.copy(), np.ascontiguousarray(laws),
+              np.zeros(runs, STATE), position,
               velocity, direction, which, active, count, float(sample_time), int(every), log,
               extremes)
     return {name: log[:, :, c] for c, name in enumerate(LOGGED)}, extremes

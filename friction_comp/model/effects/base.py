@@ -403,6 +403,37 @@ class LiveTerm:
             total *= abs(math.tanh(velocity / SHARPEST_LIVE))
         return float(total)
 
+    def both_sides(self, time: float, position: float, speed: float,
+                   temperature: float | None = None, load: float | None = None,
+                   rigid_body: float | None = None, coupling: float | None = None
+                   ) -> tuple[float, float]:
+        """Return the current in A in the positive and in the negative direction of sliding.
+
+        As if the joint had slid far enough to have turned round; how it turns round is left to
+        whoever asks. A memory that knows no direction is the one of this sample.
+
+        Parameters
+        ----------
+        time, position : float
+            s, rad.
+        speed : float
+            rad/s.
+        temperature, load, rigid_body, coupling : float, optional
+            As for `update`.
+        """
+        began = time if self._began is None or time < self._began else self._began
+        c, effect = self._constants, self._effect
+        state = self._remember(time, position, speed) if self.sees_history else 0.0
+        values = []
+        for side in (1.0, -1.0):
+            turned = float(effect.start(side, c))
+            x = Signals(time - began, position, side * abs(speed), 0.0, load, temperature, side,
+                        turned if turned != 0.0 else state, rigid_body, coupling)
+            values.append(float(sum(
+                gain * column for gain, column in zip(effect.coefficients, effect.columns(x, c)))))
+        self._began = began
+        return values[0], values[1]
+
     def _remember(self, time: float, position: float, velocity: float) -> float:
         if self._state is None:
             self._state = float(self._effect.start(0.0, self._constants))

@@ -1,0 +1,217 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The continuous law: friction fed forward through an operator of the kind that friction is.
+
+``i = A(|ω|)·z`` with z in -1..1 driven by displacement: an elastic-plastic element of distance R
+behind a little backlash. Where A is no larger than the gear's friction and R no shorter than its
+presliding, the law gives over any path at most what the gear takes, and a bounded rest
+(docs/compensation_law.md has the proof). At rest z is led to the announced direction.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from friction_comp.compensation.guards import in_doubt, soft_end
+from friction_comp.compensation.records import FREE, HELD, LEADING
+
+LEAST_BORNE = 0.5
+"""The preload is never lowered below this share."""
+SURELY_BORNE = 0.6
+"""No joint slips by itself under this share: who moves it now is a person."""
+LOWERED = 0.85
+"""By so much a preload is lowered under which the joint slipped."""
+
+
+@njit(cache=True)
+def approach(value, aim, most):
+    """Return `value` moved towards `aim` by at most `most`."""
+    return value + min(most, max(-most, aim - value))
+
+
+@njit(cache=True)
+def follow(p, s):
+    """Drive the operator by the displacement of this sample, and notice rest."""
+    place = min(s.position + p.backlash, max(s.position - p.backlash, s.backlash_place))
+    if s.mode != LEADING:
+        s.z = min(1.0, max(-1.0, s.z + (place - s.backlash_place) / p.distance))
+    s.backlash_place = place
+    if abs(s.position - s.still_place) > p.still_way:
+        s.still_place = s.position
+        s.still_time = 0.0
+    else:
+        s.still_time += s.step
+    # Whoever has moved it so far did mean it.
+    if abs(s.position - s.home) > p.moved_way:
+        s.borne = 1.0
+        s.caution = 0
+
+
+@njit(cache=True)
+def _slipped(p, s, aim, home):
+    """Take back what the joint did not bear: it moved under the preload with nobody pushing."""
+    s.slips += 1.0
+    s.mode = FREE
+    s.still_time, s.still_place = 0.0, s.position
+    s.creeping = -math.inf
+    if (s.position - home) * aim > 0.0:
+        s.borne = max(LEAST_BORNE, LOWERED * s.borne)
+        s.caution = 1
+        s.home = home
+
+
+@njit(cache=True)
+def lead(p, s, direction):
+    """Lead the operator of a joint at rest to the announced direction, and watch that it holds.
+
+    Before anybody pushes, the joint shows whether it bears the preload of this rest: if it moves
+    farther than its presliding, the current falls by a quarter until it rests, and the next
+    preload is lower. Once it holds, displacement decides again.
+    """
+    aim = direction * s.borne
+    if s.mode == LEADING:
+        if abs(s.position - s.mark) > p.slip:
+            if abs(s.ramp) > SURELY_BORNE:
+                _slipped(p, s, aim, s.mark)
+            else:
+                s.mode = FREE
+            return
+        s.ramp = approach(s.ramp, aim, s.step / p.lead_time)
+        s.z = s.ramp
+        s.backlash_place = s.home = s.position
+        if s.ramp != aim:
+            s.still_time = 0.0
+        elif s.still_time >= p.rest_time:
+            s.mode = HELD
+    elif s.still_time >= p.rest_time:
+        if s.mode == FREE:
+            gone = s.position - s.home
+            if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
+                    p.slip < abs(gone) < p.moved_way):
+                s.borne = max(LEAST_BORNE, LOWERED * s.borne)
+                aim = direction * s.borne
+            s.home = s.mark = s.position
+        s.starting, s.creeping = 1, 0.0
+        if s.caution == 1:
+            s.z *= p.caution_share
+            s.caution = 0
+        if abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
+            s.mode, s.ramp, s.mark = LEADING, s.z, s.position
+        else:
+            s.mode, s.ramp = HELD, aim
+            if abs(s.position - s.mark) > p.slip:
+                _slipped(p, s, aim, s.mark)
+    else:
+        s.mode = FREE
+        gone = s.position - s.home
+        if abs(gone) < p.slip:
+            s.creeping += s.step
+            if s.creeping > p.creep_time and s.z * aim > 0.0 and gone * aim > 0.0:
+                _slipped(p, s, aim, s.home)
+
+
+@njit(cache=True)
+def interpolated(at, knots, values):
+    """Return the value at a place, linear between the knots, level beyond their ends."""
+    if at <= knots[0]:
+        return values[0]
+    for k in range(1, len(knots)):
+        if at < knots[k]:
+            share = (at - knots[k - 1]) / (knots[k] - knots[k - 1])
+            return values[k - 1] + share * (values[k] - values[k - 1])
+    return values[-1]
+
+
+@njit(cache=True)
+def amplitude(p, s, positive, speed, more):
+    """Return A in A: the share of friction that is fed forward in one direction of sliding.
+
+    Parameters
+    ----------
+    positive : bool
+    speed : float
+        rad/s, not negative.
+    more : float
+        What effects add to sliding friction here, A.
+
+    Returns
+    -------
+    amplitude, start : float
+        A, and how far the joint is still starting, 1..0.
+    """
+    if positive:
+        plateau, mean, std = p.upper, p.break_positive, p.std_positive
+        excess = interpolated(speed, p.knots, p.excess_positive)
+    else:
+        plateau, mean, std = -p.lower, p.break_negative, p.std_negative
+        excess = interpolated(speed, p.knots, p.excess_negative)
+    sliding = max(0.0, plateau + more - excess)
+    near = p.slow_share * max(0.0, min(sliding, mean - std))
+    # Until it has left its place of rest the joint holds with breakaway friction.
+    start = 0.0
+    if s.starting == 1:
+        start = max(0.0, min(1.0, 2.0 - abs(s.position - s.home) / p.start_way))
+        near += start * max(0.0, p.gain * mean - near)
+    rises = math.tanh(0.5 * p.steepness * speed) * min(1.0, speed / p.slow)
+    return near + (p.share * (sliding + p.viscous * speed) - near) * rises, start
+
+
+@njit(cache=True)
+def trusted(p, s, speed):
+    """Return the share that is left beyond the identified speeds, and keep the account of it.
+
+    Beyond the speeds that identification has seen the law fades. A joint that gets there is
+    driven by more than friction takes, or by a person in a hurry: the share is taken back, and
+    comes back slowly.
+    """
+    over = (speed - p.fade_from) / (p.fade_to - p.fade_from)
+    if over > 0.0:
+        s.overspeed += s.step
+        s.trust = max(p.least_trust, s.trust - s.step / p.trust_time)
+    else:
+        s.trust = min(1.0, s.trust + s.step / p.recovery_time)
+    return s.trust * (1.0 - min(1.0, max(0.0, over)))
+
+
+@njit(cache=True)
+def continuous_current(p, s, direction, forward, backward, carried):
+    """Return the current of the continuous law in A.
+
+    Parameters
+    ----------
+    p, s : records of PARAMETERS and STATE
+    direction : float
+        -1, 0 or 1.
+    forward, backward : float
+        What friction effects add in each direction of sliding, A, with its sign.
+    carried : float
+        What other effects ask for, A: added outside the operator.
+    """
+    if s.step == 0.0:
+        return min(p.limit, max(-p.limit, s.current))
+    s.bump = 0.0
+    if s.doubt == 0.0:
+        follow(p, s)
+        lead(p, s, direction if p.gain > 0.0 else 0.0)
+    speed = abs(s.speed)
+    positive = s.z > 0.0
+    level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
+    friction = trusted(p, s, speed) * level * s.z
+    if s.caution == 1:
+        friction *= p.caution_share
+    wanted = soft_end(p, s, friction) + carried
+    if in_doubt(p, s):
+        wanted = 0.0
+    elif s.doubt > 0.0:
+        wanted = s.current
+    wanted = min(p.limit, max(-p.limit, wanted))
+    current = approach(s.current, wanted, p.slope * s.step)
+    if not math.isfinite(current):
+        s.started = 0
+        current = 0.0
+    friction = current - carried
+    s.breakaway = start * friction
+    s.kinetic = friction - s.breakaway
+    return current

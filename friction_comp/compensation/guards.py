@@ -1,0 +1,129 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which samples the compensation laws believe, and what becomes of the others.
+
+The continuous law computes from positions alone: a velocity that is wrong cannot mislead it. A
+position that the joint cannot have reached is dropped; after a few samples that agree with each
+other, at the latest, they are believed, and the operator starts anew from there. While in doubt
+the current is held for `bad_time`, then it is zero.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from friction_comp.compensation.records import CONTINUOUS, FREE
+
+LONGEST_STEP = 0.1
+"""s; after a longer pause the operator knows nothing any more."""
+AGREEING = 5
+"""Samples in a row that have to agree before a place that cannot be is believed."""
+ABSURD = 1e6
+"""rad; no joint is there."""
+
+
+@njit(cache=True)
+def begin(p, s, time, position):
+    """Start from a place, at rest."""
+    s.started = 1
+    s.time, s.step = time, p.sample_time
+    s.seen = position
+    s.borne = s.trust = 1.0
+    settle(s, position)
+
+
+@njit(cache=True)
+def settle(s, position):
+    """Forget the motion: the joint is here, the operator relaxed."""
+    s.position = s.backlash_place = s.still_place = s.home = s.mark = position
+    s.half_speed = s.speed = s.z = s.still_time = s.creeping = s.doubt = 0.0
+    s.mode, s.starting, s.caution = FREE, 0, 0
+
+
+@njit(cache=True)
+def observe(p, s, time, position, velocity, known):
+    """Take in a sample and return whether a current can be decided on.
+
+    Parameters
+    ----------
+    p, s : records of PARAMETERS and STATE
+        The state changes in place.
+    time, position, velocity : float
+        s, rad, rad/s.
+    known : bool
+        Whether the velocity is measured; otherwise the position is differentiated.
+    """
+    if not (math.isfinite(time) and math.isfinite(position) and abs(position) < ABSURD
+            and (math.isfinite(velocity) or not known)):
+        s.dropped += 1.0
+        s.doubt += p.sample_time
+        if s.doubt > p.bad_time:
+            s.started = 0
+        return False
+    if s.started == 0:
+        dropped, slips, overspeed = s.dropped, s.slips, s.overspeed
+        begin(p, s, time - p.sample_time, position)
+        s.dropped, s.slips, s.overspeed = dropped, slips, overspeed
+    # To whole nanoseconds, the resolution of stamps: a law that is driven by messages and one in
+    # a plain loop then see the same step.
+    step = round((time - s.time) * 1e9) * 1e-9
+    if step <= 0.0:
+        s.step = 0.0
+        if p.law != CONTINUOUS and known:
+            s.speed = velocity
+        return True
+    if step > LONGEST_STEP:
+        settle(s, position)
+        step, s.bump = p.sample_time, 0.0
+    s.step, s.time = step, time
+    travel = position - s.position
+    if p.law != CONTINUOUS:
+        s.speed = velocity if known else travel / step
+        s.position = position
+        return True
+    near = p.fastest * step + 3.0 * p.resolution
+    s.agreed = s.agreed + 1 if abs(position - s.seen) <= near else 0
+    s.seen = position
+    if abs(travel) > near + p.fastest * s.doubt:
+        s.dropped += 1.0
+        s.doubt += step
+        if s.agreed < AGREEING:
+            return True
+        settle(s, position)
+        travel = 0.0
+    s.doubt = 0.0
+    s.position = position
+    # Twice, so that a single count neither jumps nor bends the current.
+    weight = 1.0 - math.exp(-step / p.filter_time)
+    s.half_speed += (travel / step - s.half_speed) * weight
+    s.speed += (s.half_speed - s.speed) * weight
+    if known:
+        _compare(p, s, velocity)
+    return True
+
+
+@njit(cache=True)
+def _compare(p, s, velocity):
+    """Note for how long the measured velocity has contradicted the encoder, s."""
+    tolerance = 0.05 + 0.5 * abs(s.speed) + 3.0 * p.resolution / s.step
+    if abs(velocity - s.speed) > tolerance:
+        s.contradiction = min(2.0 * p.rest_time, s.contradiction + s.step)
+    else:
+        s.contradiction = max(0.0, s.contradiction - s.step)
+
+
+@njit(cache=True)
+def in_doubt(p, s):
+    """Return whether the samples have been unbelievable for so long that the current is zero."""
+    return s.doubt > p.bad_time or s.contradiction > p.rest_time
+
+
+@njit(cache=True)
+def soft_end(p, s, current):
+    """Return the current in A, less where it pushes towards an end of the position range."""
+    if p.soft_end > 0.0:
+        room = p.highest - s.position if current > 0.0 else s.position - p.lowest
+        current *= min(1.0, max(0.0, room / p.soft_end))
+    return current

@@ -1,0 +1,205 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The laws' parameters of one joint: from its model where the model knows, else a safe default."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from friction_comp.compensation.records import (
+    CONTINUOUS,
+    KINETIC,
+    KNOTS,
+    NONE,
+    PAPER,
+    PARAMETERS,
+)
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import Breakaway, FrictionModel
+
+LAWS = {'none': NONE, 'kinetic': KINETIC, 'paper': PAPER, 'continuous': CONTINUOUS}
+
+# What a model may be wrong by: friction 1.10 times too large still leaves 1 % of it to the gear.
+SHARE = 0.9
+SLOW_SHARE = 0.89
+# Near standstill friction is this rest's breakaway friction, which scatters: standard deviations
+# that the level stays below its mean once the joint has left its place of rest.
+SCATTER_MARGIN = 3.0
+# The operator turns round over so many presliding distances of the gear: identification knows
+# them to 30 %.
+LONGER = 1.5
+# rad; where the model has no presliding distance. Geared joints were found to have 0.1 to 1 mrad.
+DEFAULT_PRESLIDING = 1e-3
+DEFAULT_RESOLUTION = 1e-5
+# rad/s: the note's range, and the slowest speed of a usual table.
+DEFAULT_FASTEST = math.radians(100.0)
+DEFAULT_SLOWEST = math.radians(1.0)
+# Beyond so much more than the identified speeds nothing is fed forward, and no sample believed
+# that asks for so many times those speeds.
+FADE = 1.25
+UNBELIEVABLE = 3.0
+# The current may exceed what identification measured by this factor.
+BOUND = 1.25
+# s within which the current may turn from full friction one way to full friction the other.
+TURN_TIME = 0.02
+# Preload rises no faster than half a presliding distance would need at this speed, rad/s, since
+# friction falls with speed.
+LEAD_SPEED = 0.002
+SHORTEST_LEAD = 0.2
+# Farther than this nobody has been pushed by accident, rad.
+MOVED = math.radians(1.0)
+SOFT_END = math.radians(5.0)
+
+
+def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain: float = 0.9,
+                   current_limit: float | None = None, sample_time: float = 1e-3) -> np.ndarray:
+    """Return the kernel's parameters of one joint.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    law : {'continuous', 'paper', 'kinetic', 'none'}
+        The last two never apply the breakaway term, or no current at all: the note's case 1, and
+        the bare drive.
+    breakaway_gain : float
+        Share of the mean breakaway current that is applied; 0.9 in the note.
+    current_limit : float, optional
+        A; the drive's own when omitted or larger.
+    sample_time : float
+        Expected s between samples, used for the first one.
+
+    Returns
+    -------
+    ndarray of records.PARAMETERS, shape (1,)
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+    """
+    if law not in LAWS:
+        raise InputError(f'law must be one of {", ".join(LAWS)}, not {law!r}')
+    if not (math.isfinite(breakaway_gain) and 0.0 <= breakaway_gain <= 2.0):
+        raise InputError(f'breakaway_gain must be between 0 and 2, not {breakaway_gain!r}')
+    limit = model.drive.current_limit
+    if current_limit is not None:
+        if not (math.isfinite(current_limit) and current_limit >= 0.0):
+            raise InputError(f'current_limit must not be negative, not {current_limit!r}')
+        limit = min(limit, float(current_limit))
+    if not (math.isfinite(sample_time) and sample_time > 0.0):
+        raise InputError(f'sample_time must be positive, not {sample_time!r}')
+    p = np.zeros(1, PARAMETERS)
+    p['law'] = LAWS[law]
+    p['limit'], p['sample_time'] = limit, sample_time
+    sigmoid = model.sigmoid
+    for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
+        p[name] = getattr(sigmoid, name)
+    p['gain'], p['share'], p['slow_share'] = breakaway_gain, SHARE, SLOW_SHARE
+    if model.breakaway is None:
+        p['gain'] = 0.0
+    set_breakaway(p[0], model.breakaway)
+    _set_distances(p, model)
+    _set_times(p)
+    _set_speeds(p, model)
+    _set_excess(p, model)
+    return p
+
+
+def set_breakaway(p: np.void, breakaway: Breakaway | None,
+                  shifts: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Set what breakaway friction is here, in a joint's parameters.
+
+    Parameters
+    ----------
+    p : record of records.PARAMETERS
+        Changed in place.
+    breakaway : Breakaway or None
+        Without it nothing is led at rest, and near standstill nothing is known but that friction
+        is unlikely to be less than eight tenths of sliding friction.
+    shifts : tuple of float
+        What to add to the magnitudes of the positive and negative mean, A.
+    """
+    if breakaway is None:
+        p['break_positive'], p['break_negative'] = 0.8 * p['upper'], -0.8 * p['lower']
+        return
+    p['break_positive'] = max(0.0, breakaway.positive_mean + shifts[0])
+    p['break_negative'] = max(0.0, -breakaway.negative_mean + shifts[1])
+    p['std_positive'] = SCATTER_MARGIN * breakaway.positive_std
+    p['std_negative'] = SCATTER_MARGIN * breakaway.negative_std
+
+
+def _set_distances(p, model):
+    count = model.drive.position_resolution or DEFAULT_RESOLUTION
+    presliding = DEFAULT_PRESLIDING if model.presliding is None else model.presliding.distance
+    distance = LONGER * presliding + 2.0 * count
+    p['resolution'], p['distance'] = count, distance
+    p['backlash'] = 0.15 * distance + count
+    p['slip'] = 0.75 * distance + 4.0 * count
+    p['still_way'] = distance / 16.0 + 1.5 * count
+    p['start_way'], p['moved_way'] = 3.0 * distance, max(MOVED, 8.0 * distance)
+    p['lead_time'] = max(SHORTEST_LEAD, 0.5 * presliding / LEAD_SPEED)
+    if model.position_limits is not None:
+        p['lowest'], p['highest'] = model.position_limits
+        p['soft_end'] = SOFT_END
+    p['caution_share'], p['least_trust'] = 0.75, 0.5
+
+
+def _set_times(p):
+    p['filter_time'] = 0.004
+    p['rest_time'], p['creep_time'] = 0.15, 1.0
+    p['trust_time'], p['recovery_time'] = 0.5, 30.0
+    p['bad_time'] = 0.02
+
+
+def _set_speeds(p, model):
+    slowest, fastest = DEFAULT_SLOWEST, DEFAULT_FASTEST
+    speeds = np.abs((model.lookup_table or {}).get('speeds') or [])
+    if len(speeds) and 0.0 < speeds.max() < math.inf:
+        slowest = min(max(float(speeds[speeds > 0.0].min()), math.radians(1.0)),
+                      math.radians(5.0))
+        fastest = float(speeds.max())
+    p['slow'], p['fade_from'], p['fade_to'] = slowest, fastest, FADE * fastest
+    p['fastest'] = UNBELIEVABLE * fastest
+    sliding = np.maximum(p['upper'], -p['lower'])
+    p['slope'] = 2.0 * sliding / TURN_TIME
+
+
+def _set_excess(p, model):
+    """Note where Eq. 6 exceeds the table that it was fitted to: friction itself is in the table."""
+    p['knots'] = np.geomspace(1.0, 2.0, KNOTS) * p['fade_from']
+    table = model.lookup_table or {}
+    speeds = np.asarray(table.get('speeds') or [], dtype=float)
+    currents = np.asarray(table.get('currents') or [], dtype=float)
+    if len(speeds) < 2 or len(speeds) != len(currents) or not np.all(
+            np.isfinite(speeds) & np.isfinite(currents)):
+        return
+    magnitudes = np.unique(np.abs(speeds[speeds != 0.0]))
+    if len(magnitudes) < 2:
+        return
+    p['knots'] = np.geomspace(magnitudes[0], magnitudes[-1], KNOTS)
+    sigmoid = model.sigmoid
+    for name, sign, plateau in (('excess_positive', 1.0, sigmoid.upper),
+                                ('excess_negative', -1.0, -sigmoid.lower)):
+        chosen = np.argsort(sign * speeds)
+        chosen = chosen[sign * speeds[chosen] > 0.0]
+        if len(chosen):
+            at = sign * speeds[chosen]
+            excess = plateau + sigmoid.viscous * at - sign * currents[chosen]
+            p[name] = np.maximum(np.interp(p['knots'][0], at, excess), 0.0)
+
+
+def bound_current(p: np.void, friction: float, carried: float) -> None:
+    """Bound the current near what identification measured.
+
+    Parameters
+    ----------
+    p : record of records.PARAMETERS
+        Changed in place.
+    friction, carried : float
+        The most that friction effects add to sliding friction, and that other effects ask for, A.
+    """
+    level = max(p['upper'], -p['lower']) + max(0.0, p['viscous']) * p['fade_from'] + friction
+    level = max(level, p['break_positive'], p['break_negative'])
+    p['limit'] = min(p['limit'], BOUND * level + carried)

@@ -1,0 +1,57 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the compensation laws know of a joint and remember of it, by name.
+
+Compiled code reads the fields of these records by name. Where their values come from is in
+`law_parameters`; docs/compensation_law.md has the table.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+NONE, KINETIC, PAPER, CONTINUOUS = range(4)
+FREE, LEADING, HELD = range(3)
+"""The continuous law follows displacement; leads the preload of a joint at rest; holds it."""
+
+
+KNOTS = 16
+
+
+def _record(floats: str, integers: str, arrays: str = '') -> np.dtype:
+    return np.dtype([(name, float) for name in floats.split()]
+                    + [(name, np.int64) for name in integers.split()]
+                    + [(name, float, (KNOTS,)) for name in arrays.split()], align=True)
+
+
+PARAMETERS = _record(
+    # Friction in A, of Eq. 6 and of breakaway; s/rad, rad/s, A·s/rad.
+    'upper lower steepness shift viscous break_positive break_negative std_positive std_negative '
+    # Shares.
+    'gain share slow_share caution_share least_trust '
+    # Distances in rad.
+    'distance backlash slip still_way start_way moved_way resolution lowest highest soft_end '
+    # Times in s.
+    'filter_time rest_time lead_time creep_time trust_time recovery_time bad_time sample_time '
+    # Speeds in rad/s; bounds on the current in A and A/s.
+    'slow fade_from fade_to fastest dead_speed limit slope',
+    'law',
+    # Speeds in rad/s, and what Eq. 6 has there beyond the look-up table, A, per direction.
+    'knots excess_positive excess_negative')
+"""Parameters of one joint."""
+
+STATE = _record(
+    # The last sample that was believed, and the last one seen; s, rad, rad/s.
+    'time step position seen half_speed speed '
+    # The operator: z in -1..1, place of the backlash in rad.
+    'z backlash_place '
+    # Rest: since when and where it stands, where it rested, where leading began; s and rad.
+    'still_time still_place home mark ramp creeping '
+    # What the guards took back: shares 0..1, s of doubt.
+    'borne trust doubt contradiction '
+    # Output in A and its parts.
+    'current kinetic breakaway bump '
+    # Counts for inspection.
+    'dropped slips overspeed',
+    'started agreed mode starting caution changed')
+"""State of one joint; zeros before the first sample."""
