@@ -18,7 +18,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -qq
 ORIGIN := $(or $(ROS_DISTRO),wheels)
 MADE := $(VENV)/made-for-$(ORIGIN)
-SOURCES := $(shell find friction_comp friction_comp_interfaces build_tools resource launch config \
+SOURCES := $(shell find friction_comp friction_comp_interfaces build_tools resource launch config sros2 \
 	msg_docs -type f -not -path '*/__pycache__/*' 2>/dev/null) \
 	setup.py setup.cfg pyproject.toml package.xml
 

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import traceback
 
 import numpy as np
@@ -22,14 +21,17 @@ from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, Rate, WA
 from friction_comp.nodes.faults import Faults
 from friction_comp.nodes.joint_io import CommandPort, input_qos
 from friction_comp.nodes.joint_states import NANO, nanoseconds
-from friction_comp.nodes.model_loading import Loading, PatientParameterService
+from friction_comp.nodes.model_loading import (
+    Loading,
+    PatientParameterService,
+    try_model,
+    warm_up,
+)
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, LARGE, load_models, names_in
 
 # Real s between looks at who else commands, and at faults that have ended.
 _LOOK = 0.1
-# Samples for which a model is tried before it is taken over.
-_TRIAL = 300
 
 
 class CompensatorNode(LifecycleNode):
@@ -102,7 +104,7 @@ class CompensatorNode(LifecycleNode):
         """Return models that may be given a motor: checked, and tried in a law of their own."""
         models = load_models(files, self._joints, for_motor=True)
         for model, path in zip(models, files):
-            _try(model, self._of('gravity'), path)
+            try_model(model, self._of('gravity'), path)
         return models
 
     def _loaded(self, files):
@@ -199,7 +201,7 @@ class CompensatorNode(LifecycleNode):
                 f'parameter law: must be one of {", ".join(LAWS)}, not {self._of("law")!r}')
         models = self._load(names_in(self._of('model_files')))
         law = CompensationLaw(models, *self._tuning(), gravity=self._of('gravity'))
-        _warm_up(law, len(self._joints))
+        warm_up(law, len(self._joints))
         simulated = self.get_parameter('use_sim_time').value
         self._loop = CompensationLoop(
             self._joints, law, CommandPort(self, [0.0] * len(models)), self._faults,
@@ -369,37 +371,6 @@ class CompensatorNode(LifecycleNode):
                 for signal in signals]
             found.append((self._joints[number], effect, reasons or ['its value is not finite']))
         return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in found]
-
-
-def _try(model, gravity, path):
-    """Let a model run in a law of its own for a movement to and fro.
-
-    Raises
-    ------
-    InputError
-        If that ends in anything but currents.
-    """
-    try:
-        law = CompensationLaw([model], gravity=gravity)
-        for k in range(_TRIAL):
-            angle = 0.02 * k
-            current = law.update(
-                1e-3 * k, [math.sin(angle)], [20.0 * math.cos(angle)], [1.0 - k % 3],
-                temperature=[25.0])
-            if not np.isfinite(current).all():
-                raise InputError('its currents are not finite')
-    except InputError as error:
-        raise InputError(f'{path}: {error}') from None
-    except Exception as error:
-        raise InputError(f'{path}: the law cannot use it: {error!r}') from None
-
-
-def _warm_up(law, joints):
-    """Have everything compiled before the first sample."""
-    zeros = np.zeros(joints)
-    law.update(0.0, zeros, zeros, zeros)
-    law.update(0.0, zeros, None, zeros)
-    law.reset()
 
 
 def main(argv=None):

@@ -1,22 +1,28 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads models while the control loop goes on: in a thread of their own, within a time limit."""
+"""Loads and tries models while the control loop goes on, in a thread of their own."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
+import math
 import threading
 import time
 from typing import Any
 
+import numpy as np
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 
+from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
 
 # s that files may take to be read and checked.
 PATIENCE = 10.0
+# Samples for which a model is tried before it is taken over.
+_TRIAL = 300
 
 
 class Loading:
@@ -68,6 +74,37 @@ class Loading:
         if found[1] is not None:
             raise found[1]
         return found[0]
+
+
+def try_model(model: FrictionModel, gravity: str, path: str) -> None:
+    """Let a model run in a law of its own for a movement to and fro.
+
+    Raises
+    ------
+    InputError
+        If that ends in anything but currents.
+    """
+    try:
+        law = CompensationLaw([model], gravity=gravity)
+        for k in range(_TRIAL):
+            angle = 0.02 * k
+            current = law.update(
+                1e-3 * k, [math.sin(angle)], [20.0 * math.cos(angle)], [1.0 - k % 3],
+                temperature=[25.0])
+            if not np.isfinite(current).all():
+                raise InputError('its currents are not finite')
+    except InputError as error:
+        raise InputError(f'{path}: {error}') from None
+    except Exception as error:
+        raise InputError(f'{path}: the law cannot use it: {error!r}') from None
+
+
+def warm_up(law: CompensationLaw, joints: int) -> None:
+    """Have everything compiled before the first sample."""
+    zeros = np.zeros(joints)
+    law.update(0.0, zeros, zeros, zeros)
+    law.update(0.0, zeros, None, zeros)
+    law.reset()
 
 
 class _Turn:

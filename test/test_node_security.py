@@ -1,0 +1,97 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The SROS 2 policy: each node has the rights that it uses, and no others."""
+
+from collections import defaultdict
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.xml'
+# Rights that a node uses at times only: in a simulation, during a goal, in lockstep.
+AT_TIMES = {('plant', 'publish', '/clock'), ('identification', 'publish', '/current_command'),
+            ('exercise', 'subscribe', '/joint_states'),
+            *((node, 'subscribe', '/clock') for node in (
+                'compensator', 'identification', 'exercise', 'recorder'))}
+CHILDREN = {'policy': {'enclaves'}, 'enclaves': {'enclave'}, 'enclave': {'profiles'},
+            'profiles': {'profile'}, 'profile': {'topics', 'services', 'actions'},
+            'topics': {'topic'}, 'services': {'service'}, 'actions': {'action'}}
+RIGHTS = {'topics': {'publish', 'subscribe'}, 'services': {'reply', 'request'},
+          'actions': {'call', 'execute'}}
+
+
+def rights():
+    """Return {node: {kind of right: names}}, actions in the topics and services they stand for."""
+    found = defaultdict(lambda: defaultdict(set))
+    for profile in ElementTree.parse(POLICY).iter('profile'):
+        node = profile.get('node')
+        for group in profile:
+            for kind in group.attrib:
+                for item in group:
+                    name = item.text.replace('~/', f'/{node}/')
+                    name = name if name.startswith('/') else f'/{name}'
+                    if kind == 'execute':
+                        found[node]['publish'] |= {
+                            f'{name}/_action/{end}' for end in ('feedback', 'status')}
+                        found[node]['reply'] |= {
+                            f'{name}/_action/{end}'
+                            for end in ('cancel_goal', 'get_result', 'send_goal')}
+                    else:
+                        found[node][kind].add(name)
+    return found
+
+
+def test_follows_the_schema():
+    """As sros2's policy.xsd has it: order, names and values."""
+    root = ElementTree.parse(POLICY).getroot()
+    assert (root.tag, root.attrib) == ('policy', {'version': '0.2.0'})
+    for element in root.iter():
+        assert {child.tag for child in element} <= CHILDREN.get(element.tag, set())
+        if element.tag in RIGHTS:
+            assert len(element)
+            assert set(element.attrib) <= RIGHTS[element.tag]
+            assert set(element.attrib.values()) == {'ALLOW'}
+    paths = [enclave.get('path') for enclave in root.iter('enclave')]
+    assert len(paths) == len(set(paths))
+
+
+def test_few_may_command_a_current_or_announce_a_direction():
+    table = rights()
+    commanders = {node for node, has in table.items() if '/current_command' in has['publish']}
+    assert commanders == {'compensator', 'identification'}
+    planners = {node for node, has in table.items()
+                if has['publish'] & {'/direction', '/direction_stamped'}}
+    assert planners == {'exercise'}
+    listeners = {node for node, has in table.items() if '/interaction_wrench' in has['subscribe']}
+    assert listeners == {'recorder'}, 'the torque sensor is for evaluation only'
+
+
+@pytest.mark.slow
+def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
+    pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+    pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
+    from ros_system import MODELS, own_domain, probe_node, Process
+    one = {'joints': ['elbow'], 'model_files': MODELS[:1]}
+    starts = {'plant': one, 'compensator': one, 'identification': one,
+              'exercise': {'joints': ['elbow']}, 'recorder': {'output': str(tmp_path / 'bag')}}
+    with own_domain(), probe_node() as probe:
+        for name, parameters in starts.items():
+            with Process(tmp_path / 'logs', name, parameters):
+                allowed = {kind: names for kind, names in rights()[name].items() if names}
+                questions = {
+                    'publish': probe.get_publisher_names_and_types_by_node,
+                    'subscribe': probe.get_subscriber_names_and_types_by_node,
+                    'reply': probe.get_service_names_and_types_by_node}
+
+                def used(kind, ask, name=name):
+                    if name not in probe.get_node_names():
+                        return set()
+                    return {topic for topic, _ in ask(name, '/')}
+
+                def unused(name=name, allowed=allowed, questions=questions):
+                    return {(name, kind, topic) for kind, ask in questions.items()
+                            for topic in allowed.get(kind, set()) - used(kind, ask)}
+                probe.until(lambda unused=unused: unused() <= AT_TIMES, f'all of {name}')
+                for kind, ask in questions.items():
+                    assert used(kind, ask) <= allowed.get(kind, set())
