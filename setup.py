@@ -69,6 +69,7 @@ setup(
         *shared('launch', '*.launch.py'),
         *shared('config', '*.yaml'),
         *shared('config/exercises', '*.yaml'),
+        *shared('config/layouts', '*.json', '*.xml'),
         *shared('msg_docs', '*.md'),
         *shared('sros2', '*.xml'),
         *executables(),

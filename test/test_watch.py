@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live page: what it shows of a recording, played and sought, and to whom it is served."""
 
+import json
 import re
 import socket
 import subprocess
 import sys
 import time
 from urllib.request import urlopen
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -19,9 +21,10 @@ from bokeh.models import ColumnDataSource, Select, Slider, Toggle
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring.checkup import TYPES
 from friction_comp.package_files import package_file
 from friction_comp.recordings import write_samples
-from friction_comp.reports.live_page import live_page, SIGNALS
+from friction_comp.reports.live_page import drawn, live_page, SIGNALS
 from friction_comp.samples import Samples
 from friction_comp.tools import watch
 
@@ -97,6 +100,20 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
     assert not play.active, 'it stops at the end'
 
 
+def test_no_line_across_a_gap_and_no_residual_at_rest(feed):
+    data = feed.window('elbow', 12.0, 12.0)
+    cut = {name: np.delete(values, slice(300, 400)) for name, values in data.items()}
+    shown = drawn(cut)
+    assert len(shown['time']) == len(cut['time']) + 1
+    assert (np.diff(shown['time']) > 0).all()
+    assert np.isnan(shown['position'][300])
+    at_rest = np.abs(shown['velocity']) < 0.01
+    assert at_rest.any()
+    assert np.isnan(shown['residual'][at_rest]).all()
+    moving = np.abs(shown['velocity']) > 0.02
+    assert np.isfinite(shown['residual'][moving]).all()
+
+
 def test_served_to_this_machine_alone_without_anything_from_elsewhere(recording):
     process = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'watch', str(recording), '--port', '0'],
@@ -127,3 +144,17 @@ def test_what_cannot_be_used_is_named(recording, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, 'bokeh', None)
     with pytest.raises(InputError, match=r'pip install'):
         watch.main([str(recording)])
+
+
+def test_the_layouts_of_other_viewers_name_topics_of_this_package():
+    folder = package_file('config', 'layouts')
+    layout = json.loads((folder / 'foxglove_lichtblick.json').read_text(encoding='utf-8'))
+
+    def panels(node):
+        return [node] if isinstance(node, str) else panels(node['first']) + panels(node['second'])
+    assert sorted(panels(layout['layout'])) == sorted(layout['configById'])
+    paths = [path['value'] for panel in layout['configById'].values()
+             for path in panel.get('paths', ())]
+    curves = [curve.get('name') for curve in ElementTree.parse(
+        folder / 'plotjuggler.xml').iter('curve')]
+    assert {re.match(r'/(\w+)', name)[1] for name in paths + curves} <= set(TYPES)

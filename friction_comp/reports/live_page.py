@@ -35,9 +35,12 @@ _PLOTS = (
     ('Velocity (rad/s)', (('velocity', 'joint', '#0072B2'),
                           ('reference_velocity', 'reference', '#E69F00'))),
     ('Direction', (('direction', 'announced', '#CC79A7'),)),
-    ('Residual (A)', (('residual', 'measured - model', '#D55E00'),)))
+    ('Residual (A)', (('residual', 'measured - model, in motion', '#D55E00'),)))
 _TABLE = ('position', 'velocity', 'direction', 'current', 'torque', 'load', 'residual')
 _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
+# s without data over which no line is drawn, and rad/s below which friction is not what the model
+# says but what balances the rest.
+_GAP, _STANDSTILL = 0.25, 0.01
 # ms between two looks, and the shares of real time at which a recording may play.
 _PERIOD = 200
 _SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')
@@ -159,7 +162,8 @@ class _Page:
             self._joint.options = list(self._feed.joints)
             self._joint.value = self._joint.value or _first(self._feed.joints)
         if self._joint.value:
-            self._source.data = self._feed.window(self._joint.value, self._at, self._length)
+            self._source.data = drawn(
+                self._feed.window(self._joint.value, self._at, self._length))
         last = {joint: self._feed.window(joint, self._at, 1.0) for joint in self._feed.joints}
         self._overview.data = {'joint': list(last), **{
             name: [float(data[name][-1]) if len(data[name]) else float('nan')
@@ -167,6 +171,17 @@ class _Page:
         self._status.text = ' '.join(
             f'<span style="color:{_LEVELS[level]};margin-right:1.5em"><b>{_safe(name)}</b>: '
             f'{_safe(words)}</span>' for level, name, words in self._feed.status())
+
+
+def drawn(data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return signals with a break where data are missing, and the residual of motion alone."""
+    still = ~(np.abs(data['velocity']) > _STANDSTILL)
+    data = {**data, 'residual': np.where(still, np.nan, data['residual'])}
+    gaps = np.nonzero(np.diff(data['time']) > _GAP)[0] + 1
+    broken = {name: np.insert(values, gaps, np.nan) for name, values in data.items()}
+    # Between its neighbours, so that times go on increasing.
+    broken['time'] = np.insert(data['time'], gaps, data['time'][gaps - 1] + 0.5 * _GAP)
+    return broken
 
 
 def _first(joints: list[str]) -> str:
