@@ -73,7 +73,7 @@ class ArmFit:
         Current per torque of each joint, A per N·m.
     friction : ndarray, shape (J, 4)
         Offset A, Coulomb A, viscous A·s/rad and rotor A·s²/rad, as far as the fit needs them.
-    differentiation : dict[str, Any]
+    differentiation : dict
         How velocity and acceleration were had of the recording.
     strength : float
         Of the regularisation.

@@ -45,7 +45,7 @@ class Chain:
         Joints of the file that are taken to stand still.
     unknown : list of str
         Joints that the file does not describe, such as those of a gripper.
-    names : dict[str, Any] of str to str
+    names : dict of str to str
         Name in the file of each joint that it describes.
 
     Raises

@@ -15,7 +15,8 @@ from typing import Any
 from numba import float64, njit, types
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, SHARPEST_LIVE
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.live_term import SHARPEST_LIVE
 from friction_comp.model.effects.scene import Signals
 
 SIGNATURE = float64(

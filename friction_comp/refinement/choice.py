@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -93,13 +94,13 @@ class Choice:
     data: FitData
     bases: list[Fit]
     steps: list[Step]
-    left: list
+    left: list[Any]
     usable: np.ndarray
     control: Control
     stopped: str
 
 
-def choose(question: Question, settings: dict) -> Choice:
+def choose(question: Question, settings: dict[str, Any]) -> Choice:
     """Choose the effects, and fit the model with them to all samples.
 
     Parameters
@@ -161,7 +162,8 @@ def beginning(data: FitData, fold: int, terms: list[Term]) -> Fit:
     return Fit(data, fit.rows, fit.steepness, terms) if terms else fit
 
 
-def moving(samples: Samples, clipped: np.ndarray, slowest: float, settings: dict) -> np.ndarray:
+def moving(samples: Samples, clipped: np.ndarray, slowest: float,
+           settings: dict[str, Any]) -> np.ndarray:
     """Return which samples tell of friction, shape (N,).
 
     Raises
@@ -189,7 +191,7 @@ def confirmed(data: FitData, found: Chosen) -> Fit:
         prune(data, found)
 
 
-def remaining(data: FitData, fits: list[Fit], slowest: float, floor: float):
+def remaining(data: FitData, fits: list[Fit], slowest: float, floor: float) -> Any:
     """Return what the held-out residual still depends on, and whether that is large."""
     residual = held_out_residual(data, fits)
     left = left_over(data, residual, slowest, floor)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from friction_comp.refinement.prepare.differentiation_choice import (
 )
 from friction_comp.refinement.prepare.prepared import fold_of_all
 from friction_comp.samples import Samples
+
+if TYPE_CHECKING:
+    from friction_comp.refinement.fit.effect_sum import Fit
 
 # A second pass over more samples than this would take too long.
 _TWICE = 200_000
@@ -57,7 +61,7 @@ class RefineResult:
         Held-out error in A as effects were added.
     """
 
-    report: dict
+    report: dict[str, Any]
     model: FrictionModel
     start: FrictionModel
     samples: Samples
@@ -145,13 +149,13 @@ def _without_blur(question: Question, found: Choice) -> Choice:
     return other if errors[1] < _AS_GOOD * errors[0] else found
 
 
-def _result(question: Question, found: Choice, settings: dict) -> RefineResult:
+def _result(question: Question, found: Choice, settings: dict[str, Any]) -> RefineResult:
     """Return what was found, or the start where that is as good on data not fitted."""
     model, drive, data = question.model, question.drive, found.data
     samples, usable = differentiate(question.raw, settings), found.usable
     fold = fold_of_all(data, len(samples))
 
-    def held_out(pair):
+    def held_out(pair: list[Fit]) -> np.ndarray:
         residual = np.empty(len(samples))
         for side, fit in enumerate(pair):
             rows = fold == side

@@ -31,7 +31,7 @@ class ArmResult:
     Attributes
     ----------
     fit : ArmFit
-    results : dict[str, Any] of str to RefineResult
+    results : dict of str to RefineResult
         By joint; the models hold the arm where they need it.
     notes : list of str
         What a reader should know: joints left out or locked.
@@ -67,11 +67,11 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
 
     Parameters
     ----------
-    recorded : dict[str, Any] of str to list of Samples
+    recorded : dict of str to list of Samples
         Each joint's recordings, with `arm`.
     urdf : path-like
-    drives : dict[str, Any] of str to Drive, optional
-    models : dict[str, Any] of str to FrictionModel, optional
+    drives : dict of str to Drive, optional
+    models : dict of str to FrictionModel, optional
         Where to start.
     declared : bool
         Whether torque constants and gear ratios of the drives are known, so that the links are

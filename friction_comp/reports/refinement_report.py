@@ -195,7 +195,9 @@ def averages(x: np.ndarray, y: np.ndarray, number: int = 40) -> tuple[np.ndarray
     order = np.argsort(x, kind='stable')
     pieces = [piece for piece in np.array_split(order, number) if len(piece)]
     wide = 0.1 * float(np.ptp(x))
-    middles, means, last = [], [], -np.inf
+    middles: list[float] = []
+    means: list[float] = []
+    last = -np.inf
     for piece in pieces:
         own = x[piece]
         cuts = np.nonzero(np.diff(own) > wide)[0] + 1

@@ -3,13 +3,14 @@
 """Effects that a model can have beside the sigmoid: one file each, and one line in the list."""
 
 from friction_comp.model.effects.actuation_lag import ActuationLag
-from friction_comp.model.effects.base import Effect, LiveTerm
+from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.bump import Bump
 from friction_comp.model.effects.direction_asymmetry import DirectionAsymmetry
 from friction_comp.model.effects.gravity import Gravity
 from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.effects.inertia import Inertia
 from friction_comp.model.effects.inner_load import InnerLoadFriction
+from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.model.effects.load_effects import LoadFriction, LoadTorque
 from friction_comp.model.effects.other_joints import (
     CarriedLoadFriction,

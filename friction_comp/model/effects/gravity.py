@@ -53,7 +53,7 @@ class Gravity(Effect):
                 'offset or a spring, and slow ripple cannot be seen.')
 
     @classmethod
-    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
+    def load_share(cls, coefficients: Sequence[float] | np.ndarray, constants: dict[str, float]
                    ) -> dict[str, float]:
         """Return cos and sin of the joint angle, A."""
         return {'cosine': coefficients[0], 'sine': coefficients[1]}

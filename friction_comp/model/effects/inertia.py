@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
+import numpy as np
+
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.scene import CARRIES
 
@@ -39,7 +41,7 @@ class Inertia(Effect):
         return (x.acceleration,)
 
     @classmethod
-    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
+    def load_share(cls, coefficients: Sequence[float] | np.ndarray, constants: dict[str, float]
                    ) -> dict[str, float]:
         """Return the current per acceleration, A·s²/rad."""
         return {'inertia': coefficients[0]}

@@ -44,7 +44,8 @@ class InnerLoadFriction(Effect):
                 for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
 
     @classmethod
-    def carrying(cls, constants: dict, shares: Iterable[dict[str, float]]) -> dict:
+    def carrying(cls, constants: dict[str, Any],
+                 shares: Iterable[dict[str, float]]) -> dict[str, Any]:
         """Return the constants with the load of others in them.
 
         Parameters

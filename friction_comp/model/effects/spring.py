@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
+import numpy as np
+
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.scene import CARRIES
 
@@ -40,7 +42,7 @@ class Spring(Effect):
         return True
 
     @classmethod
-    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
+    def load_share(cls, coefficients: Sequence[float] | np.ndarray, constants: dict[str, float]
                    ) -> dict[str, float]:
         """Return slope in A per rad and what it amounts to at position zero."""
         return {'slope': coefficients[0], 'offset': -coefficients[0] * constants['position']}

@@ -17,7 +17,7 @@ from scipy.special import expit
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
     from friction_comp.model.effects.scene import Scene, Search
-    from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.refinement.prepare.fit_data import Measured
     from friction_comp.samples import Samples
 
 # Residuals beyond this many standard deviations weigh less (Huber 1964 has 1.345 for 95 %
@@ -129,7 +129,7 @@ class Fit:
         need not be the sigmoid's own. That of the sigmoid when omitted.
     """
 
-    def __init__(self, data: FitData, rows: np.ndarray, steepness: float,
+    def __init__(self, data: Measured, rows: np.ndarray, steepness: float,
                  terms: Sequence[Term] = (), offset: np.ndarray | None = None,
                  transition: float | None = None) -> None:
         self.data, self.rows, self.steepness = data, rows, steepness
@@ -137,7 +137,8 @@ class Fit:
         self.index = np.nonzero(rows)[0]
         self.transition = transition or 2.0 / steepness
         self.terms = [term.turned(self.transition) for term in terms]
-        self._basis = self._pick = None
+        self._basis: tuple[Any, ...] | None = None
+        self._pick: tuple[Samples, Samples] | None = None
         self.refresh()
 
     def copy(self) -> Fit:
@@ -148,7 +149,7 @@ class Fit:
 
     def forget(self) -> None:
         """Drop what was kept of the samples, for they are others now."""
-        self._pick: tuple[Samples, Samples] | None = None
+        self._pick = None
 
     def own_coefficients(self) -> list[np.ndarray]:
         """Return the coefficients in A of the base and of each term."""
@@ -177,7 +178,7 @@ class Fit:
             signs += own + [0] * (part.shape[1] - len(own))
         return signs
 
-    def refresh(self):
+    def refresh(self) -> None:
         """Compute all columns anew and solve."""
         self.fill()
         self.solve()
@@ -240,7 +241,7 @@ class Fit:
         self.weights = weights
         self.prediction = matrix @ self.coefficients
         self.residual = self.target - self.prediction
-        self._basis: tuple[Any, ...] | None = None
+        self._basis = None
 
     def with_term(self, term: Term) -> Fit:
         """Return a copy with one more term, solved."""
@@ -276,7 +277,7 @@ class Fit:
         twin._basis = None
         return twin
 
-    def basis(self, every=1):
+    def basis(self, every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return orthonormal weighted columns and the weighted residual on the fitted rows."""
         if self._basis is None or self._basis[0] != every:
             index = self.index[::every]
@@ -355,7 +356,7 @@ def bracket(how: Search, value: float, constants: dict[str, Any],
     how : Search
     value : float
         The constant's value now.
-    constants : dict[str, Any]
+    constants : dict
         All constants of the term.
     scene : Scene
     """
@@ -365,7 +366,7 @@ def bracket(how: Search, value: float, constants: dict[str, Any],
     return value - half, value + half, float
 
 
-def first_fit(data: FitData, rows: np.ndarray, offset: np.ndarray | None = None,
+def first_fit(data: Measured, rows: np.ndarray, offset: np.ndarray | None = None,
               most_rows: int = 8000) -> Fit:
     """Return the fit of the sigmoid alone, its steepness searched on a grid."""
     speed = data.scene.speed

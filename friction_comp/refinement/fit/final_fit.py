@@ -147,7 +147,7 @@ def to_model(fit: Fit, samples: Samples | None, usable: np.ndarray | None, drive
     samples, usable : Samples and ndarray of bool, or None
         Full set of samples to fit the coefficients to once more, the constants kept.
     drive : Drive
-    settings : dict[str, Any]
+    settings : dict
         How velocity was had of position.
     """
     if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:

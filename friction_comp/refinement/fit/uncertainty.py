@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -37,7 +38,7 @@ class _Knob:
     changed: Callable[[float], FrictionModel]
 
 
-def intervals(model: FrictionModel, data: FitData) -> list[dict]:
+def intervals(model: FrictionModel, data: FitData) -> list[dict[str, Any]]:
     """Return the 95 % interval of every parameter of every effect, as their `parameters` are.
 
     Parameters
@@ -56,14 +57,15 @@ def intervals(model: FrictionModel, data: FitData) -> list[dict]:
     bounds = _half_widths(model, knobs, data)
     found = []
     for place, effect in enumerate(model.effects):
-        entry: dict = {name: [value, value] for name, value in effect.values.items()}
+        entry: dict[str, Any] = {name: [value, value] for name, value in effect.values.items()}
         entry['coefficients'] = [[value, value] for value in effect.coefficients]
         for knob, half in zip(knobs, bounds):
             if knob.place != place:
                 continue
             if not np.isfinite(half):
                 # The data do not tell it: the effect is the same with any value.
-                low_high = [None, None] if knob.name != 'coefficients' else [knob.value] * 2
+                told = None if knob.name != 'coefficients' else knob.value
+                low_high = [told, told]
             else:
                 low_high = [float(knob.value - half), float(knob.value + half)]
             if knob.name == 'coefficients':
@@ -85,16 +87,16 @@ def _knobs(model: FrictionModel) -> list[_Knob]:
                 knobs.append(_Knob(place, name, 0, effect.values[name],
                                    _changer(model, place, name=name)))
     for name in ('upper', 'lower', 'viscous', 'steepness'):
-        def changed(value, name=name):
+        def changed(value: Any, name: Any = name) -> Any:
             return replace(model, sigmoid=replace(model.sigmoid, **{name: value}))
         knobs.append(_Knob(-1, name, 0, getattr(model.sigmoid, name), changed))
     return knobs
 
 
-def _changer(model, place, number=None, name=None):
+def _changer(model: Any, place: Any, number: Any | None = None, name: Any | None = None) -> Any:
     effect = model.effects[place]
 
-    def changed(value):
+    def changed(value: Any) -> Any:
         coefficients = list(effect.coefficients)
         values = dict(effect.values)
         if name is None:
@@ -122,9 +124,9 @@ def _half_widths(model: FrictionModel, knobs: list[_Knob], data: FitData) -> np.
         slopes[:, column] = (moved - predicted)[rows] / step
     size = np.sqrt(np.mean(slopes ** 2, axis=0))
     seen = np.nonzero(np.isfinite(size) & (size > 0))[0]
-    kept: list[int] = []
+    kept: list[Any] = []
     basis = np.empty((len(slopes), 0))
-    for column in seen:
+    for column in seen.tolist():
         own = slopes[:, column] / size[column]
         rest = own - basis @ (basis.T @ own)
         rest = rest - basis @ (basis.T @ rest)

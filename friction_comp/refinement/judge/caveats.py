@@ -76,7 +76,7 @@ def warnings(samples: Samples, scene: Scene) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def ambiguities(samples: Samples, usable: np.ndarray, steps: list[Step]) -> list[dict]:
+def ambiguities(samples: Samples, usable: np.ndarray, steps: list[Step]) -> list[dict[str, Any]]:
     """Return entries of report.json's `ambiguous`.
 
     Parameters

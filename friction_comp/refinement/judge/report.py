@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -63,15 +64,15 @@ class Outcome:
     before: np.ndarray
     after: np.ndarray
     trail: list[tuple[str, float]]
-    left: list
+    left: list[Any]
     control: Control
     stopped: str
     given: bool
     unit: str
-    settings: dict
+    settings: dict[str, Any]
 
 
-def report_of(outcome: Outcome) -> dict:
+def report_of(outcome: Outcome) -> dict[str, Any]:
     """Return the content of report.json."""
     o, samples, usable = outcome, outcome.samples, outcome.usable
     left, clip = list(o.left), clipping(samples, o.clipped)
@@ -109,7 +110,7 @@ def report_of(outcome: Outcome) -> dict:
     return report
 
 
-def _effects(o: Outcome) -> list[dict]:
+def _effects(o: Outcome) -> list[dict[str, Any]]:
     """Return the entries of the effects; ripples of one family are one entry with their base."""
     first = len(o.start.effects)
     own = o.model.effects[first:] if o.steps else []
@@ -130,7 +131,7 @@ def _effects(o: Outcome) -> list[dict]:
     return [entry for place, entry in enumerate(entries) if place not in dropped]
 
 
-def _family_entry(own: list, entries: list[dict], family: Family) -> dict:
+def _family_entry(own: list[Any], entries: list[dict[str, Any]], family: Family) -> dict[str, Any]:
     places = sorted(family.orders)
     orders = sorted(set(family.orders.values()))
     leading = entries[places[0]]
@@ -157,7 +158,7 @@ def _family_entry(own: list, entries: list[dict], family: Family) -> dict:
         'formula': ' '.join(entries[place]['formula'] for place in places)}
 
 
-def _warnings(o: Outcome, clip) -> list[str]:
+def _warnings(o: Outcome, clip: Any) -> list[str]:
     found = [line for line in (o.control.law, o.control.sequence) if line]
     found += warnings(o.samples, o.data.scene)
     if clip:

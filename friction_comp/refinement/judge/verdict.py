@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from friction_comp.refinement.judge.control import Control
 from friction_comp.refinement.thresholds import TRUST_LEFT, TRUST_NOISE, TRUST_R2
@@ -36,7 +37,7 @@ class Verdict:
             self.recordings.append(recording)
 
 
-def verdict_of(report: dict, control: Control, no_friction: bool, coarse: str) -> Verdict:
+def verdict_of(report: dict[str, Any], control: Control, no_friction: bool, coarse: str) -> Verdict:
     """Return the verdict on a report.
 
     Parameters
@@ -70,7 +71,7 @@ def verdict_of(report: dict, control: Control, no_friction: bool, coarse: str) -
     return found
 
 
-def _by_errors(found: Verdict, report: dict) -> None:
+def _by_errors(found: Verdict, report: dict[str, Any]) -> None:
     after, noise = report['after'], report['noise_floor']
     if after['held_out_r2'] < TRUST_R2 and after['held_out_rmse'] > TRUST_NOISE * noise:
         found.lower(AGAIN, f"Only {100 * max(after['held_out_r2'], 0.0):.0f} % of the current are "
@@ -83,7 +84,7 @@ def _by_errors(found: Verdict, report: dict) -> None:
                     'explained yet.')
 
 
-def _by_what_is_open(found: Verdict, report: dict, coarse: str) -> None:
+def _by_what_is_open(found: Verdict, report: dict[str, Any], coarse: str) -> None:
     for entry in report['unexplained']:
         if entry['strength'] > TRUST_LEFT:
             found.lower(IN_PART, f"The remaining error goes with {entry['variable']}.")

@@ -29,7 +29,7 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
         As recorded.
     usable : ndarray of bool, shape (N,)
         Samples that may be fitted.
-    settings : dict[str, Any]
+    settings : dict
         How velocity and acceleration are had of position.
 
     Returns

@@ -70,7 +70,7 @@ def sharpest(model: FrictionModel, samples: Samples, rows: np.ndarray, settings:
         As recorded.
     rows : ndarray of bool, shape (N,)
         The samples that count.
-    settings : dict[str, Any]
+    settings : dict
         The present settings, which are kept unless others are clearly better.
     keep : ndarray of bool, shape (N,), optional
         Samples on which others must not be worse.

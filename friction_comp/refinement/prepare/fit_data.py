@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any, TYPE_CHECKING
@@ -83,7 +84,7 @@ class FitData(Measured):
         return self.usable & (self.fold != fold) & ~self.folds.guard
 
 
-def join(recordings: list[Samples]) -> Samples | None:
+def join(recordings: Sequence[Samples]) -> Samples | None:
     """Return recordings as one `Samples`, non-finite samples dropped.
 
     Raises

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -86,20 +87,20 @@ def split(samples: Samples, usable: np.ndarray, residual: np.ndarray, run: np.nd
     guard = np.zeros(len(samples), dtype=bool)
     width = min(int(length), rows // 8)
     for place in np.nonzero(np.diff(block, prepend=block[:1]))[0]:
-        guard[max(0, place - width):place + width] = True
+        guard[max(0, int(place) - width):int(place) + width] = True
     words = (f'{before} stretches of about {rows * step:.2g} s in turn, each half predicted by the '
              f'model fitted on the other half, with {2 * width * step:.2g} s beside every edge not '
              'fitted')
     return Folds(run, block % 2, guard, words + last)
 
 
-def _whole_runs(samples, usable, run):
+def _whole_runs(samples: Any, usable: Any, run: Any) -> Any | None:
     """Return folds of whole runs, the larger ones dealt first; None where halves are too uneven."""
     numbers, sums, where = np.unique(run), [0, 0], {}
     if len(numbers) < 2:
         return None
 
-    def content(number):
+    def content(number: Any) -> Any:
         rows = np.nonzero(run == number)[0]
         return (-int(usable[rows].sum()), float(samples.position[rows[0]]),
                 float(samples.current[rows[0]]))

@@ -60,7 +60,7 @@ class Step:
         What explains nearly the same, and the correlation.
     """
 
-    kind: type
+    kind: type[Effect]
     fits: list[Fit]
     held_out_rmse: float
     evidence: dict[str, Any]

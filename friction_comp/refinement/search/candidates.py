@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -55,12 +55,12 @@ def best_term(fit: Fit, kind: type[Effect]) -> Term | None:
     return best
 
 
-def best_gain(fit, kind):
+def best_gain(fit: Any, kind: Any) -> Any:
     """Return by how much the best point of a kind's grid would lower the sum of squares, A²."""
     return _on_grid(fit, kind)[1]
 
 
-def _on_grid(fit, kind):
+def _on_grid(fit: Any, kind: Any) -> Any:
     every = max(1, len(fit.index) // _COARSE_ROWS)
     if kind.spectral:
         points = _by_spectrum(fit, kind)

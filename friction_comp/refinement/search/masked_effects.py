@@ -22,6 +22,11 @@ from friction_comp.refinement.search.unlisted_products import Nameless
 from friction_comp.refinement.thresholds import ALPHA, CLEARLY_ABOVE_NOISE, LEAST_SHARE
 
 if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.refinement.fit.effect_sum import Fit
+    from friction_comp.refinement.search.candidate_fit import CandidateFit
+
+if TYPE_CHECKING:
     from friction_comp.refinement.prepare.fit_data import FitData
     from friction_comp.samples import Samples
 
@@ -90,7 +95,9 @@ def with_expected(fits: Any, kind: Any) -> Any:
     return None if any(objection(fit, -1) for fit in grown) else grown
 
 
-def hidden_expected(data, fits, residual, kinds):
+def hidden_expected(
+        data: FitData, fits: list[Fit], residual: np.ndarray,
+        kinds: list[type[Effect]]) -> tuple[type[Effect], list[Fit], dict[str, Any]] | None:
     """Return what every drive has and a larger effect without a name hides, None if there is none.
 
     Parameters
@@ -124,7 +131,8 @@ def hidden_expected(data, fits, residual, kinds):
         'beside': 'free levels over position and time, since something larger has no name'}
 
 
-def together(data, fits, residual, trials, kinds, least):
+def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[CandidateFit],
+             kinds: list[type[Effect]], least: float) -> CandidateFit | None:
     """Return the fits with two effects that help only together, None if there are no such.
 
     Load torque that is not in the model hides friction that grows with the load, and the other way

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, TYPE_CHECKING
 
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import Fit, robust_scale
@@ -29,6 +30,9 @@ from friction_comp.refinement.thresholds import (
     REVISIONS,
     STAND_IN,
 )
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
 
 
 def search(data: FitData, bases: Sequence[Fit], report: Report | None = None
@@ -85,7 +89,7 @@ def refitted(fits: Sequence[Fit], place: int) -> list[Fit]:
     return [optimizer.gauss_newton_restarted(fit.without(place)) for fit in fits]
 
 
-def evidence_of(data: FitData, chosen: Chosen, place: int) -> tuple[dict, list[Fit]]:
+def evidence_of(data: FitData, chosen: Chosen, place: int) -> tuple[dict[str, Any], list[Fit]]:
     """Return the evidence of a term in the whole, and the fits without it."""
     full = held_out_residual(data, chosen.fits)
     poorer = refitted(chosen.fits, place)
@@ -163,7 +167,7 @@ def _replacement(data: FitData, chosen: Chosen, place: int) -> CandidateFit | No
     return best
 
 
-def _beside_product(data, bases, chosen, report):
+def _beside_product(data: Any, bases: Any, chosen: Any, report: Any) -> Any:
     """Return what has a name beside a product of variables, if the product is needed."""
     product = chosen.product
     residual = held_out_residual(data, list(bases))
@@ -192,7 +196,7 @@ def _beside_product(data, bases, chosen, report):
     return bare, product
 
 
-def objections(fit: Fit, first: int, granted: Sequence[type] = ()) -> list[tuple[int, str]]:
+def objections(fit: Fit, first: int, granted: Sequence[type[Effect]] = ()) -> list[tuple[int, str]]:
     """Return which terms of a finished fit physics does not allow, and why."""
     found = []
     for place in range(first, len(fit.terms)):

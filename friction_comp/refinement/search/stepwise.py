@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +34,9 @@ from friction_comp.refinement.thresholds import (
     PRODUCT_ROUNDS,
 )
 
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+
 Report = Callable[[float, str], None]
 
 
@@ -57,13 +61,13 @@ class Chosen:
 
     fits: list[Fit]
     first: int
-    granted: dict[type, dict] = field(default_factory=dict)
-    rivals: dict[type, list] = field(default_factory=dict)
-    product: type | None = None
+    granted: dict[type[Effect], dict[str, Any]] = field(default_factory=dict)
+    rivals: dict[type[Effect], list[Any]] = field(default_factory=dict)
+    product: type[Effect] | None = None
     stopped: str = ''
 
     @property
-    def kinds(self) -> list[type]:
+    def kinds(self) -> list[type[Effect]]:
         """The kinds of effects that were chosen."""
         return [term.kind for term in self.fits[0].terms[self.first:]]
 
@@ -81,7 +85,7 @@ def least_advantage(data: FitData) -> float:
     return float(LEAST_SIZE * rms(data.samples.current[data.usable])) ** 2
 
 
-def grow(data: FitData, chosen: Chosen, without: Sequence[type] = (),
+def grow(data: FitData, chosen: Chosen, without: Sequence[type[Effect]] = (),
          report: Report | None = None) -> Chosen:
     """Add the best effect again and again, as long as held-out data call for it.
 
@@ -132,7 +136,7 @@ def grow(data: FitData, chosen: Chosen, without: Sequence[type] = (),
     return chosen
 
 
-def _grow_masked(data, chosen, residual, trials, kinds, least):
+def _grow_masked(data: Any, chosen: Any, residual: Any, trials: Any, kinds: Any, least: Any) -> Any:
     """Add what shows only beside something else; tell whether there was any."""
     hidden = hidden_expected(data, chosen.fits, residual, kinds)
     if hidden is not None:
@@ -163,7 +167,7 @@ def first_sound(data: FitData, residual: np.ndarray, loss: float, least: float,
     number : int
         How many kinds were tried.
     """
-    def deserves(trial):
+    def deserves(trial: Any) -> Any:
         return (trial.p_value < chance_of(trial.kind, number)
                 and trial.advantage > max(least_share(trial, data) * loss, least))
     left = [trial for trial in trials if deserves(trial)]
@@ -211,7 +215,7 @@ def alike(data: FitData, first: CandidateFit, second: CandidateFit) -> bool:
 
 
 def find_rivals(data: FitData, chosen: CandidateFit, trials: list[CandidateFit],
-                residual: np.ndarray) -> list[tuple[type, float]]:
+                residual: np.ndarray) -> list[tuple[type[Effect], float]]:
     """Return effects of another variable that the data cannot tell from the chosen one.
 
     Returns

@@ -1,0 +1,115 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""An effect as it is fed back, one sample at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from friction_comp.model.effects.scene import Signals
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+
+SHARPEST_LIVE = 0.01
+"""Velocity in rad/s over which what is fed back changes its sign at the soonest."""
+
+
+class LiveTerm:
+    """An effect as the compensator evaluates it, one sample at a time.
+
+    Parameters
+    ----------
+    effect : Effect
+
+    Attributes
+    ----------
+    needs : tuple of str
+        Live signals beyond position and velocity that it cannot do without.
+    sees_history : bool
+        Whether asking it changes it, so that it cannot be asked what it would be elsewhere.
+    """
+
+    def __init__(self, effect: Effect) -> None:
+        values = effect.live_constants(effect.values)
+        self._effect, self._constants = effect, effect.Constants(**values)
+        self._transition = values.get('transition')
+        self.needs, self.sees_history = effect.needs, effect.sees_history
+        self._began: float | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the motion; the clock keeps running, for a reset does not cool the motor."""
+        self._state: float | None = None
+        self._time = self._position = 0.0
+
+    def update(self, time: float, position: float, velocity: float,
+               temperature: float | None = None, load: float | None = None,
+               rigid_body: float | None = None, coupling: float | None = None) -> float:
+        """Return the current in A for this sample.
+
+        Parameters
+        ----------
+        time, position, velocity : float
+            s, rad, rad/s.
+        temperature, load : float, optional
+            Degrees Celsius and N·m.
+        rigid_body, coupling : float, optional
+            What the arm asks of the joint at rest, N·m and A.
+        """
+        if self._began is None or time < self._began:
+            self._began = time
+        side = math.tanh(velocity / self._transition) if self._transition else 0.0
+        state = self._remember(time, position, velocity) if self.sees_history else 0.0
+        # By position, in the order of the fields: by name it takes twice as long.
+        x = Signals(time - self._began, position, velocity, 0.0, load, temperature, side, state,
+                    rigid_body, coupling)
+        total = 0.0
+        for gain, column in zip(self._effect.coefficients,
+                                self._effect.columns(x, self._constants)):
+            total += gain * column
+        if self._effect.fades_at_rest:
+            total *= abs(math.tanh(velocity / SHARPEST_LIVE))
+        return float(total)
+
+    def both_sides(self, time: float, position: float, speed: float,
+                   temperature: float | None = None, load: float | None = None,
+                   rigid_body: float | None = None, coupling: float | None = None
+                   ) -> tuple[float, float]:
+        """Return the current in A in the positive and in the negative direction of sliding.
+
+        As if the joint had slid far enough to have turned round; how it turns round is left to
+        whoever asks. A memory that knows no direction is the one of this sample.
+
+        Parameters
+        ----------
+        time, position : float
+            s, rad.
+        speed : float
+            rad/s.
+        temperature, load, rigid_body, coupling : float, optional
+            As for `update`.
+        """
+        began = time if self._began is None or time < self._began else self._began
+        c, effect = self._constants, self._effect
+        state = self._remember(time, position, speed) if self.sees_history else 0.0
+        values = []
+        for side in (1.0, -1.0):
+            turned = float(effect.start(side, c))
+            x = Signals(time - began, position, side * abs(speed), 0.0, load, temperature, side,
+                        turned if turned != 0.0 else state, rigid_body, coupling)
+            values.append(float(sum(
+                gain * column for gain, column in zip(effect.coefficients, effect.columns(x, c)))))
+        self._began = began
+        return values[0], values[1]
+
+    def _remember(self, time: float, position: float, velocity: float) -> float:
+        if self._state is None:
+            self._state = float(self._effect.start(0.0, self._constants))
+        else:
+            self._state = self._effect.step(
+                self._state, max(0.0, time - self._time), position - self._position, velocity,
+                self._constants)
+        self._time, self._position = time, position
+        return self._state
