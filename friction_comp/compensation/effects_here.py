@@ -14,7 +14,8 @@ from collections.abc import Callable
 import math
 from typing import NamedTuple
 
-from friction_comp.model.effects.base import Effect, LiveTerm
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.model.effects.scene import CARRIES, RESISTS
 from friction_comp.model.friction_model import FrictionModel
 
