@@ -6,6 +6,7 @@ from pathlib import Path
 import random
 import resource
 import signal
+from types import SimpleNamespace
 
 from hypothesis import given, strategies as st
 import numpy as np
@@ -17,6 +18,7 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 import yaml
 
 from friction_comp.nodes.losses import Losses
+from friction_comp.nodes.recorded_topic import RecordedTopic
 from friction_comp.recordings import find_recordings, read_recording_with_info
 
 
@@ -147,3 +149,70 @@ def test_losses_are_counted_and_other_publishers_are_not_taken_for_them(starts, 
                 losses.see(numbers[k])
     if len(set(starts)) == len(starts):
         assert losses.count == lost
+
+
+class FakeSubscription:
+    """A subscription that is fed by hand."""
+
+    def __init__(self, callback):
+        self.callback, self.waiting, self.handle = callback, [], self
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def take_message(self, *_):
+        return self.waiting.pop(0) if self.waiting else None
+
+    def get_publisher_count(self):
+        return 1
+
+
+class FakeNode:
+    """What a RecordedTopic asks of its node, with one reliable publisher."""
+
+    def __init__(self):
+        self.made = {}
+
+    def resolve_topic_name(self, topic):
+        return f'/{topic}'
+
+    def create_subscription(self, kind, topic, callback, profile, raw):
+        self.made[profile.reliability] = FakeSubscription(callback)
+        return self.made[profile.reliability]
+
+    def destroy_subscription(self, subscription):
+        self.made = {key: one for key, one in self.made.items() if one is not subscription}
+
+    def get_publishers_info_by_topic(self, _):
+        return [SimpleNamespace(endpoint_gid=b'one', qos_profile=QoSProfile(
+            depth=1, reliability=ReliabilityPolicy.RELIABLE))]
+
+
+@given(st.integers(0, 40), st.integers(0, 3), st.integers(1, 12))
+def test_a_publisher_that_finds_one_subscription_late_is_heard_all_the_same(late, delay, burst):
+    node, heard = FakeNode(), []
+    topic = RecordedTopic(node, JointState, 'joint_states', lambda message, _: heard.append(
+        int(message)))
+    held, number = [], 0
+    for step in range(80):
+        for _ in range(burst):
+            number += 1
+            message = (str(number).encode(), {
+                'source_timestamp': number, 'publication_sequence_number': number})
+            for reliability, subscription in list(node.made.items()):
+                if reliability == ReliabilityPolicy.BEST_EFFORT:
+                    subscription.waiting.append(message)
+            if step >= late:
+                held.append((step + delay, message))
+        # What is sent reliably may take its time.
+        while held and held[0][0] <= step:
+            message = held.pop(0)[1]
+            node.made[ReliabilityPolicy.RELIABLE].waiting.append(message)
+        topic.drain()
+        topic.look()
+    assert list(node.made) == [ReliabilityPolicy.RELIABLE]
+    assert heard == list(range(1, number - delay * burst + 1))
+    assert topic.lost == 0

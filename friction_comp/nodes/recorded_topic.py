@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -20,6 +21,8 @@ DEPTH = 10_000
 _REMEMBERED = 2 * DEPTH
 # ns after which nothing comes twice any more.
 _OVERLAP = 10_000_000_000
+# Looks after which what one subscription heard must have come by the other.
+_CONFIRMED = 5
 
 Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
 _BEST_EFFORT: Offer = (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
@@ -31,8 +34,9 @@ class RecordedTopic:
     """Hears a topic with the quality of service that its publishers offer.
 
     What they offer is known only after they are found, and messages may come before. Until then
-    the topic is heard twice, reliably and with best effort; then by the one subscription that all
-    publishers serve best. While there are two, each message counts once.
+    the topic is heard twice, reliably and with best effort, and each message counts once. A
+    publisher may serve the one long before it has found the other: one is given up only when all
+    that it heard for a while has come by the other, too.
 
     Parameters
     ----------
@@ -54,7 +58,9 @@ class RecordedTopic:
         self.name = node.resolve_topic_name(topic)
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._subscriptions: dict[Offer, Any] = {}
-        self._seen: dict[tuple[int, int], None] = {}
+        self._seen: dict[tuple[int, int], set[Offer]] = {}
+        self._looks = 0
+        self._heard_at: deque[tuple[int, tuple[int, int]]] = deque(maxlen=_REMEMBERED)
         self._losses = Losses()
         self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
         for offer in (_RELIABLE, _BEST_EFFORT):
@@ -72,6 +78,7 @@ class RecordedTopic:
 
     def look(self) -> None:
         """Look who publishes, and hear them as they are heard best."""
+        self._looks += 1
         publishers = frozenset(
             (bytes(info.endpoint_gid),
              (info.qos_profile.reliability, info.qos_profile.durability))
@@ -93,13 +100,19 @@ class RecordedTopic:
         return _LASTING if lasting else _RELIABLE
 
     def _settle(self) -> None:
-        """Give up the other subscriptions once the best one is connected to all."""
+        """Give up the other subscriptions once the best one hears whatever they hear."""
         best = self._best(self._publishers)
         if self._subscriptions[best].get_publisher_count() < len(self._publishers):
+            return
+        due = []
+        while self._heard_at and self._heard_at[0][0] <= self._looks - _CONFIRMED:
+            due.append(self._heard_at.popleft()[1])
+        if not due or not all(best in self._seen.get(key, ()) for key in due):
             return
         for offer in [offer for offer in self._subscriptions if offer != best]:
             self._drain(offer)
             self._node.destroy_subscription(self._subscriptions.pop(offer))
+        self._heard_at.clear()
 
     def offered(self) -> list[dict[str, Any]]:
         """Return what the publishers offer, as a recording notes it; empty if none is known."""
@@ -110,7 +123,7 @@ class RecordedTopic:
                 for reliability, durability in sorted(found)]
 
     def _on_message(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
-        self._hear(message, info)
+        self._hear(offer, message, info)
         # The executor gives one message at a time, at the price of a look at everything.
         self._drain(offer)
 
@@ -128,17 +141,19 @@ class RecordedTopic:
                 found = subscription.handle.take_message(self._kind, True)
                 if found is None:
                     return
-                self._hear(*found)
+                self._hear(offer, *found)
 
-    def _hear(self, message: bytes, info: dict[str, Any]) -> None:
+    def _hear(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
         number = info['publication_sequence_number'] or 0
         # What the subscription that is left had still waiting may have come by the other.
         if len(self._subscriptions) > 1 or self._seen:
             key = info['source_timestamp'], number
             if key in self._seen:
+                self._seen[key].add(offer)
                 return
             if len(self._subscriptions) > 1:
-                self._seen[key] = None
+                self._seen[key] = {offer}
+                self._heard_at.append((self._looks, key))
                 if len(self._seen) > _REMEMBERED:
                     self._seen.pop(next(iter(self._seen)))
             elif info['source_timestamp'] > next(reversed(self._seen))[0] + _OVERLAP:

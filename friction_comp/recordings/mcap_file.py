@@ -146,8 +146,8 @@ class McapFile:
         while at < self.size:
             fits = self._record_at(at)
             if fits is None:
-                self.position = sure
                 following = self._next_chunk(sure)
+                self.position = at if following is None else sure
                 if self._footer is None and following is None:
                     return
                 self._strange.append(at)
@@ -164,6 +164,7 @@ class McapFile:
             if opcode == Opcode.CHUNK:
                 sure = end
                 self._release(end)
+        self.position = at
 
     def _release(self, end: int) -> None:
         """Give back the memory that the file took up to here, now and then."""
@@ -344,9 +345,10 @@ class McapFile:
         if not ended and self._footer is None:
             if not self._found:
                 raise DamagedError('it breaks off before the end of its first chunk')
+            behind = self.size - self.position
             self.notes.append(
-                f'it was not finished: {self._found} messages recovered, '
-                f'{self.size - self.position} bytes behind them are no whole chunk')
+                f'it was not finished: {self._found} messages recovered'
+                + (f', {behind} bytes behind them are no whole chunk' if behind > 0 else ''))
         elif self._footer is None:
             self.notes.append('the index at its end is missing')
         if self._expected is not None and self._found < self._expected:
