@@ -2,24 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compensator over DDS, fed by hand."""
 
-import signal
 import time
 
 import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Temperature
-from std_msgs.msg import Float64MultiArray
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from ros_system import (
-    BEST_EFFORT,
     FakeDriver,
     joint_state,
     MODELS,
     own_domain,
-    Probe,
     probe_node,
     Process,
     RELIABLE,
@@ -336,69 +332,3 @@ def test_the_current_limit_holds(driver):
     for k in range(20):
         command = driver.ask([0.0, 0.0], ZERO, base + k * 50_000_000)
     assert command[0] > 0.05
-
-
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_signals_leave_zero_current(room, number):
-    """With default quality of service, the node hears a best-effort driver."""
-    with probe_node() as probe, Process(
-            room, 'compensator', {'joints': JOINTS, 'model_files': MODELS[:2], 'law': 'paper'},
-            {'__node': f'compensator_{number}', 'joint_states': f's{number}/joint_states',
-             'direction': f's{number}/direction',
-             'current_command': f's{number}/current_command'}) as process:
-        driver = _Remapped(probe, f's{number}')
-        driver.find()
-
-        def pushed():
-            # Best effort may lose any single message.
-            driver.announce([1, 1])
-            driver.states.publish(joint_state(time.time_ns(), JOINTS, ZERO))
-            probe.spin_for(0.05)
-            return driver.commands and driver.commands[-1].data[0] > 0.05
-        probe.until(pushed, 'a current')
-        process.send(number)
-        assert process.wait() == 0
-        probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
-        assert 'Traceback' not in process.text
-
-
-class _Remapped(FakeDriver):
-    def __init__(self, probe: Probe, prefix):
-        from sensor_msgs.msg import JointState
-        from std_msgs.msg import Int8MultiArray
-        self.probe, self.joints = probe, JOINTS
-        self.states = probe.talk(JointState, f'{prefix}/joint_states', BEST_EFFORT)
-        self.directions = probe.talk(Int8MultiArray, f'{prefix}/direction', BEST_EFFORT)
-        self.commands = probe.listen(Float64MultiArray, f'{prefix}/current_command', RELIABLE)
-        self._topic = f'{prefix}/current_command'
-
-    def find(self):
-        self.probe.matched(self.states)
-        self.probe.matched(self.directions)
-        self.probe.until(lambda: self.probe.count_publishers(self._topic) == 1, 'a publisher')
-
-
-@pytest.mark.parametrize(('parameters', 'words'), [
-    ({'joints': ['a'], 'model_files': ['none.yaml']}, 'none.yaml'),
-    ({'joints': ['a', 'a'], 'model_files': MODELS[:2]}, 'joints'),
-    ({'joints': ['a'], 'model_files': MODELS[:2]}, 'model_files'),
-    ({'joints': ['a'], 'model_files': MODELS[:1], 'law': 'magic'}, 'law'),
-    ({'joints': ['a'], 'model_files': MODELS[:1], 'breakaway_gain': 3.0}, 'breakaway_gain'),
-])
-def test_starts_only_with_usable_input(room, parameters, words):
-    with Process(room, 'compensator', parameters) as process:
-        assert process.wait() == 2
-        lines = [line for line in process.text.splitlines() if line.startswith('compensator: ')]
-        assert len(lines) == 1
-        assert words in lines[0]
-        assert 'Traceback' not in process.text
-
-
-def test_waits_for_its_manager_without_autostart(room):
-    with probe_node() as probe, Process(
-            room, 'compensator', {**START, 'autostart': False}, {'__node': 'managed'}):
-        assert probe.state_of('managed') == 'unconfigured'
-        assert probe.transition('managed', 'configure')
-        assert probe.state_of('managed') == 'inactive'
-        assert probe.transition('managed', 'shutdown')
-        assert probe.state_of('managed') == 'finalized'

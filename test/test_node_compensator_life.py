@@ -1,0 +1,241 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The compensator's beginning and end, and what it does when something is wrong, over DDS."""
+
+import signal
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from ros_system import (
+    BEST_EFFORT,
+    FakeDriver,
+    joint_state,
+    MODELS,
+    own_domain,
+    Probe,
+    probe_node,
+    Process,
+    RELIABLE,
+)
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Int8MultiArray
+from std_srvs.srv import Trigger
+
+JOINTS = ['elbow', 'shoulder']
+START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 2.0,
+         'direction_timeout': 5.0, 'law': 'paper', 'input_reliability': 'reliable'}
+ZERO = [0.0, 0.0]
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope='module')
+def room(tmp_path_factory):
+    return tmp_path_factory.mktemp('compensator')
+
+
+@pytest.fixture
+def driver(room):
+    with own_domain(), probe_node() as probe, Process(room, 'compensator', START) as process:
+        driver = FakeDriver(probe, JOINTS)
+        driver.process = process
+        driver.find()
+
+        def pushed():
+            # What is said before both ends have found each other is lost.
+            driver.announce([1, 1])
+            return driver.ask(ZERO, ZERO)[0] > 0.05
+        probe.until(pushed, 'a current')
+        yield driver
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_leave_zero_current(room, number):
+    """With default quality of service, the node hears a best-effort driver."""
+    with probe_node() as probe, Process(
+            room, 'compensator', {'joints': JOINTS, 'model_files': MODELS[:2], 'law': 'paper'},
+            {'__node': f'compensator_{number}', 'joint_states': f's{number}/joint_states',
+             'direction': f's{number}/direction',
+             'current_command': f's{number}/current_command'}) as process:
+        driver = _Remapped(probe, f's{number}')
+        driver.find()
+
+        def pushed():
+            # Best effort may lose any single message.
+            driver.announce([1, 1])
+            driver.states.publish(joint_state(time.time_ns(), JOINTS, ZERO))
+            probe.spin_for(0.05)
+            return driver.commands and driver.commands[-1].data[0] > 0.05
+        probe.until(pushed, 'a current')
+        process.send(number)
+        assert process.wait() == 0
+        probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+        assert 'Traceback' not in process.text
+
+
+class _Remapped(FakeDriver):
+    def __init__(self, probe: Probe, prefix):
+        self.probe, self.joints = probe, JOINTS
+        self.states = probe.talk(JointState, f'{prefix}/joint_states', BEST_EFFORT)
+        self.directions = probe.talk(Int8MultiArray, f'{prefix}/direction', BEST_EFFORT)
+        self.commands = probe.listen(Float64MultiArray, f'{prefix}/current_command', RELIABLE)
+        self._topic = f'{prefix}/current_command'
+
+    def find(self):
+        self.probe.matched(self.states)
+        self.probe.matched(self.directions)
+        self.probe.until(lambda: self.probe.count_publishers(self._topic) == 1, 'a publisher')
+
+
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'joints': ['a'], 'model_files': ['none.yaml']}, 'none.yaml'),
+    ({'joints': ['a', 'a'], 'model_files': MODELS[:2]}, 'joints'),
+    ({'joints': ['a'], 'model_files': MODELS[:2]}, 'model_files'),
+    ({'joints': ['a'], 'model_files': MODELS[:1], 'law': 'magic'}, 'law'),
+    ({'joints': ['a'], 'model_files': MODELS[:1], 'breakaway_gain': 3.0}, 'breakaway_gain'),
+])
+def test_starts_only_with_usable_input(room, parameters, words):
+    with Process(room, 'compensator', parameters) as process:
+        assert process.wait() == 2
+        lines = [line for line in process.text.splitlines() if line.startswith('compensator: ')]
+        assert len(lines) == 1
+        assert words in lines[0]
+        assert 'Traceback' not in process.text
+
+
+def test_waits_for_its_manager_without_autostart(room):
+    with probe_node() as probe, Process(
+            room, 'compensator', {**START, 'autostart': False}, {'__node': 'managed'}):
+        assert probe.state_of('managed') == 'unconfigured'
+        assert probe.transition('managed', 'configure')
+        assert probe.state_of('managed') == 'inactive'
+        assert probe.transition('managed', 'shutdown')
+        assert probe.state_of('managed') == 'finalized'
+
+
+def test_a_repeated_stamp_is_no_new_state(driver):
+    driver.announce([1, 1])
+    stamp = time.time_ns()
+    assert driver.ask(ZERO, ZERO, stamp)[0] > 0.05
+
+    def again():
+        driver.states.publish(joint_state(stamp, JOINTS, ZERO))
+        driver.probe.spin_for(0.05)
+        return list(driver.commands[-1].data) == ZERO
+    driver.probe.until(again, 'zero current', 10.0)
+
+
+def test_law_and_gain_change_without_a_step(driver):
+    driver.announce([1, 1])
+    base = time.time_ns()
+    last, steps = driver.ask(ZERO, ZERO, base), []
+    stamp = base
+    for name, value in (('breakaway_gain', 0.2), ('law', 'kinetic'), ('law', 'none'),
+                        ('law', 'paper'), ('breakaway_gain', 0.9)):
+        assert driver.probe.set_parameter('compensator', name, value) is None
+        for _ in range(10):
+            stamp += 2_000_000
+            driver.announce([1, 1])
+            command = driver.ask(ZERO, ZERO, stamp)
+            steps.append(np.abs(np.subtract(command, last)).max())
+            last = command
+    # The note's whole breakaway term is 0.09 and 0.12 A.
+    assert max(steps) < 0.01
+    assert last[0] > 0.02
+
+
+def test_a_late_state_changes_nothing(driver):
+    driver.announce([1, 1])
+    base = time.time_ns()
+    before = driver.ask(ZERO, ZERO, base)
+    driver.states.publish(joint_state(base - 3_000_000, JOINTS, ZERO))
+    assert driver.ask(ZERO, ZERO, base + 1_000_000) == before
+
+
+def test_states_in_pieces_are_put_together(driver):
+    driver.announce([1, 1])
+    whole = driver.ask(ZERO, ZERO)
+    assert min(whole) > 0.05
+    stamp = time.time_ns()
+    count = len(driver.commands)
+    for k in range(5):
+        driver.states.publish(joint_state(stamp + k * 1_000_000, ['shoulder'], [0.0]))
+        driver.probe.spin_for(0.02)
+        assert driver.ask([0.0], [0.0], stamp + k * 1_000_000, ['elbow']) == whole
+    assert len(driver.commands) == count + 5, 'one answer a round'
+
+
+def test_a_velocity_that_is_no_number_is_none_at_all(driver):
+    driver.announce([1, 1])
+    assert min(driver.ask(ZERO, [float('nan')] * 2)) > 0.05
+
+
+def test_a_stamped_direction_has_the_planners_age(driver):
+    planner = driver.probe.talk(JointState, 'direction_stamped')
+    driver.probe.matched(planner)
+
+    def say(age, *velocity):
+        now = time.time_ns()
+        planner.publish(joint_state(now - round(age * 1e9), JOINTS, ZERO, velocity))
+        return now
+
+    def turned():
+        return np.sign(driver.ask(ZERO, ZERO, say(0.0, 3.0, -2.0))).tolist() == [1.0, -1.0]
+    driver.probe.until(turned, 'the direction')
+    # Older than what is known: it was overtaken.
+    assert np.sign(driver.ask(ZERO, ZERO, say(4.9, -1.0, -1.0))).tolist() == [1.0, -1.0]
+    command = driver.ask(ZERO, ZERO, say(-60.0, 1.0, 1.0))
+    assert np.abs(command).max() < 0.01, 'nobody knows how old it is'
+
+
+def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
+    probe = driver.probe
+    end = time.monotonic() + 3.5
+    while time.monotonic() < end:
+        driver.announce([1, 1])
+        assert driver.ask(ZERO, ZERO)[0] > 0.05
+    other = probe.create_publisher(Float64MultiArray, 'current_command', RELIABLE)
+    probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+    status = probe.status_of('compensator', lambda s: 'latched' in s.message)
+    assert 'may command' in status.message
+    probe.destroy_publisher(other)
+    probe.status_of('compensator', lambda s: s.message.endswith('(latched)'))
+    probe.until(lambda: probe.count_publishers('current_command') == 1, 'alone again')
+    probe.spin_for(0.5)
+    driver.announce([1, 1])
+    assert driver.ask(ZERO, ZERO) == ZERO
+    answer = probe.call(Trigger, '/compensator/reset_faults', Trigger.Request())
+    assert 'may command' in answer.message
+    driver.announce([1, 1])
+    assert driver.ask(ZERO, ZERO)[0] > 0.05
+    assert driver.process.text.count('stays until') == 1
+
+
+@pytest.mark.parametrize('number', [signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT, signal.SIGUSR1])
+def test_other_signals_leave_zero_current_too(driver, number):
+    driver.announce([1, 1])
+    assert driver.ask(ZERO, ZERO)[0] > 0.05
+    driver.process.send(number)
+    driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+    assert driver.process.wait() == 0
+
+
+def test_an_interrupt_while_it_is_being_imported_is_no_error(room):
+    for delay in (0.3, 0.6, 1.0):
+        with own_domain(), Process(room, 'compensator', START) as process:
+            time.sleep(delay)
+            process.send(signal.SIGINT)
+            assert process.wait() in (0, 130, -signal.SIGINT)
+            assert 'friction_comp/nodes' not in process.text
+
+
+def test_a_missing_parameter_file_is_one_line(room):
+    with own_domain(), Process(room, 'compensator', arguments=(
+            '--ros-args', '--params-file', 'none.yaml', '--')) as process:
+        assert process.wait() == 2
+        lines = process.text.strip().splitlines()
+        assert len(lines) == 1
+        assert 'none.yaml' in lines[0]
