@@ -14,7 +14,6 @@ import numpy as np
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.breakaway_dependence import scatter_report
 from friction_comp.identification.excitation import LARGEST_SPEED, ramp_peak
 from friction_comp.model.friction_model import Breakaway, FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
@@ -175,6 +174,9 @@ class IdentificationResult:
 
     def scatter(self) -> ScatterReport:
         """Return what the breakaway currents' scatter depends on, a `ScatterReport`."""
+        # Here, since scipy's statistics take a second to import, and a node starts without them.
+        from friction_comp.identification.breakaway_dependence import scatter_report
+
         return scatter_report(self.records)
 
     def model(self, drive: Drive, joint: str = '') -> FrictionModel:
