@@ -157,8 +157,7 @@ def test_a_cancelled_goal_leaves_zero_current_and_no_file(system):
     assert outcome.status == GoalStatus.STATUS_CANCELED
     assert not outcome.result.success
     assert 'cancel' in outcome.result.message
-    system.probe.spin_for(0.3)
-    assert list(system.commands[-1].data) == [0.0, 0.0]
+    system.probe.until(lambda: list(system.commands[-1].data) == [0.0, 0.0], 'zero current')
     count = len(system.commands)
     system.probe.spin_for(0.5)
     assert len(system.commands) == count

@@ -34,8 +34,8 @@ LATE = TICK
 DURATION_NS = round(ReferenceMovement(**MOVEMENT).duration * 1e9)
 # The reference of the tick that ends the exercise is the last: time rests before the next.
 STEPS = LATE + TICK * (-(-DURATION_NS // (TICK * SAMPLE)) + 1)
-TOPICS = {'joint_states', 'current_command', 'direction', 'reference', 'interaction_wrench',
-          'motor_temperature', 'diagnostics'}
+TOPICS = {'joint_states', 'current_command', 'direction', 'direction_stamped', 'reference',
+          'interaction_wrench', 'motor_temperature', 'diagnostics'}
 LAW = 'continuous'
 pytestmark = pytest.mark.slow
 
