@@ -75,7 +75,8 @@ def record(folder, seconds, joints):
 
     environment = dict(os.environ, PYTHONPATH=str(ROOT), ROS_LOG_DIR=str(folder / 'log'),
                        ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
-                       ROS_DOMAIN_ID=str(random.SystemRandom().randrange(1, 100)))
+                       ROS_DOMAIN_ID=os.environ.get('ROS_DOMAIN_ID') or str(
+                           random.SystemRandom().randrange(1, 100)))
     recorder = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'recorder', '--ros-args', '-p',
          f'output:={folder / "load"}', '-p', f'max_file_duration:={seconds / 4}'],

@@ -171,7 +171,7 @@ class FakeSubscription:
 
 
 class FakeNode:
-    """What a RecordedTopic asks of its node, with one reliable publisher."""
+    """What a RecordedTopic asks of its node, with one publisher whose messages last."""
 
     def __init__(self):
         self.made = {}
@@ -180,15 +180,16 @@ class FakeNode:
         return f'/{topic}'
 
     def create_subscription(self, kind, topic, callback, profile, raw):
-        self.made[profile.reliability] = FakeSubscription(callback)
-        return self.made[profile.reliability]
+        self.made[profile.durability] = FakeSubscription(callback)
+        return self.made[profile.durability]
 
     def destroy_subscription(self, subscription):
         self.made = {key: one for key, one in self.made.items() if one is not subscription}
 
     def get_publishers_info_by_topic(self, _):
         return [SimpleNamespace(endpoint_gid=b'one', qos_profile=QoSProfile(
-            depth=1, reliability=ReliabilityPolicy.RELIABLE))]
+            depth=1, reliability=ReliabilityPolicy.RELIABLE,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL))]
 
 
 @given(st.integers(0, 40), st.integers(0, 3), st.integers(1, 12))
@@ -202,17 +203,15 @@ def test_a_publisher_that_finds_one_subscription_late_is_heard_all_the_same(late
             number += 1
             message = (str(number).encode(), {
                 'source_timestamp': number, 'publication_sequence_number': number})
-            for reliability, subscription in list(node.made.items()):
-                if reliability == ReliabilityPolicy.BEST_EFFORT:
-                    subscription.waiting.append(message)
+            if DurabilityPolicy.VOLATILE in node.made:
+                node.made[DurabilityPolicy.VOLATILE].waiting.append(message)
             if step >= late:
                 held.append((step + delay, message))
-        # What is sent reliably may take its time.
-        while held and held[0][0] <= step:
-            message = held.pop(0)[1]
-            node.made[ReliabilityPolicy.RELIABLE].waiting.append(message)
+        # By the second it may take its time, too.
+        while step and held and held[0][0] <= step:
+            node.made[DurabilityPolicy.TRANSIENT_LOCAL].waiting.append(held.pop(0)[1])
         topic.drain()
         topic.look()
-    assert list(node.made) == [ReliabilityPolicy.RELIABLE]
+    assert list(node.made) == [DurabilityPolicy.TRANSIENT_LOCAL]
     assert heard == list(range(1, number - delay * burst + 1))
     assert topic.lost == 0

@@ -19,8 +19,9 @@ from friction_comp.recordings.writer import qos_profile
 DEPTH = 10_000
 # Messages remembered to know what came twice.
 _REMEMBERED = 2 * DEPTH
-# ns after which nothing comes twice any more.
-_OVERLAP = 10_000_000_000
+# The same while there is one subscription: a second one may bring what a new publisher has said
+# before it was found.
+_RECENT = 2_000
 # Looks after which what one subscription heard must have come by the other.
 _CONFIRMED = 5
 
@@ -28,15 +29,17 @@ Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
 _BEST_EFFORT: Offer = (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
 _RELIABLE: Offer = (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
 _LASTING: Offer = (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
+_ONLY = {offer: frozenset((offer,)) for offer in (_BEST_EFFORT, _RELIABLE, _LASTING)}
 
 
 class RecordedTopic:
     """Hears a topic with the quality of service that its publishers offer.
 
-    What they offer is known only after they are found, and messages may come before. Until then
-    the topic is heard twice, reliably and with best effort, and each message counts once. A
-    publisher may serve the one long before it has found the other: one is given up only when all
-    that it heard for a while has come by the other, too.
+    What they offer is known only after they are found, and messages may come before: until then
+    the topic is heard reliably. Where its publishers are heard better otherwise, a second
+    subscription is made, and each message counts once. A publisher may serve the one long before
+    it has found the other: the first is given up only when all that is heard for a while comes by
+    the second.
 
     Parameters
     ----------
@@ -58,13 +61,12 @@ class RecordedTopic:
         self.name = node.resolve_topic_name(topic)
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._subscriptions: dict[Offer, Any] = {}
-        self._seen: dict[tuple[int, int], set[Offer]] = {}
+        self._seen: dict[tuple[int, int], frozenset[Offer]] = {}
         self._looks = 0
         self._heard_at: deque[tuple[int, tuple[int, int]]] = deque(maxlen=_REMEMBERED)
         self._losses = Losses()
         self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
-        for offer in (_RELIABLE, _BEST_EFFORT):
-            self._subscribe(offer)
+        self._subscribe(_RELIABLE)
 
     def _subscribe(self, offer: Offer) -> None:
         profile = QoSProfile(depth=DEPTH, reliability=offer[0], durability=offer[1])
@@ -145,19 +147,17 @@ class RecordedTopic:
 
     def _hear(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
         number = info['publication_sequence_number'] or 0
-        # What the subscription that is left had still waiting may have come by the other.
-        if len(self._subscriptions) > 1 or self._seen:
-            key = info['source_timestamp'], number
-            if key in self._seen:
-                self._seen[key].add(offer)
-                return
-            if len(self._subscriptions) > 1:
-                self._seen[key] = {offer}
-                self._heard_at.append((self._looks, key))
-                if len(self._seen) > _REMEMBERED:
-                    self._seen.pop(next(iter(self._seen)))
-            elif info['source_timestamp'] > next(reversed(self._seen))[0] + _OVERLAP:
-                self._seen.clear()
+        key = info['source_timestamp'], number
+        known = self._seen.get(key)
+        if known is not None:
+            self._seen[key] = known | {offer}
+            return
+        self._seen[key] = _ONLY[offer]
+        several = len(self._subscriptions) > 1
+        if several:
+            self._heard_at.append((self._looks, key))
+        while len(self._seen) > (_REMEMBERED if several else _RECENT):
+            self._seen.pop(next(iter(self._seen)))
         if number:
             self._losses.see(number)
         self._take(message, info)
