@@ -5,6 +5,7 @@
 #   make test    the checks of style and types, and every test
 #   make setup   only the environment in .venv/, which the others make by themselves
 #   make lint    only the checks of style and types
+#   make docs    the documentation as pages, build/docs/index.html
 #   make bench   what the package takes, in time
 #   make clean   removes the environment and all builds
 #
@@ -38,7 +39,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport LD_LIBRARY_PATH
 endif
 
-.PHONY: demo test setup lint bench clean
+.PHONY: demo test setup lint docs bench clean
 .DELETE_ON_ERROR:
 
 setup: $(VENV)/installed
@@ -55,6 +56,11 @@ test: export OPENBLAS_NUM_THREADS = 1
 test: export OMP_NUM_THREADS = 1
 test: lint
 	@$(BIN)/python -m pytest -n 2 --dist loadgroup $(TESTS)
+
+docs: setup
+	@$(PIP) install -r requirements/docs.txt
+	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+	@echo build/docs/index.html
 
 bench: setup
 	@set -e; for file in bench/*.py; do echo "$$file"; $(BIN)/python "$$file"; done

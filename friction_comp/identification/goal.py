@@ -51,7 +51,7 @@ class IdentificationGoal:
     velocity_cycles : int
         Cycles of Eq. 3 per speed.
     largest_speed : float
-        Bound on |ω_c| in rad/s; the note's is 100 deg/s.
+        Bound on ``|ω_c|`` in rad/s; the note's is 100 deg/s.
     longest_cycle : float
         Slow speeds use part of the range only, so that a cycle takes no longer than this, in s.
         Infinity follows Eq. 5 to the letter, at 2.5·range/speed per cycle.

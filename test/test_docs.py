@@ -1,0 +1,61 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The documentation: a page for each effect, YAML that loads, and a build without a warning."""
+
+import importlib.util
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.effects.scene import VARIABLES
+from friction_comp.model.friction_model import FrictionModel
+
+DOCS = Path(__file__).resolve().parent.parent / 'docs'
+
+
+@pytest.fixture(scope='module')
+def pages():
+    spec = importlib.util.spec_from_file_location('effect_pages', DOCS / 'effect_pages.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_effect_has_a_page_that_says_how_to_record_for_it(pages, tmp_path):
+    assert set(pages.RECORD) == set(VARIABLES)
+    pages.write_pages(tmp_path)
+    index = (tmp_path / 'index.md').read_text(encoding='utf-8')
+    for name, kind in EFFECTS.items():
+        page = (tmp_path / f'{name}.md').read_text(encoding='utf-8')
+        assert f'[{name}]({name}.md)' in index
+        assert kind.variable in page
+        assert pages.RECORD[kind.variable] in page
+        assert all(f'`{constant}`' in page for constant in kind.constants)
+        for picture in re.findall(r'\]\((\w+\.svg)\)', page):
+            assert '<svg' in (tmp_path / picture).read_text(encoding='utf-8')
+    assert len(list(tmp_path.glob('*.svg'))) > len(EFFECTS) / 2
+
+
+def test_the_yaml_of_the_own_robot_loads():
+    text = (DOCS / 'own_robot.md').read_text(encoding='utf-8')
+    controllers, model = [yaml.safe_load(block) for block in re.findall(
+        r'```yaml\n(.*?)```', text, re.DOTALL)]
+    named = controllers['controller_manager']['ros__parameters']
+    assert named['current_controller']['type'].startswith('forward_command_controller/')
+    assert controllers['current_controller']['ros__parameters']['joints'] == [model['joint']]
+    assert FrictionModel.from_dict(model).drive.current_limit == 0.5
+
+
+def test_it_builds_without_a_warning(tmp_path):
+    pytest.importorskip('sphinx', reason='make docs installs requirements/docs.txt')
+    pytest.importorskip('myst_parser', reason='make docs installs requirements/docs.txt')
+    built = subprocess.run(
+        [sys.executable, '-m', 'sphinx', '-q', '-W', '--keep-going', '-b', 'html', str(DOCS),
+         str(tmp_path)], capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    assert 'FrictionModel' in (tmp_path / 'api.html').read_text(encoding='utf-8')
