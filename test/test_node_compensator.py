@@ -131,8 +131,8 @@ def test_a_missing_joint_gets_zero_current_and_an_error(driver):
     command = driver.ask([0.1], [0.0], names=['elbow'])
     assert command[0] > 0.05
     assert command[1] == 0.0
-    status = driver.probe.status_of('compensator', lambda s: s.level == b'\x02')
-    assert 'shoulder' in status.message
+    assert driver.probe.status_of('compensator', lambda s: (
+        s.level == b'\x02' and 'shoulder' in s.message))
 
 
 @pytest.mark.parametrize(('position', 'velocity', 'age', 'expected'), [
@@ -211,8 +211,8 @@ def test_silence_of_the_states_gives_zero_current(driver):
     driver.announce([1, 1])
     assert driver.ask([0.0, 0.0], ZERO)[0] > 0.05
     driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current', 10.0)
-    status = driver.probe.status_of('compensator', lambda s: s.level == b'\x02')
-    assert 'no joint_states' in status.message
+    assert driver.probe.status_of('compensator', lambda s: (
+        s.level == b'\x02' and 'no joint_states' in s.message))
 
 
 def test_a_new_model_is_taken_over_while_running(driver, room):

@@ -264,7 +264,9 @@ class CompensationLaw:
 
     def _row(self, values, name):
         row = np.asarray(values, dtype=float)
-        if row.ndim and row.shape != (self.joints,):
+        if row.shape == (self.joints,):
+            return row
+        if row.ndim:
             raise InputError(
                 f'{name} needs {self.joints} values, one a joint, not shape {row.shape}')
         return np.broadcast_to(row, self.joints).astype(float)

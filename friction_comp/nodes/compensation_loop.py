@@ -15,7 +15,7 @@ import numpy as np
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.faults import Faults, WARN
 from friction_comp.nodes.joint_io import CommandPort
-from friction_comp.nodes.joint_states import JointStates, NANO
+from friction_comp.nodes.joint_states import are_finite, JointStates, NANO
 from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 from friction_comp.nodes.watchdog import Watchdog
 
@@ -163,9 +163,10 @@ class CompensationLoop:
         if states.restarted or not self._first:
             self._first = stamp
         position = states.position
-        usable = np.isfinite(position)
-        if not usable.all() or not (
-                states.velocity is None or np.isfinite(states.velocity).all()):
+        usable: Any = True
+        if not (are_finite(position)
+                and (states.velocity is None or are_finite(states.velocity))):
+            usable = np.isfinite(position)
             if states.velocity is not None:
                 usable &= np.isfinite(states.velocity)
             self._tell_unusable()
@@ -177,7 +178,7 @@ class CompensationLoop:
             self.temperature.before(stamp))
         if self._fade is not None:
             currents = np.where(usable, self._faded(currents, stamp), 0.0)
-        if not math.isfinite(currents.sum()):
+        if not are_finite(currents):
             self.faults.latch('law', 'the law gave a current that is not finite')
             return self._zeros
         return currents

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 from typing import Any
 
 import numpy as np
@@ -126,6 +127,8 @@ class JointStates:
         self.velocity: np.ndarray | None = None
         self.missing = list(self._joints)
         self._last: dict[tuple, int] = {}
+        self._named: list[str] | None = None
+        self._key: tuple = ()
         self._whole = 0
         self._round = np.full((3, size), np.nan)
         self._heard = [0] * size
@@ -150,7 +153,9 @@ class JointStates:
         stamp = nanoseconds(message.header.stamp)
         bears = stamp != 0
         stamp = stamp or received or now
-        names = tuple(message.name)
+        if message.name != self._named:
+            self._named, self._key = list(message.name), tuple(message.name)
+        names = self._key
         last = self._last.get(names, 0)
         if last and bears:
             if stamp == last:
@@ -163,9 +168,9 @@ class JointStates:
             return STALE
         if -self.age > self._timeout:
             return AHEAD
-        lengths = {len(names), len(message.position)}
-        if len(lengths) > 1 or not lengths.issuperset(
-                length for length in (len(message.velocity), len(message.effort)) if length):
+        count = len(names)
+        if (len(message.position) != count or len(message.velocity) not in (0, count)
+                or len(message.effort) not in (0, count)):
             return MALFORMED
         restarted = stamp < last
         if restarted or len(self._last) > _MOST_SOURCES:
@@ -219,10 +224,17 @@ class JointStates:
                 ' (clocks differ, or use_sim_time is not set alike?)')
 
 
+def are_finite(values: np.ndarray) -> bool:
+    """Tell whether all of a few values are finite; several times as fast as with numpy."""
+    return all(map(math.isfinite, values.tolist()))
+
+
 def _known(velocity, position):
     """Return the velocity where it is known for every joint with a position, else None."""
     if velocity is None:
         return None
+    if are_finite(velocity):
+        return velocity
     unknown = np.isnan(velocity)
     if not unknown.any():
         return velocity

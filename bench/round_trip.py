@@ -1,0 +1,158 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the compensator adds to DDS: its round trip and its start beside a bare rclpy node's.
+
+    python3 bench/round_trip.py [--seconds S] [--pairs N] [--joints J …] [--json FILE]
+
+A driver publishes joint states at 1 kHz and takes the time until the current that answers each;
+the compensator and a bare node, which sends back the positions that it gets, take turns. The table
+has the ratios of median, 99th percentile, and processor time, each the median over the pairs, and
+the ratio of the times from a process's start to its first answer.
+"""
+
+import argparse
+from array import array
+import json
+import os
+from pathlib import Path
+import random
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+
+ECHO = """
+import sys
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+rclpy.init()
+node = Node('echo')
+commands = node.create_publisher(Float64MultiArray, 'current_command', 10)
+answer = Float64MultiArray()
+
+
+def on_states(message):
+    answer.data = message.position
+    commands.publish(answer)
+
+
+node.create_subscription(JointState, 'joint_states', on_states, QoSProfile(
+    depth=10, reliability=ReliabilityPolicy.BEST_EFFORT))
+rclpy.spin(node)
+"""
+
+
+def environment():
+    return dict(os.environ, PYTHONPATH=os.pathsep.join(
+        [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]))
+
+
+def start(kind, joints, folder):
+    if kind == 'echo':
+        command = [sys.executable, '-c', ECHO]
+    else:
+        from ros_system import MODELS, ros_arguments
+        command = [sys.executable, '-m', 'friction_comp', 'compensator', *ros_arguments({
+            'joints': joints, 'model_files': [MODELS[k % 3] for k in range(len(joints))]})]
+    log = (Path(folder) / f'{kind}.log').open('ab')
+    return subprocess.Popen(command, env=environment(), stdout=log, stderr=log)
+
+
+def processor_time(pid):
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def measure(kind, count, seconds, folder):
+    """Return s: round trips (N,), processor time per s, time to the first answer."""
+    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randrange(1, 100))
+    from ros_system import BEST_EFFORT, probe_node
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Float64MultiArray, Int8MultiArray
+    joints = [f'joint_{k}' for k in range(count)]
+    with probe_node() as probe:
+        states = probe.create_publisher(JointState, 'joint_states', BEST_EFFORT)
+        directions = probe.create_publisher(Int8MultiArray, 'direction', BEST_EFFORT)
+        arrived = []
+        probe.create_subscription(
+            Float64MultiArray, 'current_command',
+            lambda _: arrived.append(time.perf_counter()), BEST_EFFORT)
+        message = JointState(name=joints)
+        begin = time.perf_counter()
+        process = start(kind, joints, folder)
+        try:
+            def send(position):
+                now = time.time_ns()
+                message.header.stamp.sec, message.header.stamp.nanosec = divmod(now, 10**9)
+                message.position = array('d', [position] * count)
+                message.velocity = array('d', [0.3] * count)
+                message.effort = array('d', [0.0] * count)
+                states.publish(message)
+                return time.perf_counter()
+
+            while not arrived:
+                send(0.0)
+                probe.spin_for(0.005)
+                assert time.perf_counter() - begin < 60.0, f'{kind} never answers'
+            first = arrived[0] - begin
+            probe.spin_for(1.5)
+            trips, used, began = [], processor_time(process.pid), time.perf_counter()
+            for k in range(round(1000 * seconds)):
+                due = began + 1e-3 * k
+                while time.perf_counter() < due:
+                    probe._executor_.spin_once(timeout_sec=max(0.0, due - time.perf_counter()))
+                if k % 10 == 0:
+                    directions.publish(Int8MultiArray(data=array('b', [1] * count)))
+                arrived.clear()
+                sent = send(3e-4 * k)
+                probe._executor_.spin_once(timeout_sec=1e-3)
+                if arrived:
+                    trips.append(arrived[0] - sent)
+            share = (processor_time(process.pid) - used) / (time.perf_counter() - began)
+        finally:
+            process.terminate()
+            process.wait()
+    return np.array(trips), share, first
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--seconds', type=float, default=8.0)
+    parser.add_argument('--pairs', type=int, default=5)
+    parser.add_argument('--joints', type=int, nargs='+', default=[1, 7])
+    parser.add_argument('--json', metavar='FILE')
+    arguments = parser.parse_args()
+    results = {}
+    print('joints   median   99th percentile   processor   first answer   compensator / echo: '
+          'median µs, first answer s')
+    with tempfile.TemporaryDirectory() as folder:
+        for count in arguments.joints:
+            rows, times = [], []
+            for pair in range(arguments.pairs):
+                found = {kind: measure(kind, count, arguments.seconds, folder)
+                         for kind in (('echo', 'compensator'), ('compensator', 'echo'))[pair % 2]}
+                (ours, cost, first), (bare, least, soon) = found['compensator'], found['echo']
+                rows.append([np.median(ours) / np.median(bare),
+                             np.percentile(ours, 99) / np.percentile(bare, 99), cost / least,
+                             first / soon])
+                times.append([1e6 * np.median(ours), 1e6 * np.median(bare), first, soon])
+            ratios, sizes = np.median(rows, axis=0), np.median(times, axis=0)
+            results[count] = {'ratios': ratios.tolist(), 'all': np.array(rows).tolist(),
+                              'median_us': sizes[:2].tolist(), 'first_s': sizes[2:].tolist()}
+            print(f'{count:6d} {ratios[0]:8.2f} {ratios[1]:17.2f} {ratios[2]:11.2f} '
+                  f'{ratios[3]:14.2f}   {sizes[0]:.0f} / {sizes[1]:.0f}, '
+                  f'{sizes[2]:.2f} / {sizes[3]:.2f}', flush=True)
+    if arguments.json:
+        Path(arguments.json).write_text(json.dumps(results, indent=1), encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
