@@ -151,7 +151,7 @@ def delayed(values: np.ndarray, samples: Samples, time_constant: float) -> np.nd
 
 
 @njit(cache=True)
-def _low_pass(values: Any, broken: Any, keep: Any) -> None:
+def _low_pass(values: np.ndarray, broken: np.ndarray, keep: float) -> None:
     for k in range(1, len(values)):
         if not broken[k]:
             for column in range(values.shape[1]):
@@ -159,7 +159,7 @@ def _low_pass(values: Any, broken: Any, keep: Any) -> None:
                                      + (1.0 - keep) * values[k, column])
 
 
-def _slope(values: Any, broken: Any) -> Any:
+def _slope(values: np.ndarray, broken: np.ndarray) -> np.ndarray:
     """Return the central difference per sample, one-sided at both ends of a stretch."""
     ahead = np.zeros_like(values)
     ahead[:-1] = np.where(broken[1:, None], 0.0, values[1:] - values[:-1])

@@ -21,6 +21,7 @@ from friction_comp.refinement.fit.final_fit import final_fit, mechanical_load, t
 from friction_comp.refinement.fit.harmonics import with_exact_multiples
 from friction_comp.refinement.judge.control import Control, control_of
 from friction_comp.refinement.judge.evidence import held_out_residual
+from friction_comp.refinement.judge.residual_dependence import ResidualDependence
 from friction_comp.refinement.judge.residual_verdict import (
     clipped_rms,
     left_over,
@@ -94,7 +95,7 @@ class Choice:
     data: FitData
     bases: list[Fit]
     steps: list[Step]
-    left: list[Any]
+    left: list[ResidualDependence]
     usable: np.ndarray
     control: Control
     stopped: str
@@ -125,7 +126,7 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
     terms = [Term(type(effect), dict(effect.values)) for effect in model.effects] if model else []
     bases = [optimizer.gauss_newton_restarted(beginning(data, fold, terms))
              for fold in (0, 1)]
-    control = control_of(samples, usable, question.unit)
+    control = control_of(unfiltered(question.raw), usable, question.unit)
     if control.law:
         found = Chosen(bases, len(terms), stopped="the current is a controller's answer, in which "
                        'no effect of the drive can be told')
@@ -162,6 +163,13 @@ def beginning(data: FitData, fold: int, terms: list[Term]) -> Fit:
     return Fit(data, fit.rows, fit.steepness, terms) if terms else fit
 
 
+def unfiltered(raw: Samples) -> Samples:
+    """Return samples with the velocity that a controller saw: as recorded, or nearly so."""
+    recorded = raw.velocity is not None and bool(np.any(raw.velocity))
+    return differentiate(raw, {'source': 'velocity' if recorded else 'position',
+                               'bandwidth': None})
+
+
 def moving(samples: Samples, clipped: np.ndarray, slowest: float,
            settings: dict[str, Any]) -> np.ndarray:
     """Return which samples tell of friction, shape (N,).
@@ -191,7 +199,8 @@ def confirmed(data: FitData, found: Chosen) -> Fit:
         prune(data, found)
 
 
-def remaining(data: FitData, fits: list[Fit], slowest: float, floor: float) -> Any:
+def remaining(data: FitData, fits: list[Fit], slowest: float, floor: float
+              ) -> tuple[list[ResidualDependence], bool]:
     """Return what the held-out residual still depends on, and whether that is large."""
     residual = held_out_residual(data, fits)
     left = left_over(data, residual, slowest, floor)

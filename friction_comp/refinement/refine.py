@@ -6,15 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate
+from friction_comp.model.effects import Scene
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.choice import Choice, choose, Question
+from friction_comp.refinement.fit.effect_sum import Fit
 from friction_comp.refinement.fit.final_fit import final_fit, to_model, with_load
 from friction_comp.refinement.judge.evidence import rms
 from friction_comp.refinement.judge.report import Outcome, report_of
@@ -68,7 +70,7 @@ class RefineResult:
     usable: np.ndarray
     before: np.ndarray
     after: np.ndarray
-    scene: object
+    scene: Scene
     trail: list[tuple[str, float]] = field(default_factory=list)
 
 
@@ -102,7 +104,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     """
     unit = unit or ('A' if drive or model else 'N·m')
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
-    raw = recordings.join(recorded)
+    raw = recordings.join(list(recorded))
     clipped = recordings.clipped(raw.current)
     settings = choose_differentiation(raw, clipped)
     raw, arm = with_other_joints(model.with_arm(raw) if model else raw, ~clipped, settings)

@@ -44,6 +44,9 @@ REVISIONS = Threshold(3, 'rounds', 'exchange and deletion settle in one or two')
 EXCHANGE = Threshold(
     0.8, 'of the gain', 'what explains clearly less where it is fitted cannot take the place')
 
+IN_DOUBT = Threshold(
+    0.3, 'of the loss', 'what explains more than this cannot be made up for by other constants')
+
 # Physics.
 LARGEST = Threshold(
     3.0, 'times the largest current', 'an effect larger than this cancels another one of its size')

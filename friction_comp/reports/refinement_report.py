@@ -140,9 +140,11 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
     return rows
 
 
-def between(interval: list[float]) -> str:
+def between(interval: list[float | None]) -> str:
     """Return an interval in words."""
     low, high = interval
+    if low is None or high is None:
+        return 'the recordings do not tell'
     return f'{number(low)} to {number(high)}'
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import namedtuple
 from collections.abc import Iterable, Sequence
+import math
 from typing import Any
 
 import numpy as np
@@ -204,7 +205,7 @@ class Effect(ABC):
         return ''
 
     @classmethod
-    def at_bound(cls, constants: dict[str, Any], scene: Scene) -> str:
+    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
         """Return the name of a constant that ended where it is kept from going on; empty if none.
 
         Such a constant was not found: the data ask for something that is not this effect.
@@ -220,8 +221,21 @@ class Effect(ABC):
         return ''
 
     @classmethod
-    def load_share(cls, coefficients: Sequence[float] | np.ndarray,
-                   constants: dict[str, Any]) -> dict[str, float]:
+    def carrying(cls, constants: dict[str, float],
+                 shares: Iterable[dict[str, float]]) -> dict[str, float]:
+        """Return its constants with the load of others in them, for effects that are `carried`.
+
+        Parameters
+        ----------
+        constants : dict
+        shares : iterable of dict
+            What each of the other effects says by `load_share`.
+        """
+        return constants
+
+    @classmethod
+    def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]
+                   ) -> dict[str, float]:
         """Return its share of the load on the teeth, in the words of `InnerLoadFriction`."""
         return {}
 

@@ -44,16 +44,9 @@ class InnerLoadFriction(Effect):
                 for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
 
     @classmethod
-    def carrying(cls, constants: dict[str, Any],
-                 shares: Iterable[dict[str, float]]) -> dict[str, Any]:
-        """Return the constants with the load of others in them.
-
-        Parameters
-        ----------
-        constants : dict
-        shares : iterable of dict
-            What each of the other effects says by `Effect.load_share`.
-        """
+    def carrying(cls, constants: dict[str, float],
+                 shares: Iterable[dict[str, float]]) -> dict[str, float]:
+        """Return the constants with the load of others in them: the sum of their shares."""
         total = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
         for share in shares:
             for name, value in share.items():

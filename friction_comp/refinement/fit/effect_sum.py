@@ -163,7 +163,8 @@ class Fit:
         base, *own = self.own_coefficients()
         others = [(other, gains) for other, gains in zip(self.terms, own)
                   if not other.kind.carried]
-        shares = [other.kind.load_share(gains, other.constants) for other, gains in others]
+        shares = [other.kind.load_share([float(gain) for gain in gains], other.constants)
+                  for other, gains in others]
         if any(other.kind.gives_load and other.kind.holds_offset(self.data.scene)
                for other, _ in others):
             shares.append({'offset': base[0]})

@@ -16,7 +16,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import huber_loss, Term
-from friction_comp.refinement.prepare.fit_data import FitData, Measured
+from friction_comp.refinement.prepare.fit_data import Measured
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
@@ -30,7 +30,7 @@ _AS_GOOD = 1.01
 _NEARLY_AS_GOOD = 1.05
 
 
-def final_fit(data: FitData, fits: list[Fit]) -> Fit:
+def final_fit(data: Measured, fits: list[Fit]) -> Fit:
     """Return the fit on all usable rows, started from the constants of either fold."""
     best = None
     for start in fits:

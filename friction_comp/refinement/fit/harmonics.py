@@ -78,7 +78,7 @@ def with_exact_multiples(fit: Fit) -> Fit:
     limit = (1.0 + _COST) * _loss(fit, fit.scale)
     scale = fit.scale
 
-    def tried(now: Any, changes: Any) -> Any:
+    def tried(now: Fit, changes: dict[int, float]) -> Fit | None:
         twin = now.copy()
         for place, frequency in changes.items():
             term = now.terms[place]
@@ -87,7 +87,7 @@ def with_exact_multiples(fit: Fit) -> Fit:
         twin.solve()
         return twin if _loss(twin, scale) <= limit else None
 
-    def frequency(place: Any) -> Any:
+    def frequency(place: int) -> float:
         return fit.terms[place].constants[fit.terms[place].kind.spectral]
     off = _OFF * 2.0 * math.pi / max(fit.data.scene.span, 1e-9)
     for place in places:

@@ -64,8 +64,7 @@ def intervals(model: FrictionModel, data: FitData) -> list[dict[str, Any]]:
                 continue
             if not np.isfinite(half):
                 # The data do not tell it: the effect is the same with any value.
-                told = None if knob.name != 'coefficients' else knob.value
-                low_high = [told, told]
+                low_high: list[float | None] = [None, None]
             else:
                 low_high = [float(knob.value - half), float(knob.value + half)]
             if knob.name == 'coefficients':
@@ -87,16 +86,17 @@ def _knobs(model: FrictionModel) -> list[_Knob]:
                 knobs.append(_Knob(place, name, 0, effect.values[name],
                                    _changer(model, place, name=name)))
     for name in ('upper', 'lower', 'viscous', 'steepness'):
-        def changed(value: Any, name: Any = name) -> Any:
+        def changed(value: float, name: str = name) -> FrictionModel:
             return replace(model, sigmoid=replace(model.sigmoid, **{name: value}))
         knobs.append(_Knob(-1, name, 0, getattr(model.sigmoid, name), changed))
     return knobs
 
 
-def _changer(model: Any, place: Any, number: Any | None = None, name: Any | None = None) -> Any:
+def _changer(model: FrictionModel, place: int, number: int = 0,
+             name: str | None = None) -> Callable[[float], FrictionModel]:
     effect = model.effects[place]
 
-    def changed(value: Any) -> Any:
+    def changed(value: float) -> FrictionModel:
         coefficients = list(effect.coefficients)
         values = dict(effect.values)
         if name is None:
@@ -126,13 +126,13 @@ def _half_widths(model: FrictionModel, knobs: list[_Knob], data: FitData) -> np.
     seen = np.nonzero(np.isfinite(size) & (size > 0))[0]
     kept: list[Any] = []
     basis = np.empty((len(slopes), 0))
-    for column in seen.tolist():
+    for column in map(int, seen):
         own = slopes[:, column] / size[column]
         rest = own - basis @ (basis.T @ own)
         rest = rest - basis @ (basis.T @ rest)
         norm = np.linalg.norm(rest)
         if norm > _SAME * np.linalg.norm(own):
-            kept.append(int(column))
+            kept.append(column)
             basis = np.column_stack([basis, rest / norm])
     half = np.full(len(knobs), np.inf)
     if not kept:

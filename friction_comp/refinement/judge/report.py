@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects.base import too_coarse
+from friction_comp.model.effects.base import Effect, too_coarse
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.fit.harmonics import exact_families, Family
 from friction_comp.refinement.fit.uncertainty import intervals
 from friction_comp.refinement.judge.caveats import ambiguities, warnings
 from friction_comp.refinement.judge.control import Control
+from friction_comp.refinement.judge.residual_dependence import ResidualDependence
 from friction_comp.refinement.judge.residual_verdict import clipping
 from friction_comp.refinement.judge.scores import noise_floor, scores, words_of
 from friction_comp.refinement.judge.verdict import verdict_of
@@ -64,7 +65,7 @@ class Outcome:
     before: np.ndarray
     after: np.ndarray
     trail: list[tuple[str, float]]
-    left: list[Any]
+    left: list[ResidualDependence]
     control: Control
     stopped: str
     given: bool
@@ -131,7 +132,8 @@ def _effects(o: Outcome) -> list[dict[str, Any]]:
     return [entry for place, entry in enumerate(entries) if place not in dropped]
 
 
-def _family_entry(own: list[Any], entries: list[dict[str, Any]], family: Family) -> dict[str, Any]:
+def _family_entry(own: list[Effect], entries: list[dict[str, Any]],
+                  family: Family) -> dict[str, Any]:
     places = sorted(family.orders)
     orders = sorted(set(family.orders.values()))
     leading = entries[places[0]]
@@ -158,7 +160,7 @@ def _family_entry(own: list[Any], entries: list[dict[str, Any]], family: Family)
         'formula': ' '.join(entries[place]['formula'] for place in places)}
 
 
-def _warnings(o: Outcome, clip: Any) -> list[str]:
+def _warnings(o: Outcome, clip: ResidualDependence | None) -> list[str]:
     found = [line for line in (o.control.law, o.control.sequence) if line]
     found += warnings(o.samples, o.data.scene)
     if clip:

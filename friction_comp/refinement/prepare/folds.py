@@ -94,13 +94,13 @@ def split(samples: Samples, usable: np.ndarray, residual: np.ndarray, run: np.nd
     return Folds(run, block % 2, guard, words + last)
 
 
-def _whole_runs(samples: Any, usable: Any, run: Any) -> Any | None:
+def _whole_runs(samples: Samples, usable: np.ndarray, run: np.ndarray) -> np.ndarray | None:
     """Return folds of whole runs, the larger ones dealt first; None where halves are too uneven."""
     numbers, sums, where = np.unique(run), [0, 0], {}
     if len(numbers) < 2:
         return None
 
-    def content(number: Any) -> Any:
+    def content(number: int) -> tuple[int, float, float]:
         rows = np.nonzero(run == number)[0]
         return (-int(usable[rows].sum()), float(samples.position[rows[0]]),
                 float(samples.current[rows[0]]))

@@ -55,12 +55,12 @@ def best_term(fit: Fit, kind: type[Effect]) -> Term | None:
     return best
 
 
-def best_gain(fit: Any, kind: Any) -> Any:
+def best_gain(fit: Fit, kind: type[Effect]) -> float:
     """Return by how much the best point of a kind's grid would lower the sum of squares, A²."""
     return _on_grid(fit, kind)[1]
 
 
-def _on_grid(fit: Any, kind: Any) -> Any:
+def _on_grid(fit: Fit, kind: type[Effect]) -> tuple[Term | None, float]:
     every = max(1, len(fit.index) // _COARSE_ROWS)
     if kind.spectral:
         points = _by_spectrum(fit, kind)

@@ -22,12 +22,10 @@ from friction_comp.refinement.search.unlisted_products import Nameless
 from friction_comp.refinement.thresholds import ALPHA, CLEARLY_ABOVE_NOISE, LEAST_SHARE
 
 if TYPE_CHECKING:
-    from friction_comp.model.effects.base import Effect
+    from friction_comp.model.effects import Effect
     from friction_comp.refinement.fit.effect_sum import Fit
-    from friction_comp.refinement.search.candidate_fit import CandidateFit
-
-if TYPE_CHECKING:
     from friction_comp.refinement.prepare.fit_data import FitData
+    from friction_comp.refinement.search.candidate_fit import CandidateFit
     from friction_comp.samples import Samples
 
 _POSITIONS, _TIMES = 16, 12
@@ -95,9 +93,9 @@ def with_expected(fits: Any, kind: Any) -> Any:
     return None if any(objection(fit, -1) for fit in grown) else grown
 
 
-def hidden_expected(
-        data: FitData, fits: list[Fit], residual: np.ndarray,
-        kinds: list[type[Effect]]) -> tuple[type[Effect], list[Fit], dict[str, Any]] | None:
+def hidden_expected(data: FitData, fits: list[Fit], residual: np.ndarray,
+                    kinds: list[type[Effect]]
+                    ) -> tuple[type[Effect], list[Fit], dict[str, Any]] | None:
     """Return what every drive has and a larger effect without a name hides, None if there is none.
 
     Parameters

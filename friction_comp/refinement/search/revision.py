@@ -6,8 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from friction_comp.model.effects import Effect
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import Fit, robust_scale
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
@@ -23,8 +24,10 @@ from friction_comp.refinement.search.candidate_fit import (
 from friction_comp.refinement.search.candidates import best_gain, kinds_for
 from friction_comp.refinement.search.stepwise import Chosen, grow, least_advantage, Report
 from friction_comp.refinement.thresholds import (
+    ADJUSTED,
     ALPHA,
     EXCHANGE,
+    IN_DOUBT,
     LEAST_SHARE,
     PRODUCT,
     REVISIONS,
@@ -36,7 +39,7 @@ if TYPE_CHECKING:
 
 
 def search(data: FitData, bases: Sequence[Fit], report: Report | None = None
-           ) -> tuple[Chosen, type | None]:
+           ) -> tuple[Chosen, type[Effect] | None]:
     """Return the effects that the data call for, and a product that none of them can replace.
 
     The search adds the best effect again and again, then takes back and exchanges. An effect that
@@ -90,11 +93,19 @@ def refitted(fits: Sequence[Fit], place: int) -> list[Fit]:
 
 
 def evidence_of(data: FitData, chosen: Chosen, place: int) -> tuple[dict[str, Any], list[Fit]]:
-    """Return the evidence of a term in the whole, and the fits without it."""
+    """Return the evidence of a term in the whole, and the fits without it.
+
+    The others' coefficients are solved for without it. Where that leaves any doubt, all their
+    constants are adjusted as well: they might make up for it.
+    """
     full = held_out_residual(data, chosen.fits)
-    poorer = refitted(chosen.fits, place)
+    poorer = [fit.without(place) for fit in chosen.fits]
     without = held_out_residual(data, poorer)
     missed, error, p_value = advantage(data, without, full)
+    if missed < IN_DOUBT * mean_loss(data, without) or p_value > 1e-6:
+        poorer = refitted(chosen.fits, place)
+        without = held_out_residual(data, poorer)
+        missed, error, p_value = advantage(data, without, full)
     loss = mean_loss(data, without)
     return {'loss_reduction': missed / loss, 'standard_errors': missed / max(error, 1e-300),
             'p_value': p_value, 'advantage': missed}, poorer
@@ -118,7 +129,7 @@ def prune(data: FitData, chosen: Chosen) -> bool:
         loss = mean_loss(data, held_out_residual(data, poorer))
         if (evidence['advantage'] < max(LEAST_SHARE * loss, least)
                 or evidence['p_value'] > ALPHA or not sound(chosen.fits, [place])):
-            chosen.fits, any_gone = poorer, True
+            chosen.fits, any_gone = refitted(chosen.fits, place), True
             place = len(poorer[0].terms)
         place -= 1
     return any_gone
@@ -129,7 +140,8 @@ def exchange(data: FitData, chosen: Chosen, report: Report | None = None) -> boo
     any_new = False
     for place in range(len(chosen.fits[0].terms) - 1, chosen.first - 1, -1):
         old = chosen.fits[0].terms[place].kind
-        if old.expected or old in chosen.granted:
+        reshaped_by_another = chosen.fits[0].reshaped and not old.reshapes
+        if old.expected or old in chosen.granted or reshaped_by_another:
             continue
         if report:
             report(0.9, f'others for {old.name}')
@@ -150,11 +162,11 @@ def _replacement(data: FitData, chosen: Chosen, place: int) -> CandidateFit | No
                                for fit, other in zip(poorer, chosen.fits))
     mine = Chosen(chosen.fits, chosen.first).complexity
     best = None
-    for kind in kinds_for(data, poorer[0].terms):
-        if kind is old.kind or kind.reshapes:
-            continue
-        if sum(best_gain(fit, kind) for fit in poorer) < limit:
-            continue
+    gains = {kind: sum(best_gain(fit, kind) for fit in poorer)
+             for kind in kinds_for(data, poorer[0].terms)
+             if kind is not old.kind and not kind.reshapes}
+    likely = sorted((kind for kind in gains if gains[kind] > limit), key=lambda kind: -gains[kind])
+    for kind in likely[:int(ADJUSTED)]:
         trial = try_kind(data, poorer, residual, kind)
         if trial is None:
             continue
@@ -167,7 +179,8 @@ def _replacement(data: FitData, chosen: Chosen, place: int) -> CandidateFit | No
     return best
 
 
-def _beside_product(data: Any, bases: Any, chosen: Any, report: Any) -> Any:
+def _beside_product(data: FitData, bases: Sequence[Fit], chosen: Chosen, report: Report | None
+                    ) -> tuple[Chosen, type[Effect] | None]:
     """Return what has a name beside a product of variables, if the product is needed."""
     product = chosen.product
     residual = held_out_residual(data, list(bases))

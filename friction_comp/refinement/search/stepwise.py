@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
+from friction_comp.model.effects import Effect
 from friction_comp.refinement.fit.effect_sum import Fit
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
 from friction_comp.refinement.judge.physics import sound
@@ -62,7 +63,7 @@ class Chosen:
     fits: list[Fit]
     first: int
     granted: dict[type[Effect], dict[str, Any]] = field(default_factory=dict)
-    rivals: dict[type[Effect], list[Any]] = field(default_factory=dict)
+    rivals: dict[type[Effect], list[tuple[type[Effect], float]]] = field(default_factory=dict)
     product: type[Effect] | None = None
     stopped: str = ''
 
@@ -136,7 +137,8 @@ def grow(data: FitData, chosen: Chosen, without: Sequence[type[Effect]] = (),
     return chosen
 
 
-def _grow_masked(data: Any, chosen: Any, residual: Any, trials: Any, kinds: Any, least: Any) -> Any:
+def _grow_masked(data: FitData, chosen: Chosen, residual: np.ndarray, trials: list[CandidateFit],
+                 kinds: list[type[Effect]], least: float) -> bool:
     """Add what shows only beside something else; tell whether there was any."""
     hidden = hidden_expected(data, chosen.fits, residual, kinds)
     if hidden is not None:
@@ -167,7 +169,7 @@ def first_sound(data: FitData, residual: np.ndarray, loss: float, least: float,
     number : int
         How many kinds were tried.
     """
-    def deserves(trial: Any) -> Any:
+    def deserves(trial: CandidateFit) -> bool:
         return (trial.p_value < chance_of(trial.kind, number)
                 and trial.advantage > max(least_share(trial, data) * loss, least))
     left = [trial for trial in trials if deserves(trial)]
