@@ -30,9 +30,6 @@ from friction_comp.refinement.prepare.differentiation_choice import (
 from friction_comp.refinement.prepare.prepared import fold_of_all
 from friction_comp.samples import Samples
 
-if TYPE_CHECKING:
-    from friction_comp.refinement.fit.effect_sum import Fit
-
 # A second pass over more samples than this would take too long.
 _TWICE = 200_000
 # Errors that differ by less are as good as each other.

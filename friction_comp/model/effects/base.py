@@ -7,7 +7,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import namedtuple
 from collections.abc import Iterable, Sequence
-import math
 from typing import Any
 
 import numpy as np
@@ -219,19 +218,6 @@ class Effect(ABC):
                 if abs(cls.limited(name, moved, constants, scene) - value) < 0.1 * small:
                     return name
         return ''
-
-    @classmethod
-    def carrying(cls, constants: dict[str, float],
-                 shares: Iterable[dict[str, float]]) -> dict[str, float]:
-        """Return its constants with the load of others in them, for effects that are `carried`.
-
-        Parameters
-        ----------
-        constants : dict
-        shares : iterable of dict
-            What each of the other effects says by `load_share`.
-        """
-        return constants
 
     @classmethod
     def load_share(cls, coefficients: Sequence[float], constants: dict[str, float]

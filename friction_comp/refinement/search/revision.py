@@ -34,9 +34,6 @@ from friction_comp.refinement.thresholds import (
     STAND_IN,
 )
 
-if TYPE_CHECKING:
-    from friction_comp.model.effects.base import Effect
-
 
 def search(data: FitData, bases: Sequence[Fit], report: Report | None = None
            ) -> tuple[Chosen, type[Effect] | None]:

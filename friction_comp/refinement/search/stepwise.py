@@ -35,9 +35,6 @@ from friction_comp.refinement.thresholds import (
     PRODUCT_ROUNDS,
 )
 
-if TYPE_CHECKING:
-    from friction_comp.model.effects.base import Effect
-
 Report = Callable[[float, str], None]
 
 
