@@ -15,7 +15,7 @@ from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import BreakawayRecords
 from friction_comp.identification.excitation import LARGEST_SPEED, ramp_peak
-from friction_comp.model.friction_model import Breakaway, FrictionModel
+from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 
 if TYPE_CHECKING:
@@ -136,6 +136,8 @@ class IdentificationResult:
         k_t·n/J as found by a short push, rad/s² per A; accurate to some tens of percent.
     goal : IdentificationGoal
     warnings : list of str
+    presliding : Presliding, optional
+        Median of the ramps; None where the encoder is too coarse to tell.
     """
 
     points: list[KineticPoint]
@@ -146,6 +148,7 @@ class IdentificationResult:
     acceleration_per_current: float
     goal: IdentificationGoal
     warnings: list[str] = field(default_factory=list)
+    presliding: Presliding | None = None
 
     @property
     def speeds(self) -> np.ndarray:
@@ -183,6 +186,7 @@ class IdentificationResult:
         """Return the `FrictionModel` of the drive; the caller saves it."""
         return FrictionModel(
             drive=drive, sigmoid=self.sigmoid, breakaway=self.breakaway, joint=joint,
+            presliding=self.presliding,
             lookup_table=self.lookup_table(),
             notes={
                 'source': 'identification: constant velocities and current ramps',

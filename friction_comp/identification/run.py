@@ -24,6 +24,7 @@ from friction_comp.identification.kinetic import merge_points
 from friction_comp.identification.script import Sample, Script
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervision import loaded, Supervision
+from friction_comp.model.friction_model import Presliding
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -173,7 +174,7 @@ class IdentificationRun:
                 points=points, sigmoid=sigmoid, sigmoid_error=error,
                 breakaway=statistics, records=records,
                 acceleration_per_current=script.acceleration, goal=self.goal,
-                warnings=list(self.warnings))
+                warnings=list(self.warnings), presliding=self._presliding())
         return self._result
 
     def _check(self, time: float, position: float) -> None:
@@ -202,10 +203,17 @@ class IdentificationRun:
         share = elapsed / max(elapsed + self.remaining, 1e-9)
         self.progress = max(self.progress, min(0.999, share))
 
+    def _presliding(self) -> Presliding | None:
+        """Return how far the joint gave from rest to breakaway: the median of the ramps."""
+        given = float(np.median(self._given)) if self._given else 0.0
+        # Less than two counts is not known.
+        coarse = 2.0 * (self.drive.position_resolution or 0.0)
+        return Presliding(given) if given > coarse else None
+
     def _records(self) -> BreakawayRecords:
         """Evaluate the ramps."""
         resolution = self.drive.position_resolution
-        parts, lost = [], 0
+        parts, lost, self._given = [], 0, []
         for sign, cycle, rest, samples in self._script.ramps:
             good = np.isfinite(samples[:, 2])
             time, position, current, warmth = samples[good].T
@@ -215,6 +223,7 @@ class IdentificationRun:
             if len(part) == 0:
                 lost += 1
                 continue
+            self._given.append(sign * float(part.position[0] - position[0]))
             part.rest_time[:] = rest
             part.cycle[:] = cycle
             parts.append(part)

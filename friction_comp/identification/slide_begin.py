@@ -14,6 +14,12 @@ _POINTS = 160          # of the fit
 _MISFIT = 0.13         # of the way slid, by which the fit may be wrong
 
 
+# s before the run-away within which the slide began: a joint that slides reaches the run-away's
+# speed within tenths of a second. Seen over longer, the bend of creep on soft contacts, which give
+# ever more as the load comes near to breakaway, would pass for the slide.
+_LONGEST_WINDOW = 0.6
+
+
 @njit(cache=True)
 def slide_begin(time: np.ndarray, position: np.ndarray, begin: int, end: int, sign: float,
                  resolution: float, runaway_speed: float) -> tuple[float, float]:
@@ -38,13 +44,13 @@ def slide_begin(time: np.ndarray, position: np.ndarray, begin: int, end: int, si
             break
     if found < 0:
         return np.nan, rest
-    window, instant = 0.4, np.nan
+    window, instant = _LONGEST_WINDOW, np.nan
     for _ in range(4):
         first = found
         while first > begin and time[found] - time[first] < window:
             first -= 1
         instant = _hinge(time, position, first, found, sign, resolution)
-        window = max(4.0 * (time[found] - instant), 0.15)
+        window = min(max(4.0 * (time[found] - instant), 0.15), _LONGEST_WINDOW)
     return instant, rest
 
 

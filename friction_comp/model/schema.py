@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
 
 KEYS = {
-    '': {'format', 'version', 'joint', 'drive', 'sigmoid', 'breakaway', 'effects', 'lookup_table',
+    '': {'format', 'version', 'joint', 'drive', 'sigmoid', 'breakaway', 'presliding',
+         'position_limits', 'effects', 'lookup_table',
          'differentiation', 'arm', 'simulation', 'notes'},
     'drive': {'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'},
     'sigmoid': {'coefficients', 'velocity_unit'},

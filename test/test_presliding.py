@@ -1,0 +1,59 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Identification on gears with two inertias: breakaway and presliding distance."""
+
+import math
+
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.identification.goal import IdentificationGoal
+from friction_comp.identification.run import IdentificationRun
+from friction_comp.model.friction_model import FrictionModel, Presliding
+from friction_comp.simulation.gear_kernel import (
+    gear_sample,
+    GEAR_STATE,
+    measure_gear,
+    MEASURED,
+    start_gear,
+)
+from friction_comp.simulation.joint import random_states
+from friction_comp.simulation.random_gears import random_gear
+
+
+def identified(gear, seed):
+    breakaway = gear.model.breakaway.positive_mean
+    goal = IdentificationGoal(
+        speeds=(0.05, 0.35), motion_range=1.5, ramp_slope=0.45 * breakaway, breakaway_cycles=4)
+    run = IdentificationRun(goal, gear.model.drive)
+    state, out = np.zeros(1, GEAR_STATE), np.zeros(1, MEASURED)
+    random = random_states(seed, 1)[0]
+    start_gear(gear.parameters, state[0], random)
+    measure_gear(gear.parameters, state[0], random, 1e-3, out[0])
+    for k in range(10 ** 6):
+        current = run.update(
+            k * 1e-3, float(out[0]['position']), None, float(out[0]['current']))
+        if run.finished:
+            return run.result()
+        gear_sample(gear.parameters, state[0], random, 1e-3, current, 0.0, 0.0, False, out[0])
+    raise AssertionError('never finished')
+
+
+@pytest.mark.parametrize(('kind', 'seed', 'most'), [('clamp', 2, 1.1), ('maxwell_slip', 2, 1.6)])
+def test_identification_finds_breakaway_and_presliding(kind, seed, most, tmp_path):
+    """Elements that were bent the other way before give farther: never less than the distance."""
+    gear = random_gear(seed, kind)
+    result = identified(gear, seed)
+    true, found = gear.model.breakaway, result.breakaway
+    scatter = 4.0 * true.positive_std / math.sqrt(4)
+    assert abs(found.positive_mean - true.positive_mean) < 0.03 * true.positive_mean + scatter
+    assert 0.9 < result.presliding.distance / gear.model.presliding.distance < most
+    result.model(gear.model.drive).save(tmp_path / 'model.yaml')
+    assert FrictionModel.load(tmp_path / 'model.yaml').presliding == result.presliding
+
+
+@pytest.mark.parametrize('distance', [0.0, -1e-3, math.nan, math.inf])
+def test_a_presliding_distance_is_positive(distance):
+    with pytest.raises(InputError, match=r'presliding\.distance'):
+        Presliding(distance)
