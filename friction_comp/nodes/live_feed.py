@@ -78,11 +78,14 @@ class LiveFeed:
             JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        threading.Thread(target=self._spin, name='live feed', daemon=True).start()
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._spin, name='live feed', daemon=True)
+        self._thread.start()
 
     def _spin(self):
         with contextlib.suppress(ExternalShutdownException):
-            self._executor.spin()
+            while not self._over.is_set():
+                self._executor.spin_once(timeout_sec=0.1)
 
     def _on_diagnostics(self, message):
         for status in message.status:
@@ -167,6 +170,11 @@ class LiveFeed:
 
     def close(self):
         """Stop listening."""
+        # The thread must be out of the middleware before that is taken down.
+        self._over.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 
 

@@ -1,0 +1,51 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the live page gets of running joints over DDS, and how it lets go of them."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from ros_system import joint_state, MODELS, probe_node
+from sensor_msgs.msg import JointState
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.live_feed import LiveFeed
+
+pytestmark = pytest.mark.slow
+MODEL = FrictionModel.load(MODELS[0])
+
+
+def test_joint_current_and_residual_of_the_last_seconds():
+    with probe_node() as probe:
+        publisher = probe.talk(JointState, 'joint_states')
+        feed = LiveFeed([], [MODEL], [])
+        try:
+            probe.matched(publisher)
+            stamp = 10**9
+            for k in range(300):
+                t = 0.02 * k
+                velocity = 0.6 * np.cos(2.0 * t)
+                publisher.publish(joint_state(
+                    stamp + round(t * 1e9), ['elbow'], [0.3 * np.sin(2.0 * t)], [velocity],
+                    [MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current]))
+                probe.spin_for(0.003)
+            probe.until(lambda: feed.joints, 'the joint')
+            data = feed.window('elbow', 0.0, 2.0)
+            assert data['time'][-1] - data['time'][0] <= 2.0
+            assert len(data['time']) > 30
+            assert 0.3 < np.abs(data['velocity']).max() < 0.61
+            np.testing.assert_allclose(
+                data['current'] * MODEL.drive.torque_per_current, data['torque'])
+            assert np.median(np.abs(data['residual'])) < 0.1 * MODEL.sigmoid(0.5)
+            probe.until(lambda: ('problem', 'joint_states', 'none') in feed.status(), 'silence')
+        finally:
+            feed.close()
+        assert not feed._thread.is_alive()
+
+
+def test_models_and_joints_must_be_as_many():
+    with pytest.raises(InputError, match='one file per joint'):
+        LiveFeed(['elbow', 'shoulder'], [MODEL], [])
