@@ -179,9 +179,8 @@ A start is false if the joint goes farther than {math.degrees(FALSE_START):.0f} 
 of 0.9 and with breakaway currents 10 % too large, the current is 99 % of the mean breakaway
 current: two joints of five slip. Under the printed law each slip ends itself, since
 the first count takes the breakaway term away; the joint advances a few tenths of a degree until
-it sticks well enough. The continuous law tries the level before anybody pushes, retreats at the
-first sign of a slip, holds a little less than what the joint has borne, and lets no kinetic
-compensation in meanwhile.
+it sticks well enough. The continuous law
+falls by a quarter at the first sign of a slip and leads the next preload to less.
 """)
     report.figure(gain_figure(outcomes), (
         'Peak torque and share of standstills with a false start against the breakaway gain, '
