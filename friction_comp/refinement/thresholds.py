@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every threshold of refinement in one table: its value, its unit, and why it is what it is.
 
-None of them was tuned for a recording. Those that decide what is named were set on simulated
-drives, and checked on drives and recordings that were not looked at while they were set.
+Most were set on simulated drives. Some were chosen with measured drives in view, so that these are
+no independent check of them: the share that tells a controller (a BLDC under speed control), the
+share that a lag must take (UR10e joint 2, EMPS), and how broad a transition may be (UR10e joint 1).
 """
 
 from __future__ import annotations
