@@ -14,6 +14,8 @@ NODES = ('test_demo', 'test_node_', 'test_packaging')
 name_this_environment()
 
 
+# Before xdist looks for the groups.
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Keep the tests of a file, and all with nodes, in one process; nodes begin."""
     def with_nodes(item):
