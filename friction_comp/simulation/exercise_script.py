@@ -179,13 +179,15 @@ def _spans(times: np.ndarray, position: np.ndarray, speed: Any,
     steps = np.diff(position)
     signs = np.where(np.abs(steps) < _SAME, 0, np.sign(steps)).astype(int)
     spans: list[tuple[float, float, int]] = []
+    stopped = 0.0
     for k, sign in enumerate(signs):
         if sign == 0:
             continue
         begin, end = float(times[k]), float(times[k + 1])
         if k == 0 or signs[k - 1] == 0:
-            rested = spans[-1][1] if spans else 0.0
-            begin = max(rested, begin - announcement)
+            # A movement that has not come to its end yet has its own direction.
+            begin = max(stopped, begin - announcement)
+        stopped = end
         if k + 1 == len(signs) or signs[k + 1] == 0:
             grid = np.linspace(times[k], times[k + 1], _GRID)
             end = float(grid[int(np.argmax(np.abs(speed(grid))))])
