@@ -122,7 +122,8 @@ def current_error(model, parts):
     for part in parts:
         velocity = np.gradient(part.position, part.sample_time)
         fast = np.abs(np.convolve(velocity, np.ones(9) / 9, 'same')) > 0.05
-        errors.append((model.predict(part) - part.current)[fast])
+        # Each recording begins with a cold motor, so that what fades with time is there in all.
+        errors.append((model.predict(part, same_recording=True) - part.current)[fast])
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
 
