@@ -30,6 +30,8 @@ import math
 from numba import njit
 import numpy as np
 
+from friction_comp.simulation.joint_kernel import normal
+
 SUBSTEPS = 16
 ELEMENTS = 8
 DELAYS = 4
@@ -57,23 +59,6 @@ GEAR_STATE = np.dtype([(name, float) for name in (
 
 MEASURED = np.dtype([(name, float) for name in (
     'position', 'velocity', 'current', 'interaction_torque')], align=True)
-
-
-@njit(cache=True)
-def uniform(random):
-    """Return the next number in (0, 1) of a splitmix64 sequence, shape (1,) uint64."""
-    random[0] += np.uint64(0x9E3779B97F4A7C15)
-    z = random[0]
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z = z ^ (z >> np.uint64(31))
-    return (float(z >> np.uint64(11)) + 0.5) / 9007199254740992.0
-
-
-@njit(cache=True)
-def normal(random):
-    """Return a standard normal number (Box and Muller)."""
-    return math.sqrt(-2.0 * math.log(uniform(random))) * math.cos(2.0 * math.pi * uniform(random))
 
 
 @njit(cache=True)
