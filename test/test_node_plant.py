@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.joint_states import nanoseconds
 from friction_comp.package_files import package_file
 from friction_comp.simulation.exercise_script import load_exercise
 from friction_comp.simulation.joint import Plant
@@ -241,11 +242,12 @@ def test_an_exercise_of_two_joints_announces_each_by_itself(room):
             clock.publish(message)
         probe.until(lambda: tick(start) or probe.spin_for(0.1) or references, 'a reference')
         states.publish(joint_state(start, ['shoulder', 'elbow'], [1.0, 2.0]))
-        stamps = [start + (k + 1) * 50_000_000 for k in range(round(script.duration * 20) + 2)]
+        # After the last of these the node ends, and answers no more.
+        stamps = [start + (k + 1) * 50_000_000 for k in range(round(script.duration * 20) + 1)]
         for stamp in stamps:
-            references.clear()
             tick(stamp)
-            probe.until(lambda: references, 'the reference of the tick')
+            probe.until(lambda stamp=stamp: references and stamp == nanoseconds(
+                references[-1].header.stamp), 'the reference of the tick')
             position, velocity, _ = script.at((stamp - stamps[0]) / 1e9)
             np.testing.assert_allclose(
                 references[-1].position, [2.0, 1.0] + position, atol=1e-12)

@@ -43,6 +43,8 @@ class LoadedModels:
 
     def __init__(self, node: Node, compensator: str):
         self.compensator = compensator
+        # How often models were exchanged: what was asked before the last time is out of date.
+        self.exchanges = 0
         self._get = node.create_client(GetParameters, f'{compensator}/get_parameters')
         self._set = node.create_client(SetParameters, f'{compensator}/set_parameters')
 
@@ -84,6 +86,7 @@ class LoadedModels:
         result = reply.results[0]
         if not result.successful:
             raise InputError(f'{self.compensator} refuses the model: {result.reason}')
+        self.exchanges += 1
         return before
 
     async def _answer(self, future) -> Any:

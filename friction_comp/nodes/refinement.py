@@ -138,7 +138,11 @@ class RefinementNode(Node):
             self._looking = False
 
     async def _compare(self):
+        exchanges = self._loaded.exchanges
         files = await self._loaded.files()
+        if exchanges != self._loaded.exchanges:
+            # The answer may be from before the exchange, and would end the new model's trial.
+            return
         compensated = self._compensated()
         for joint, rows in zip(self._joints, self._signals.take()):
             watch = self._watches[joint]
