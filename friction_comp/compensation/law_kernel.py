@@ -14,6 +14,7 @@ from numba import njit
 from friction_comp.compensation.friction_operator import continuous_current
 from friction_comp.compensation.guards import observe
 from friction_comp.compensation.records import CONTINUOUS, KINETIC, NONE
+from friction_comp.model.compiled import compiled_kinetic_current
 
 BUMP_TIME = 0.05
 """s; under a law without a slope limit, a model that is exchanged takes effect within a few of
@@ -31,8 +32,8 @@ def printed_current(p, speed):
     """
     if abs(speed) <= p.dead_speed:
         return 0.0
-    return p.viscous * speed + p.lower + (p.upper - p.lower) / (
-        1.0 + math.exp(-p.steepness * (speed - p.shift)))
+    return compiled_kinetic_current(
+        speed, p.upper, p.lower, p.steepness, p.shift, p.viscous)
 
 
 @njit(cache=True)

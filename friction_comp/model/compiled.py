@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A model's effects as one compiled function of a sample, made of the effects' own formulas.
+"""Eq. 6 and a model's effects in compiled code, made of their own formulas.
 
 `LiveTerm` evaluates an effect in Python, which starts at once. This takes a second to compile and
 then costs a fraction of a microsecond: worth it where thousands of runs are simulated.
@@ -18,10 +18,14 @@ import numpy as np
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.live_term import SHARPEST_LIVE
 from friction_comp.model.effects.scene import Signals
+from friction_comp.model.sigmoid import kinetic_current
 
 SIGNATURE = float64(
     float64, float64, float64, float64, float64, types.Array(float64, 1, 'C'))
 """Of the function: time, position, velocity, temperature, load, memory; returns A."""
+
+compiled_kinetic_current = njit(cache=True)(kinetic_current)
+"""Eq. 6 for compiled code."""
 
 _BEGAN, _START, _TIME, _POSITION, _STATES = range(5)
 

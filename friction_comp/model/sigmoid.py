@@ -20,6 +20,24 @@ if TYPE_CHECKING:
 VELOCITY_UNITS = {'rad/s': 1.0, 'deg/s': math.pi / 180.0}
 
 
+def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float, shift: float,
+                    viscous: float) -> Any:
+    """Return Eq. 6 at a velocity: the one place where it is written.
+
+    Arrays and single numbers alike; `compiled.compiled_kinetic_current` is the same function in
+    compiled code. Current or torque, in the unit of the plateaus.
+
+    Parameters
+    ----------
+    velocity : float or ndarray
+        rad/s.
+    upper, lower, steepness, shift, viscous : float
+        As in `Sigmoid`.
+    """
+    return viscous * velocity + lower + (upper - lower) / (
+        1.0 + np.exp(-steepness * (velocity - shift)))
+
+
 @dataclass(frozen=True)
 class Sigmoid:
     """Current that overcomes kinetic friction, as a function of joint velocity (Eq. 6).
@@ -59,9 +77,10 @@ class Sigmoid:
 
     def __call__(self, velocity: ArrayLike) -> Any:
         """Return the current in A at joint velocity in rad/s, of the same shape."""
-        velocity = np.asarray(velocity, dtype=float)
-        share = expit(self.steepness * (velocity - self.shift))
-        return self.viscous * velocity + self.lower + (self.upper - self.lower) * share
+        # Far below the transition the exponential is infinite, and the quotient zero as it should.
+        with np.errstate(over='ignore'):
+            return kinetic_current(np.asarray(velocity, dtype=float), self.upper, self.lower,
+                                   self.steepness, self.shift, self.viscous)
 
     @classmethod
     def from_coefficients(cls, coefficients: Sequence[float],

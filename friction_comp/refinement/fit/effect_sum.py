@@ -12,7 +12,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.special import expit
+
+from friction_comp.model.sigmoid import Sigmoid
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
@@ -56,7 +57,8 @@ class Term:
 def base_columns(samples: Samples, steepness: float, shift: float = 0.0) -> np.ndarray:
     """Return the columns of Eq. 6: constant, transition and viscous."""
     v = samples.velocity
-    return np.column_stack((np.ones_like(v), 2.0 * expit(steepness * (v - shift)) - 1.0, v))
+    transition = Sigmoid(1.0, -1.0, steepness, shift)
+    return np.column_stack((np.ones_like(v), transition(v), v))
 
 
 def robust_scale(residual: np.ndarray) -> float:
