@@ -82,8 +82,10 @@ setup(
         'zstandard>=0.18',
     ],
     # colcon runs the tests with pytest where it finds it asked for here.
-    # Pinocchio reads URDF files for `refine --urdf`.
-    extras_require={'arm': ['pin>=2.7'], 'watch': ['bokeh>=3.1'], 'test': ['pytest']},
+    # Pinocchio reads URDF files for `refine --urdf`, Bokeh makes the page of `watch`, Dask works on
+    # many recordings at once.
+    extras_require={'arm': ['pin>=2.7'], 'watch': ['bokeh>=3.1'],
+                    'parallel': ['distributed>=2022.12'], 'test': ['pytest']},
     zip_safe=False,
     author='The friction_comp authors',
     maintainer='The friction_comp authors',

@@ -5,9 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from friction_comp.attempts import Failure, in_turn, Runner
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import (
     evaluate_repetitions,
@@ -27,6 +30,56 @@ if TYPE_CHECKING:
 
 # s; recordings shorter than two of these are looked at as a whole, of others so much is in memory.
 _STRETCH = 300.0
+
+
+@dataclass(frozen=True)
+class Piece:
+    """What is measured by itself: one joint of one recording, all that it holds where None."""
+
+    path: Path
+    joint: str | None
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+@dataclass
+class Measured:
+    """What was measured of a piece."""
+
+    joint: str
+    repetitions: list[Repetition]
+    notes: list[str]
+    model: str | None
+
+
+def pieces_of(paths: Sequence[str | Path], joint: str | None = None
+              ) -> tuple[list[Piece], list[Failure]]:
+    """Return what can be measured by itself, and why some recordings cannot.
+
+    Parameters
+    ----------
+    paths : sequence of path-like
+        Recordings, or folders of them.
+    joint : str, optional
+        This joint only.
+
+    Raises
+    ------
+    InputError
+        If a path holds no recording.
+    """
+    pieces: list[Piece] = []
+    failures: list[Failure] = []
+    for path in find_recordings([Path(path) for path in paths]):
+        try:
+            names: list[str | None] = [joint] if joint is not None else [
+                *recorded_joints(path)] or [None]
+        except InputError as error:
+            failures.append(Failure(str(error)))
+            continue
+        pieces.extend(Piece(path, name or None) for name in names)
+    return pieces, failures
 
 
 def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
@@ -56,40 +109,63 @@ def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
     InputError
         If none can be used; the first one's reason.
     """
-    found = find_recordings([Path(path) for path in paths])
-    joints: dict[str, list[Repetition]] = {}
-    notes: dict[str, list[str]] = {}
-    models: dict[str, None] = {}
-    failures: list[InputError] = []
-    for number, path in enumerate(found):
-        try:
-            wanted: list[str | None] = [joint] if joint is not None else list(
-                recorded_joints(path)) or [None]
-        except InputError as error:
-            failures.append(error)
-            continue
-        for place, name in enumerate(wanted):
-            try:
-                measured, known, said, model = _measured(path, name or None, friction, seconds)
-            except InputError as error:
-                failures.append(error)
-                continue
-            if progress:
-                progress((number + (place + 1) / len(wanted)) / len(found))
-            joints.setdefault(known, []).extend(measured)
-            notes.setdefault(known, []).extend(said)
-            models.update({model: None} if model else {})
+    pieces, failures = pieces_of(paths, joint)
+    return evaluate_pieces(pieces, failures, friction, seconds, progress)
+
+
+def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
+                    friction: FrictionModel | None = None, seconds: float = _STRETCH,
+                    progress: Callable[[float], None] | None = None,
+                    run: Runner = in_turn) -> list[Evaluation]:
+    """Evaluate what `pieces_of` found; the result does not depend on the order of the work.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+    failures : sequence of Failure
+        Recordings that are left out already.
+    friction, seconds, progress
+        As for `evaluate_recordings`.
+    run : callable
+        Does the work: here, or in many processes.
+
+    Returns
+    -------
+    list of Evaluation
+
+    Raises
+    ------
+    InputError
+        If nothing can be used; the first reason.
+    """
+    outcomes: dict[int, Measured | Failure] = {}
+    work = partial(_measured, friction=friction, seconds=seconds)
+    for number, outcome in run(work, pieces) if pieces else ():
+        outcomes[number] = outcome
+        if progress:
+            progress(len(outcomes) / len(pieces))
+    joints: dict[str, list[Measured]] = {}
+    left_out = list(failures)
+    for number in sorted(outcomes):
+        outcome = outcomes[number]
+        if isinstance(outcome, Failure):
+            left_out.append(outcome)
+        else:
+            joints.setdefault(outcome.joint, []).append(outcome)
     if not joints:
-        raise failures[0]
-    left_out = [f'left out: {failure}' for failure in failures]
-    active = ', '.join(models) or None
-    return [evaluate_repetitions(known, joints[known], active, notes[known] + left_out)
-            for known in joints]
+        raise InputError(left_out[0].reason)
+    said = [f'left out: {failure.reason}' for failure in left_out]
+    active = ', '.join(dict.fromkeys(
+        part.model for parts in joints.values() for part in parts if part.model)) or None
+    return [evaluate_repetitions(
+        name, [r for part in parts for r in part.repetitions], active,
+        [note for part in parts for note in part.notes] + said)
+        for name, parts in joints.items()]
 
 
-def _measured(path: Path, joint: str | None, friction: FrictionModel | None,
-              seconds: float) -> tuple[list[Repetition], str, list[str], str | None]:
-    """Return the repetitions in a recording, the joint's name, what is to be noted, the model."""
+def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> Measured:
+    """Measure the repetitions of a piece."""
+    path, joint = piece.path, piece.joint
     drive = friction.drive if friction is not None else None
     constants = (drive.torque_constant, drive.gear_ratio) if drive is not None else (1.0, 1.0)
     found: list[Repetition] = []
@@ -113,7 +189,7 @@ def _measured(path: Path, joint: str | None, friction: FrictionModel | None,
     assert info is not None
     if not found:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
-    return found, info.joint, notes, info.model
+    return Measured(info.joint, found, notes, info.model)
 
 
 def _joined(first: Samples, second: Samples) -> Samples:

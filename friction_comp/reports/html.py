@@ -10,7 +10,8 @@ from html import escape
 import math
 from pathlib import Path
 import re
-from typing import Any, TYPE_CHECKING
+from typing import Any, NamedTuple, TYPE_CHECKING
+from urllib.parse import quote
 
 import numpy as np
 
@@ -21,6 +22,13 @@ from friction_comp.reports.figures import for_page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+class Link(NamedTuple):
+    """What a table's cell says, and the file, beside the page, that it leads to."""
+
+    text: str
+    target: str
 
 
 class Report:
@@ -244,6 +252,8 @@ def _cell(value: Any, decimals: int | None = None) -> str:
         return f'{value:.{decimals}f}'.replace('-', '\u2212')
     if value is None or _is_number(value):
         return number(value)
+    if isinstance(value, Link):
+        return f'<a href="{escape(quote(value.target), quote=True)}">{escape(value.text)}</a>'
     return _inline(str(value))
 
 

@@ -9,6 +9,7 @@ import io
 from pathlib import Path
 
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
+from friction_comp.tools.workers import add_workers, workers
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -34,8 +35,9 @@ def main(argv: list[str] | None = None) -> int:
         '--model', metavar='FILE', type=Path,
         help='model file: tells, also without a torque sensor, what current the movements asked '
              'for beyond what was commanded')
+    add_workers(parser)
     arguments = parser.parse(argv)
-    from friction_comp.evaluation.sessions import evaluate_recordings
+    from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import find_recordings
     from friction_comp.reports.evaluation_report import condition_line, evaluation_report, summary
@@ -43,9 +45,12 @@ def main(argv: list[str] | None = None) -> int:
     friction = FrictionModel.load(arguments.model) if arguments.model else None
     with progress('reading') as report:
         names = [str(path) for path in find_recordings(arguments.recordings)]
-        evaluations = evaluate_recordings(
-            arguments.recordings, arguments.joint, friction, progress=report)
-        report(1.0, 'evaluating')
+        pieces, failures = pieces_of(arguments.recordings, arguments.joint)
+        with workers(arguments, len(pieces)) as run:
+            evaluations = evaluate_pieces(
+                pieces, failures, friction, progress=lambda share: report(
+                    0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'), run=run)
+        report(0.95, 'writing')
         content = evaluations[0].as_dict()
         if len(evaluations) > 1:
             content['joints'] = [evaluation.as_dict() for evaluation in evaluations]

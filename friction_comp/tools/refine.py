@@ -12,6 +12,7 @@ from typing import Any, TYPE_CHECKING
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
+from friction_comp.tools.workers import add_workers
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -45,7 +46,18 @@ def main(argv: list[str] | None = None) -> int:
                         help='unit of the figures in the report; by default A where a torque '
                              'constant, a gear ratio or a model is given (1 and 1 say that effort '
                              'holds current), else N·m, which is what effort holds by the message')
+    parser.add_argument('--each', action='store_true',
+                        help='refine each joint of each recording by itself, in parallel, with '
+                        'one page on all; without it, all recordings together give one model')
+    add_workers(parser)
     arguments = parser.parse(argv)
+    if arguments.each:
+        from friction_comp.tools.refine_each import refine_each
+
+        return refine_each(arguments)
+    if arguments.jobs or arguments.scheduler:
+        raise InputError('--jobs and --scheduler go with --each: several recordings that give one '
+                         'model are fitted together')
     if arguments.urdf:
         from friction_comp.tools.refine_arm import refine_whole_arm
 

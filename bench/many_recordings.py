@@ -1,0 +1,159 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many recordings on one process and on two: time, processor time and peak memory.
+
+`refine --each` and `evaluate` over short recordings of simulated drives, the tools as a user
+starts them. Memory is the largest sum of what all processes of a tool have to themselves (PSS).
+`--hour` evaluates one hour of seven joints at 1 kHz instead, in a stream, and prints its peak.
+
+    python3 bench/many_recordings.py --recordings 200
+    python3 bench/many_recordings.py --hour
+"""
+
+import argparse
+from contextlib import suppress
+import json
+import os
+from pathlib import Path
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+KINDS = ('gravity', 'friction_ripple', 'stribeck', 'inertia')
+JOINTS = 7
+
+
+def write_recordings(folder, count, seconds, rate):
+    """Write recordings of four drives, each of which hides one effect."""
+    from friction_comp.recordings import write_samples
+    from simulated_recordings.drives import excitation_for, random_drive, record
+
+    for k in range(count):
+        kind = KINDS[k % len(KINDS)]
+        samples = record(random_drive(900 + k % len(KINDS), [kind]), 5000 + k, excitation_for(
+            [kind], duration=seconds, rate=rate))[0].samples
+        write_samples(folder / f'r{k:03d}', samples.with_(joint=f'{kind}_drive'))
+
+
+def write_hour(path, seconds, rate=1000.0):
+    """Write joints that move to and fro, minute by minute; all with an announced direction."""
+    from rosbags.typesys import get_typestore, Stores
+
+    from friction_comp.recordings import RecordingWriter
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kinds = {'joint_states': 'sensor_msgs/msg/JointState',
+             'direction': 'std_msgs/msg/Int8MultiArray'}
+    names = [f'joint_{k + 1}' for k in range(JOINTS)]
+    types = store.types
+    with RecordingWriter(path) as recording:
+        for k in range(round(seconds * rate)):
+            t = k / rate
+            phase = (t + 0.3 * np.arange(JOINTS)) % 8.0
+            # 2 s of rest, 2 s there, 2 s of rest, 2 s back.
+            s = np.clip(np.where(phase < 6.0, phase - 2.0, 0.0) / 2.0, 0.0, 1.0)
+            back = np.clip((phase - 6.0) / 2.0, 0.0, 1.0)
+            x = 0.5 * (np.sin(0.5 * np.pi * s) ** 2 - np.where(
+                phase >= 6.0, np.sin(0.5 * np.pi * back) ** 2 - 1.0, 0.0))
+            v = np.where((phase > 2) & (phase < 4), 1.0, np.where(phase > 6, -1.0, 0.0))
+            when = round((t + 1.7e9) * 1e9)
+            stamp = types['builtin_interfaces/msg/Time'](when // 10 ** 9, when % 10 ** 9)
+            state = types[kinds['joint_states']](
+                types['std_msgs/msg/Header'](stamp, ''), names, x, np.array([]), 0.2 * v)
+            recording.write('/joint_states', kinds['joint_states'], when, bytes(
+                store.serialize_cdr(state, kinds['joint_states'])))
+            if k % 100 == 0:
+                layout = types['std_msgs/msg/MultiArrayLayout']([], 0)
+                message = types[kinds['direction']](layout, v.astype(np.int8))
+                recording.write('/direction', kinds['direction'], when, bytes(
+                    store.serialize_cdr(message, kinds['direction'])))
+
+
+def tree(pid):
+    """Return a process and all below it."""
+    found = [pid]
+    for task in Path(f'/proc/{pid}/task').glob('*/children'):
+        for child in task.read_text().split():
+            found.extend(tree(int(child)))
+    return found
+
+
+def memory(pid):
+    """Return the memory in MB that a process and those below it have for themselves."""
+    total = 0
+    for one in tree(pid):
+        try:
+            text = Path(f'/proc/{one}/smaps_rollup').read_text()
+        except OSError:
+            continue
+        total += int(next(line.split()[1] for line in text.splitlines()
+                          if line.startswith('Pss:')))
+    return total / 1024
+
+
+def timed(arguments):
+    """Run a tool; return its time, processor time in s and peak memory in MB."""
+    environment = dict(os.environ, PYTHONPATH=str(ROOT), OMP_NUM_THREADS='1',
+                       OPENBLAS_NUM_THREADS='1')
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    begin, peak = time.monotonic(), 0.0
+    process = subprocess.Popen([sys.executable, '-m', 'friction_comp', *map(str, arguments)],
+                               env=environment, stdout=subprocess.DEVNULL)
+    while process.poll() is None:
+        with suppress(OSError):
+            peak = max(peak, memory(process.pid))
+        time.sleep(0.5)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    if process.returncode:
+        raise SystemExit(f'{arguments[0]} ended with {process.returncode}')
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.monotonic() - begin, cpu, peak
+
+
+def main():
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--recordings', type=int, default=20)
+    parser.add_argument('--seconds', type=float, default=20.0)
+    parser.add_argument('--rate', type=float, default=125.0)
+    parser.add_argument('--hour', action='store_true')
+    parser.add_argument('--length', type=float, default=3600.0, help='s of the "hour"')
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        room = Path(name)
+        if arguments.hour:
+            write_hour(room / 'hour', arguments.length)
+            size = sum(p.stat().st_size for p in (room / 'hour').iterdir()) / 1e6
+            spent, cpu, peak = timed(['evaluate', room / 'hour', '--output', room / 'out',
+                                      '--jobs', 1])
+            count = sum(1 for _ in (room / 'out' / 'repetitions.csv').open()) - 1
+            print(f'{arguments.length:.0f} s of {JOINTS} joints at 1 kHz ({size:.0f} MB): '
+                  f'{count} movements evaluated in {spent:.0f} s ({cpu:.0f} s of processor '
+                  f'time), peak memory {peak:.0f} MB')
+            return
+        write_recordings(room / 'all', arguments.recordings, arguments.seconds, arguments.rate)
+        for tool in (['refine', '--each'], ['evaluate']):
+            found, times = [], []
+            for jobs in (1, 2):
+                output = room / f'{tool[0]}_{jobs}'
+                spent, cpu, peak = timed([*tool, room / 'all', '--output', output, '--jobs', jobs])
+                report = json.loads((output / 'report.json').read_text())
+                found.append([row['effects'] for row in report['recordings']]
+                             if tool[0] == 'refine' else report['conditions'])
+                times.append(spent)
+                print(f'{" ".join(tool)}, {arguments.recordings} recordings, {jobs} '
+                      f'process{"es" * (jobs > 1)}: {spent:.0f} s, {cpu:.0f} s of processor time, '
+                      f'peak memory {peak:.0f} MB', flush=True)
+            same = 'the same' if found[0] == found[1] else 'NOT the same'
+            print(f'{" ".join(tool)}: {times[0] / times[1]:.2f} times as fast on two; results '
+                  f'{same}', flush=True)
+
+
+if __name__ == '__main__':
+    main()

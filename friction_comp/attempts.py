@@ -1,0 +1,64 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The same work on many things, of which one that fails costs only itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from friction_comp.errors import InputError
+
+T = TypeVar('T')
+U = TypeVar('U')
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What came instead of a result; `reason` is one line."""
+
+    reason: str
+
+
+Outcomes = Iterator[tuple[int, 'U | Failure']]
+Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
+"""Does work on each of several things, and yields number and outcome in the order of their end."""
+
+
+def attempt(work: Callable[[T], U], thing: T) -> U | Failure:
+    """Return what work makes of a thing, or why it made nothing.
+
+    Parameters
+    ----------
+    work : callable
+    thing : object
+        Named by its text where the error does not.
+    """
+    try:
+        return work(thing)
+    except InputError as error:
+        return Failure(' '.join(str(error).split()))
+    except Exception as error:
+        # Of a thousand recordings, one that shows a mistake in the program is not worth the others.
+        return Failure(f'{thing}: {type(error).__name__}: {" ".join(str(error).split())}')
+
+
+def in_turn(work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
+    """Do the work here, one thing after the other; an error is raised if there is but one.
+
+    Parameters
+    ----------
+    work : callable
+    things : sequence
+
+    Yields
+    ------
+    int, object or Failure
+        Number of the thing, and the outcome.
+    """
+    if len(things) == 1:
+        yield 0, work(things[0])
+        return
+    for number, thing in enumerate(things):
+        yield number, attempt(work, thing)

@@ -1,0 +1,134 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""One page on many recordings that were refined one by one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.reports.html import Link, Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Effects seen more seldom than in this share of a joint's recordings may be chance's.
+_OFTEN = 0.5
+
+
+def verdict(content: dict[str, Any]) -> str:
+    """Return in words what came of all recordings.
+
+    Parameters
+    ----------
+    content : dict
+        Of report.json: `recordings`, `failed`, `not_done` and `seconds`.
+    """
+    rows, failed, missing = content['recordings'], content['failed'], content['not_done']
+    kinds = Counter(row['verdict'] for row in rows)
+    words = ', '.join(f'{name}: {kinds[name]}' for name in (
+        'trust', 'trust in part', 'record again') if kinds[name])
+    text = f'**{len(rows)} of {len(rows) + len(failed) + missing} refined** ({words or "none"}).'
+    better = [1.0 - row['after'] / row['before'] for row in rows
+              if row['effects'] and row['before'] > 0]
+    if better:
+        low, middle, high = np.quantile(better, [0.25, 0.5, 0.75])
+        text += (f' In {len(better)} an effect was found that the model lacked: there its error '
+                 f'is {100 * middle:.0f} % less (middle half {100 * low:.0f} to '
+                 f'{100 * high:.0f} %).')
+    elif rows:
+        text += ' In none an effect was found that the model lacked.'
+    if failed:
+        text += f' **{len(failed)} could not be used**; the reasons are below.'
+    if missing:
+        text += f' **Interrupted: {missing} were not done.**'
+    return text
+
+
+def each_report(content: dict[str, Any]) -> Report:
+    """Return the page.
+
+    Parameters
+    ----------
+    content : dict
+        Of report.json.
+    """
+    rows = content['recordings']
+    joints = list(dict.fromkeys(row['joint'] for row in rows))
+    page = Report('What friction models lacked, recording by recording',
+                  f'{len(rows)} refined by themselves; joints: {", ".join(joints)}')
+    page.text(verdict(content))
+    for unit in dict.fromkeys(row['unit'] for row in rows):
+        alike = [row for row in rows if row['unit'] == unit]
+        page.figure(errors_figure(alike, unit), 'Error on data not fitted, before (open) and '
+                    'after refinement (filled), and noise from sample to sample (line); ordered '
+                    'by joint and recording.')
+    page.heading('Effects, and how often they were found')
+    page.table(['joint', 'effect', 'depends on', 'recordings', 'of', ''], _effects(rows, joints))
+    page.text('What is found in some recordings of a joint and not in others either needs a '
+              'movement that those lack (each report says what hardly varied), or is no property '
+              'of the drive.')
+    page.heading('Recording by recording')
+    page.table(
+        ['recording', 'joint', 'verdict', 'before', 'after', 'noise', 'unit', 'found',
+         'unexplained'],
+        [[Link(Path(row['recording']).name, f"{row['folder']}/report.html"), row['joint'],
+          row['verdict'], row['before'], row['after'], row['noise_floor'], row['unit'],
+          _names(row['effects']) or 'nothing', ', '.join(row['unexplained'])] for row in rows],
+        'RMS of measured minus predicted on stretches that were not fitted. Each has its own page '
+        'and model file in the folder beside this page.')
+    if content['failed']:
+        page.heading('Left out')
+        page.text('\n'.join(f'- {reason}' for reason in content['failed']))
+    return page
+
+
+@styled
+def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
+    """Draw the error before and after, one recording beside the other."""
+    rows = sorted(rows, key=lambda row: row['joint'])
+    figure, axes = new_figure(width=8.4, height=3.2)
+    at = np.arange(len(rows))
+    before, after, noise = (np.array([row[name] for row in rows], dtype=float)
+                            for name in ('before', 'after', 'noise_floor'))
+    axes.vlines(at, after, before, color=COLOURS['grey'], linewidth=0.8)
+    axes.plot(at, before, 'o', color=COLOURS['orange'], markerfacecolor='none', markersize=4,
+              label='before')
+    axes.plot(at, after, 'o', color=COLOURS['blue'], markersize=4, label='after')
+    axes.hlines(noise, at - 0.4, at + 0.4, color=COLOURS['green'], linewidth=1.2, label='noise')
+    joints = [row['joint'] for row in rows]
+    begins = [k for k in range(len(rows)) if not k or joints[k] != joints[k - 1]]
+    for begin in begins[1:]:
+        axes.axvline(begin - 0.5, color=COLOURS['grey'], linewidth=0.6)
+    if len(begins) > 1:
+        ends = [*begins[1:], len(rows)]
+        axes.set_xticks([0.5 * (a + b - 1) for a, b in zip(begins, ends)],
+                        [joints[k] for k in begins])
+    else:
+        axes.set_xlabel('recording')
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel(f'RMS error [{unit}]')
+    figure.legend(loc='outside lower center', ncols=3)
+    return figure
+
+
+def _effects(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
+    table: list[list[Any]] = []
+    for joint in joints:
+        own = [row for row in rows if row['joint'] == joint]
+        counts = Counter((effect['name'], effect['variable']) for row in own
+                         for effect in {e['name']: e for e in row['effects']}.values())
+        table.extend(
+            [joint, name.replace('_', ' '), variable, count, len(own),
+             'again and again' if count > 1 and count >= _OFTEN * len(own) else 'seldom']
+            for (name, variable), count in counts.most_common())
+    return table or [['', 'none', '', None, len(rows), '']]
+
+
+def _names(effects: list[dict[str, Any]]) -> str:
+    counts = Counter(effect['name'].replace('_', ' ') for effect in effects)
+    return ', '.join(f'{name} × {count}' if count > 1 else name for name, count in counts.items())

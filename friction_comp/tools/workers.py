@@ -1,0 +1,152 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many recordings at once: processes of this machine, or a cluster, by Dask.
+
+Dask is an extra. Without it, work is done in the tool's own process, one recording after the other.
+A process that is killed, for want of memory say, is replaced, and costs the recording it had.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+import importlib.util
+import logging
+from multiprocessing import resource_tracker
+import os
+import signal
+from typing import TYPE_CHECKING, TypeVar
+
+from friction_comp.attempts import attempt, Failure, in_turn, Outcomes, Runner
+from friction_comp.errors import InputError
+from friction_comp.tools.common import Arguments, whole_number
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+T = TypeVar('T')
+U = TypeVar('U')
+
+# From so many recordings on, processes take less time than it takes to start them.
+WORTH_IT = 8
+# s within which a scheduler must answer.
+_PATIENCE = 10.0
+_CONFIGURATION = {
+    # One recording at a time for each process, so that the loss of a process is the loss of one;
+    # what has killed a process is not tried on the next.
+    'distributed.scheduler.worker-saturation': 1.0,
+    'distributed.scheduler.allowed-failures': 0,
+    'distributed.comm.timeouts.connect': _PATIENCE,
+}
+
+
+def add_workers(parser: Arguments) -> Arguments:
+    """Add --jobs and --scheduler to a tool's arguments."""
+    parser.add_argument(
+        '--jobs', metavar='N', type=whole_number(),
+        help='recordings that are worked on at once, each in a process of its own (by default, '
+        f'from {WORTH_IT} recordings on, as many as there are processors; more than one needs '
+        'dask.distributed)')
+    parser.add_argument(
+        '--scheduler', metavar='ADDRESS',
+        help='Dask scheduler of a cluster that does the work instead, such as tcp://host:8786; '
+        'its workers need this package, and the recordings under the same paths')
+    return parser
+
+
+def installed() -> bool:
+    """Tell whether dask.distributed is there."""
+    return importlib.util.find_spec('distributed') is not None
+
+
+@contextmanager
+def workers(arguments: Namespace, count: int) -> Iterator[Runner]:
+    """Give what does the work, as the arguments ask for it.
+
+    Parameters
+    ----------
+    arguments : Namespace
+        With `jobs` and `scheduler`.
+    count : int
+        How many things there are to be done.
+
+    Yields
+    ------
+    callable
+        As `friction_comp.attempts.in_turn`.
+
+    Raises
+    ------
+    InputError
+        If Dask is asked for and missing, or the scheduler does not answer.
+    """
+    jobs = arguments.jobs
+    if jobs is None:
+        jobs = (os.cpu_count() or 1) if count >= WORTH_IT and installed() else 1
+    jobs = min(jobs, count)
+    if arguments.scheduler is None and jobs < 2:
+        yield in_turn
+        return
+    if not installed():
+        raise InputError('more than one process needs dask.distributed: '
+                         'pip install distributed, or leave --jobs and --scheduler out')
+    with _client(jobs, arguments.scheduler) as client:
+        yield partial(_spread, client)
+
+
+@contextmanager
+def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
+    """Give a client of a cluster: the one that is named, else one of this machine's processes."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    for name in ('distributed', 'tornado.application', 'asyncio'):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    with dask.config.set(_CONFIGURATION):
+        if scheduler is not None:
+            try:
+                client = Client(scheduler, timeout=_PATIENCE)
+            except (OSError, ValueError) as error:
+                raise InputError(f'--scheduler {scheduler}: no Dask scheduler answers there '
+                                 f'({" ".join(str(error).split())})') from None
+            with client:
+                yield client
+            return
+        # An interrupt from the keyboard goes to all processes of the terminal. It is this one's to
+        # end the others: they, and the thread that looks after them, inherit that it is blocked.
+        # Python's tracker of resources would unblock it on its start, so it is started before.
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            cluster = LocalCluster(
+                n_workers=jobs, threads_per_worker=1, processes=True, host='127.0.0.1',
+                dashboard_address='127.0.0.1:0', silence_logs=logging.CRITICAL)
+            client = Client(cluster)
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        try:
+            yield client
+        finally:
+            client.close()
+            cluster.close()
+
+
+def _spread(client: Client, work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
+    """Do the work on a cluster; results are given back as they come, and then forgotten there."""
+    from distributed import as_completed
+
+    futures = client.map(partial(attempt, work), things, pure=False)
+    numbers = {future.key: k for k, future in enumerate(futures)}
+    try:
+        for future in as_completed(futures):
+            number = numbers[future.key]
+            if future.status == 'finished':
+                yield number, future.result()
+            else:
+                yield number, Failure(f'{things[number]}: the process that had it was killed '
+                                      '(out of memory?)')
+            future.release()
+    finally:
+        client.cancel(futures)

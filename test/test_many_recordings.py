@@ -1,0 +1,194 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Many recordings at once: one that fails costs only itself, and processes change no result."""
+
+from argparse import Namespace
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from test_evaluate import trial
+
+from friction_comp.__main__ import run
+from friction_comp.attempts import attempt, Failure, in_turn
+from friction_comp.errors import InputError
+from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
+from friction_comp.recordings import write_samples
+from friction_comp.tools import workers as tool
+from simulated_recordings.drives import excitation_for, random_drive, record
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    """Short recordings of one drive that hides gravity, and one that cannot be read."""
+    room = tmp_path_factory.mktemp('many') / 'sessions'
+    drive = random_drive(3, ['gravity'])
+    for k in range(2):
+        samples = record(drive, 40 + k, excitation_for(
+            ['gravity'], duration=20.0, rate=125.0))[0].samples
+        write_samples(room / f'day_{k}', samples)
+    (room / 'broken.mcap').write_bytes(b'no recording')
+    return room
+
+
+def trials(room, count=10):
+    for k in range(count):
+        write_samples(room / f't{k}', trial([1.0 + 0.1 * k] * 4, directions=[1, -1] * 2))
+    return room
+
+
+def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp_path, capsys):
+    out = tmp_path / 'out'
+    assert run('refine', [str(folder), '--each', '--output', str(out)]) == 0
+    content = json.loads((out / 'report.json').read_text())
+    assert [Path(row['recording']).name for row in content['recordings']] == ['day_0', 'day_1']
+    for row in content['recordings']:
+        assert row['effects'][0]['name'] == 'gravity'
+        assert row['after'] < 0.5 * row['before']
+        for name in ('report.json', 'report.html', 'model.yaml'):
+            assert (out / row['folder'] / name).stat().st_size > 0
+        own = json.loads((out / row['folder'] / 'report.json').read_text())
+        assert own['after']['held_out_rmse'] == row['after']
+    assert len(content['failed']) == 1
+    assert 'broken.mcap' in content['failed'][0]
+    page = (out / 'report.html').read_text(encoding='utf-8')
+    assert 'href="day_0/report.html"' in page
+    assert 'broken.mcap' in page
+    told = capsys.readouterr().out
+    assert told.startswith('2 of 3 refined')
+    # What refines a recording by itself does so here.
+    assert run('refine', [str(folder / 'day_0'), '--output', str(tmp_path / 'one')]) == 0
+    one = json.loads((tmp_path / 'one' / 'report.json').read_text())
+    assert one['after'] == json.loads((out / 'day_0' / 'report.json').read_text())['after']
+
+
+def test_nothing_to_be_used_is_an_error(tmp_path, capsys):
+    (tmp_path / 'a.mcap').write_bytes(b'no recording')
+    (tmp_path / 'b.mcap').write_bytes(b'nor this')
+    assert run('refine', [str(tmp_path), '--each', '--output', str(tmp_path / 'out')]) == 2
+    assert capsys.readouterr().err.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize('more', [['--jobs', '2'], ['--scheduler', 'tcp://nowhere:1']])
+def test_many_processes_are_for_many_models(folder, tmp_path, capsys, more):
+    assert run('refine', [str(folder), '--output', str(tmp_path / 'out'), *more]) == 2
+    assert '--each' in capsys.readouterr().err
+
+
+def test_without_the_extra_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(tool, 'installed', lambda: False)
+    room = trials(tmp_path / 'r')
+    # Not asked for, it is not missed, however many recordings there are.
+    assert run('evaluate', [str(room), '--output', str(tmp_path / 'out')]) == 0
+    capsys.readouterr()
+    assert run('evaluate', [str(room), '--output', str(tmp_path / 'no'), '--jobs', '2']) == 2
+    told = capsys.readouterr().err
+    assert told.count('\n') == 1
+    assert 'pip install distributed' in told
+    assert not (tmp_path / 'no').exists()
+
+
+def test_the_order_in_which_recordings_end_does_not_matter(tmp_path):
+    pieces, failures = pieces_of([trials(tmp_path, 4)])
+
+    def backwards(work, things):
+        return iter([(k, attempt(work, things[k])) for k in reversed(range(len(things)))])
+    plain, = evaluate_pieces(pieces, failures)
+    other, = evaluate_pieces(pieces, failures, run=backwards)
+    assert plain.table() == other.table()
+    assert plain.as_dict() == other.as_dict()
+
+
+def test_a_mistake_in_the_program_costs_one_of_many_and_is_seen_with_one():
+    assert list(in_turn(lambda x: 1 / x, [1, 0])) == [
+        (0, 1.0), (1, Failure('0: ZeroDivisionError: division by zero'))]
+    with pytest.raises(ZeroDivisionError):
+        list(in_turn(lambda x: 1 / x, [0]))
+
+
+def work_that_may_die(number):
+    """Run in a worker."""
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if number == 4:
+        raise InputError(f'{number}: not this one')
+    return number ** 2, os.getpid()
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_costs_what_it_had():
+    pytest.importorskip('distributed', reason='Dask is an extra')
+    with tool.workers(Namespace(jobs=2, scheduler=None), 12) as spread:
+        found = dict(spread(work_that_may_die, list(range(12))))
+    assert sorted(found) == list(range(12))
+    assert 'killed' in found[3].reason
+    assert found[4] == Failure('4: not this one')
+    others = [k for k in range(12) if k not in (3, 4)]
+    assert [found[k][0] for k in others] == [k ** 2 for k in others]
+    assert os.getpid() not in {found[k][1] for k in others}
+
+
+@pytest.mark.slow
+def test_processes_evaluate_what_one_does(tmp_path):
+    pytest.importorskip('distributed', reason='Dask is an extra')
+    room = trials(tmp_path / 'r', 3)
+    for jobs in ('1', '2'):
+        assert run('evaluate', [str(room), '--output', str(tmp_path / jobs), '--jobs', jobs]) == 0
+    for name in ('report.json', 'repetitions.csv'):
+        assert (tmp_path / '1' / name).read_text() == (tmp_path / '2' / name).read_text()
+
+
+def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch, capsys):
+    pytest.importorskip('distributed', reason='Dask is an extra')
+    monkeypatch.setattr(tool, '_PATIENCE', 0.5)
+    room = trials(tmp_path / 'r', 2)
+    assert run('evaluate', [str(room), '--output', str(tmp_path / 'out'),
+                            '--scheduler', 'tcp://127.0.0.1:1']) == 2
+    told = capsys.readouterr().err
+    assert told.count('\n') == 1
+    assert '--scheduler tcp://127.0.0.1:1' in told
+
+
+@pytest.mark.slow
+def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
+    pytest.importorskip('distributed', reason='Dask is an extra')
+    room, out = tmp_path / 'r', tmp_path / 'out'
+    drive = random_drive(3, ['gravity'])
+    for k in range(5):
+        # The first is short, the others take long.
+        samples = record(drive, k, excitation_for(
+            ['gravity'], duration=20.0 if not k else 80.0, rate=125.0 if not k else 500.0))[0]
+        write_samples(room / f'day_{k}', samples.samples)
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'friction_comp', 'refine', str(room), '--each', '--jobs', '2',
+         '--output', str(out)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, start_new_session=True)
+    end = time.monotonic() + 120.0
+    while not list(out.glob('*/model.yaml')):
+        assert time.monotonic() < end
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.05)
+    # As from a terminal: to all processes.
+    os.killpg(process.pid, signal.SIGINT)
+    told, errors = process.communicate(timeout=60.0)
+    assert process.returncode == 130
+    assert errors == ''
+    content = json.loads((out / 'report.json').read_text())
+    assert content['not_done'] + len(content['recordings']) == 5
+    assert content['not_done'] > 0
+    assert 'Interrupted' in told
+    assert np.isfinite(content['recordings'][0]['after'])
+    end = time.monotonic() + 20.0
+    while subprocess.run(['pgrep', '-s', str(process.pid)], stdout=subprocess.DEVNULL,
+                         check=False).returncode == 0:
+        assert time.monotonic() < end, 'processes are left behind'
+        time.sleep(0.1)
