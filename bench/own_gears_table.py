@@ -20,7 +20,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from friction_comp.compensation.law import law_parameters
 from friction_comp.simulation.gear_batch import push, run_gears
-from friction_comp.simulation.random_gears import KINDS, random_gear
+from friction_comp.simulation.joint_parameters import GEARS
+from friction_comp.simulation.joint_records import FRICTION
+from friction_comp.simulation.random_gears import random_gear
 
 DEGREE = math.pi / 180.0
 STARTED = 1.0 * DEGREE
@@ -45,7 +47,8 @@ def pushed(gears, options, lag, reference, law='continuous', frictionless=False,
         parameters = [gear.held_by(lag) for gear in gears]
         if frictionless:
             for p in parameters:
-                p['friction_factor'] = 1e-4
+                for field in FRICTION:
+                    p[field] *= 1e-4
         log, _ = run_gears(parameters, [law_of(g, options, law=law) for g in gears], reference,
                            (options.seed, seed), released=10 ** 9)
         total = total + log['interaction_torque'] / repetitions
@@ -109,7 +112,7 @@ def main():
     parser.add_argument('--each', type=int, default=10, help='untouched joints a gear and side')
     parser.add_argument('--no-presliding', action='store_true',
                         help='the model does not know the presliding distance')
-    parser.add_argument('--kinds', nargs='+', choices=list(KINDS), default=list(KINDS))
+    parser.add_argument('--kinds', nargs='+', choices=list(GEARS), default=list(GEARS))
     options = parser.parse_args()
     for kind in options.kinds:
         gears = [random_gear(1000 * options.seed + k, kind) for k in range(options.draws)]

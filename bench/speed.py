@@ -39,7 +39,10 @@ class Steps:
         from friction_comp.compensation.records import STATE
         from friction_comp.model.friction_model import FrictionModel
         from friction_comp.simulation import joint_kernel as kernel
-        from friction_comp.simulation.joint import plant_parameters, random_states
+        from friction_comp.simulation.joint_parameters import joint_parameters
+        from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
+        from friction_comp.simulation.random_sequence import random_states
+        from friction_comp.simulation.undeclared import COLUMNS
 
         # The plain random numbers wrap around as meant, with a warning each.
         np.seterr(over='ignore')
@@ -49,12 +52,13 @@ class Steps:
         self._law_parameters = law_parameters(model).view(np.recarray)[0]
         self._law_state = np.zeros(1, STATE).view(np.recarray)[0]
         self._guards = guards
-        self._plant_parameters = plant_parameters(model)
-        self._plant_state = np.zeros(kernel.STATES)
+        self._joint_parameters = np.array([joint_parameters(model)]).view(np.recarray)[0]
+        self._joint_state = np.zeros(1, JOINT_STATE).view(np.recarray)[0]
         self._random = random_states(1, 1)[0]
-        self._out, self._table = np.zeros(kernel.OUTPUTS), np.zeros((0, 10))
+        self._out = np.zeros(1, MEASURED).view(np.recarray)[0]
+        self._table = np.zeros((0, COLUMNS))
         self._memory = np.zeros(1)
-        kernel.start_state(self._plant_parameters, self._plant_state, self._random)
+        kernel.start_joint(self._joint_parameters, self._joint_state, self._random)
 
     def law(self, count):
         """Return s a sample."""
@@ -70,7 +74,7 @@ class Steps:
         step = self._kernel.joint_sample
         begin = time.perf_counter()
         for k in range(count):
-            step(self._plant_parameters, self._plant_state, self._random, self._table,
+            step(self._joint_parameters, self._joint_state, self._random, self._table,
                  self._memory, 1e-3, 0.1, 3e-4 * k, 0.3, True, self._out)
         return (time.perf_counter() - begin) / count
 
@@ -108,15 +112,17 @@ def loops(joints=40):
     from friction_comp.compensation.law import CompensationLaw, law_parameters
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.simulation.batch import closed_loops
-    from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+    from friction_comp.simulation.joint import Plant
+    from friction_comp.simulation.joint_parameters import joint_parameters
     from friction_comp.simulation.loop import closed_loop
+    from friction_comp.simulation.random_sequence import random_states
     from friction_comp.simulation.reference_movement import ReferenceMovement
 
     model = FrictionModel.load(CONFIG)
     movement = ReferenceMovement(repetitions=1, standstill=0.5, announcement=0.5, amplitude=0.2)
     count = round(movement.duration * 1000)
     reference = movement.at(np.arange(count) * 1e-3)
-    parameters = np.tile(plant_parameters(model), (joints, 1))
+    parameters = np.tile(joint_parameters(model), joints)
     law = np.tile(law_parameters(model), joints)
 
     def python():

@@ -14,8 +14,8 @@ from friction_comp.identification.breakaway import breakaway_currents, Breakaway
 from friction_comp.identification.breakaway_dependence import read_breakaway_table, scatter_report
 from friction_comp.identification.excitation import current_ramp
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.simulation import joint_kernel as kernel
 from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.joint_kernel import joint_sample
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = Path(os.environ.get('FRICTION_COMP_DATA', ROOT.parent / 'shared' / 'data'))
@@ -28,9 +28,9 @@ def _play(parameters, states, random, table, memory, command, out):
     """Step the simulated joint; return position and current."""
     seen = np.empty((2, command.size))
     for k in range(command.size):
-        seen[0, k], seen[1, k] = out[kernel.OUT_POSITION], out[kernel.OUT_CURRENT]
-        kernel.joint_sample(parameters, states, random, table, memory, 1e-3, command[k], 0.0, 0.0,
-                            False, out)
+        seen[0, k], seen[1, k] = out.position, out.current
+        joint_sample(parameters, states, random, table, memory, 1e-3, command[k], 0.0, 0.0, False,
+                     out)
     return seen
 
 

@@ -17,8 +17,10 @@ from friction_comp.model.effects.temperature import Temperature
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.joint_parameters import joint_parameters
 from friction_comp.simulation.loop import closed_loop
+from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.reference_movement import ReferenceMovement
 
 
@@ -97,8 +99,8 @@ def test_continuous_law_never_starts_an_untouched_joint(number):
     direction[1] = -1.0
     direction[:, :300] = 0.0
     runs = 120
-    _, extremes = closed_loops(
-        np.tile(plant_parameters(model), (runs, 1)), random_states(21, runs),
+    _, extremes, _ = closed_loops(
+        np.tile(joint_parameters(model), runs), random_states(21, runs),
         np.tile(law_parameters(wrong), runs),
         (0.0 * direction, 0.0 * direction, direction), np.arange(runs) % 2, active=False, every=0)
     assert np.degrees(np.abs(extremes)).max() < 0.33

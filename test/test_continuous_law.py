@@ -15,7 +15,8 @@ from friction_comp.drive import Drive
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.gear_batch import push, run_gears
-from friction_comp.simulation.random_gears import KINDS, random_gear
+from friction_comp.simulation.joint_parameters import GEARS
+from friction_comp.simulation.random_gears import random_gear
 
 DEGREE = math.pi / 180.0
 LEVEL, COUNT = 0.1, 2.0 * math.pi / 400_000
@@ -70,7 +71,7 @@ def test_over_closed_paths_it_gives_less_than_the_gear_takes(
 
 @pytest.fixture(scope='module')
 def gears():
-    return [random_gear(seed, kind) for kind in KINDS for seed in (11, 12)]
+    return [random_gear(seed, kind) for kind in GEARS for seed in (11, 12)]
 
 
 def let_go(gears, factor, speed, direction):

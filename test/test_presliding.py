@@ -11,15 +11,11 @@ from friction_comp.errors import InputError
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.friction_model import FrictionModel, Presliding
-from friction_comp.simulation.gear_kernel import (
-    gear_sample,
-    GEAR_STATE,
-    measure_gear,
-    MEASURED,
-    start_gear,
-)
-from friction_comp.simulation.joint import random_states
+from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
+from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
 from friction_comp.simulation.random_gears import random_gear
+from friction_comp.simulation.random_sequence import random_states
+from friction_comp.simulation.undeclared import COLUMNS
 
 
 def identified(gear, seed):
@@ -27,16 +23,18 @@ def identified(gear, seed):
     goal = IdentificationGoal(
         speeds=(0.05, 0.35), motion_range=1.5, ramp_slope=0.45 * breakaway, breakaway_cycles=4)
     run = IdentificationRun(goal, gear.model.drive)
-    state, out = np.zeros(1, GEAR_STATE), np.zeros(1, MEASURED)
+    state, out = np.zeros(1, JOINT_STATE), np.zeros(1, MEASURED)
     random = random_states(seed, 1)[0]
-    start_gear(gear.parameters, state[0], random)
-    measure_gear(gear.parameters, state[0], random, 1e-3, out[0])
+    none, memory = np.zeros((0, COLUMNS)), np.zeros(1)
+    start_joint(gear.parameters, state[0], random)
+    measure(gear.parameters, state[0], random, 1e-3, out[0])
     for k in range(10 ** 6):
         current = run.update(
             k * 1e-3, float(out[0]['position']), None, float(out[0]['current']))
         if run.finished:
             return run.result()
-        gear_sample(gear.parameters, state[0], random, 1e-3, current, 0.0, 0.0, False, out[0])
+        joint_sample(gear.parameters, state[0], random, none, memory, 1e-3, current, 0.0, 0.0,
+                     False, out[0])
     raise AssertionError('never finished')
 
 

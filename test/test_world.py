@@ -12,12 +12,17 @@ from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
-from friction_comp.simulation import joint_kernel as kernel
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+from friction_comp.simulation.friction_level import draw_levels, friction_level
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.joint_kernel import bank_sample, start_joint
+from friction_comp.simulation.joint_parameters import joint_parameters
+from friction_comp.simulation.joint_records import JOINT_STATE
 from friction_comp.simulation.loop import closed_loop
 from friction_comp.simulation.person import ReferenceHold
+from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.reference_movement import ReferenceMovement
+from friction_comp.simulation.undeclared import Undeclared
 
 
 def models():
@@ -65,14 +70,14 @@ def test_does_not_drift_under_a_pulsating_load():
 def test_sliding_friction_is_equation_6():
     """Where the transition is over, the friction level is the model's sigmoid."""
     for model in models():
-        p = plant_parameters(model)
-        s = np.zeros(kernel.STATES)
-        kernel.start_state(p, s, random_states(0, 1)[0])
+        p = joint_parameters(model)
+        s = np.zeros(1, JOINT_STATE)[0]
+        start_joint(p, s, random_states(0, 1)[0])
         scale = model.drive.torque_per_current
         for speed in np.radians([10.0, 50.0, 100.0]):
-            assert kernel.friction_level(p, s, speed, True) == pytest.approx(
+            assert friction_level(p, s, speed, True) == pytest.approx(
                 scale * float(model.sigmoid(speed)), rel=2e-3)
-            assert kernel.friction_level(p, s, speed, False) == pytest.approx(
+            assert friction_level(p, s, speed, False) == pytest.approx(
                 -scale * float(model.sigmoid(-speed)), rel=2e-3)
 
 
@@ -95,13 +100,13 @@ def test_steady_speed_needs_the_level_and_stops_without_it():
 def test_breakaway_scatters_with_the_declared_deviation():
     """Levels drawn at new rests have the model's mean and standard deviation."""
     model = models()[2]
-    p = plant_parameters(model)
-    s = np.zeros(kernel.STATES)
+    p = joint_parameters(model)
+    s = np.zeros(1, JOINT_STATE)[0]
     random = random_states(4, 1)[0]
     drawn = []
     for _ in range(4000):
-        kernel.draw_levels(p, s, random)
-        drawn.append(s[kernel.LEVEL_POSITIVE] / model.drive.torque_per_current)
+        draw_levels(p, s, random)
+        drawn.append(s['level_positive'] / model.drive.torque_per_current)
     assert np.mean(drawn) == pytest.approx(0.3357, rel=5e-3)
     assert np.std(drawn) == pytest.approx(0.0172, rel=0.06)
 
@@ -144,8 +149,8 @@ def test_parallel_runs_are_the_same_joint_and_law(law):
     plant = Plant([model], seed=8)
     plain = closed_loop(plant, CompensationLaw([model], law=law), movement, 3.0,
                         reference_period=1e-3)
-    log, _ = closed_loops(
-        plant_parameters(model)[None], random_states(8, 1), law_parameters(model, law),
+    log, _, _ = closed_loops(
+        np.array([joint_parameters(model)]), random_states(8, 1), law_parameters(model, law),
         movement.at(time))
     for ours, theirs in (('position', 'position'), ('command', 'command'),
                          ('interaction_torque', 'interaction_torque')):
@@ -194,3 +199,63 @@ def test_unknown_simulation_entries_are_refused():
     model = replace(models()[0], simulation={'inertai': 0.1})
     with pytest.raises(InputError, match='inertai'):
         Plant([model])
+
+
+@pytest.mark.parametrize('gear', ['clamp', 'lugre', 'maxwell_slip'])
+def test_a_model_file_chooses_the_gear(gear):
+    """Below breakaway it gives by a fraction of a milliradian, beyond it slides; late by two."""
+    model = replace(models()[0], simulation={
+        **models()[0].simulation, 'gear': gear, 'delay_samples': 2, 'supply_voltage': 24.0,
+        'winding_resistance': 2.0, 'presliding_damping': 20.0})
+    plant = Plant([model], seed=4)
+    currents = [plant.step([0.05]).current[0] for _ in range(5)]
+    assert max(np.abs(currents[:2])) < 0.02 < min(currents[2:])
+    for _ in range(600):
+        state = plant.step([0.05])
+    assert 1e-5 < state.position[0] < 1e-3
+    for _ in range(500):
+        state = plant.step([0.2])
+    assert state.position[0] > 0.05
+
+
+def test_the_supply_limits_the_speed():
+    """Beyond supply voltage over back-EMF per speed, no current flows any more."""
+    plain = models()[0]
+    fastest = math.radians(60.0)
+    slow = replace(plain, simulation={
+        **plain.simulation, 'gear': 'clamp', 'winding_resistance': 2.0,
+        'supply_voltage': fastest * plain.drive.torque_per_current})
+    plant = Plant([slow])
+    for _ in range(3000):
+        state = plant.step([2.0])
+    assert 0.5 * fastest < state.velocity[0] < fastest
+
+
+def test_undeclared_effects_act_on_every_gear():
+    """A constant torque beyond friction sets the joint in motion, the other way for minus."""
+    for gear in ({}, {'gear': 'clamp'}, {'gear': 'lugre'}, {'gear': 'maxwell_slip'}):
+        model = replace(models()[0], simulation={**models()[0].simulation, **gear})
+        extra = Undeclared.from_effects([{'name': 'offset', 'parameters': {'torque': 2.0}}])
+        plant = Plant([model], undeclared=[extra])
+        for _ in range(500):
+            state = plant.step([0.0])
+        assert state.position[0] < -0.05, gear
+
+
+def test_a_gear_that_is_not_known_is_refused():
+    """Unknown gears, entries out of range, half a supply, and gear entries without a gear."""
+    for entries, word in (({'gear': 'worm'}, 'gear'), (
+            {'gear': 'lugre', 'delay_samples': 9}, 'delay_samples'), (
+            {'gear': 'lugre', 'supply_voltage': 24.0}, 'winding_resistance'), (
+            {'rotor_share': 0.5}, 'rotor_share needs a gear')):
+        with pytest.raises(InputError, match=word):
+            Plant([replace(models()[0], simulation={**models()[0].simulation, **entries})])
+
+
+def test_a_plant_that_is_made_has_nothing_left_to_compile():
+    """A node in lockstep would keep its commander waiting, for longer than that waits."""
+    plant = Plant(models())
+    compiled = len(bank_sample.signatures)
+    plant.step([0.1, 0.1, 0.1], np.zeros(3), np.zeros(3))
+    plant.step([0.1, 0.1, 0.1])
+    assert len(bank_sample.signatures) == compiled

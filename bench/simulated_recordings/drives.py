@@ -19,8 +19,10 @@ from friction_comp.identification import velocity_control
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
-from friction_comp.simulation import joint_kernel as kernel
-from friction_comp.simulation.joint import plant_parameters, random_states
+from friction_comp.simulation.joint_kernel import joint_sample, start_joint
+from friction_comp.simulation.joint_parameters import joint_parameters
+from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
+from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import heated, Undeclared, undeclared_torque
 from simulated_recordings.cases import CASES, Scale
 from simulated_recordings.motion import mixed_motion, smooth_noise
@@ -245,7 +247,7 @@ def _driven(drive, undeclared, path, load, rng):
     inertia = level * drive.relative_inertia
     # The person is soft enough to push with the load wanted wherever the joint is on its path.
     softness = 2.0 * level
-    parameters = plant_parameters(replace(model, simulation={
+    parameters = joint_parameters(replace(model, simulation={
         'inertia': inertia, 'presliding_stiffness': level / drive.presliding,
         'current_noise': 0.0,
         'human': {'stiffness': softness, 'damping': 0.0, 'response_time': 0.0}}), undeclared)
@@ -256,30 +258,30 @@ def _driven(drive, undeclared, path, load, rng):
     control = velocity_control.velocity_controller_parameters(
         model.drive.torque_per_current / inertia, model.drive.current_limit,
         model.sigmoid.upper, model.sigmoid.lower, bandwidth)
-    state = np.zeros(kernel.STATES)
+    state, out = np.zeros(1, JOINT_STATE)[0], np.zeros(1, MEASURED)[0]
     random = random_states(int(rng.integers(2 ** 31)), 1)[0]
-    kernel.start_state(parameters, state, random)
+    start_joint(parameters, state, random)
     return _servo_run(
-        parameters, state, random, undeclared.table, np.zeros(max(1, undeclared.memory_size)),
-        control, velocity_control.velocity_controller_state(), path, np.gradient(path, STEP),
+        parameters, state, out, random, undeclared.table,
+        np.zeros(max(1, undeclared.memory_size)), control,
+        velocity_control.velocity_controller_state(), path, np.gradient(path, STEP),
         path + load / softness, bool(np.any(load != 0)))
 
 
 @njit(cache=True)
-def _servo_run(parameters, state, random, table, memory, control, control_state, path, speed,
+def _servo_run(parameters, state, out, random, table, memory, control, control_state, path, speed,
                person, active):
     size = len(path)
     log = np.zeros((4, size))
-    out = np.zeros(kernel.OUTPUTS)
     for k in range(size):
         command = velocity_control.velocity_controller_step(
-            control, control_state, path[k], speed[k], out[kernel.OUT_POSITION], STEP)
-        kernel.joint_sample(parameters, state, random, table, memory, STEP, command, person[k],
-                            0.0, active, out)
-        log[0, k] = out[kernel.OUT_POSITION]
-        log[1, k] = out[kernel.OUT_CURRENT]
-        log[2, k] = out[kernel.OUT_TORQUE]
-        log[3, k] = out[kernel.OUT_TEMPERATURE]
+            control, control_state, path[k], speed[k], out.position, STEP)
+        joint_sample(parameters, state, random, table, memory, STEP, command, person[k], 0.0,
+                     active, out)
+        log[0, k] = out.position
+        log[1, k] = out.current
+        log[2, k] = out.interaction_torque
+        log[3, k] = out.temperature
     return log[0], log[1], log[2], log[3]
 
 

@@ -12,9 +12,10 @@ import numpy as np
 from friction_comp.compensation.law import law_parameters
 from friction_comp.evaluation.conditions import evaluate, Evaluation
 from friction_comp.samples import Samples
-from friction_comp.simulation import joint_kernel as kernel
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.joint import plant_parameters, random_states
+from friction_comp.simulation.joint_parameters import joint_parameters
+from friction_comp.simulation.joint_records import FRICTION
+from friction_comp.simulation.random_sequence import random_states
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -27,9 +28,6 @@ CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
 # What nobody does twice alike: standard deviations of the person's stiffness (relative), of the
 # instant at which the movement begins, s, and of its speed (relative).
 STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
-_FRICTION = (
-    kernel.UPPER, kernel.LOWER, kernel.VISCOUS, kernel.FLOOR_POSITIVE, kernel.FLOOR_NEGATIVE,
-    kernel.BREAK_POSITIVE, kernel.BREAK_NEGATIVE, kernel.STD_POSITIVE, kernel.STD_NEGATIVE)
 
 
 @dataclass(frozen=True)
@@ -104,15 +102,16 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
     time = np.arange(count) * SAMPLE_TIME
     reference, factors = persons_reference(movement, time, repetitions, seed)
-    parameters = np.tile(plant_parameters(experiment.model()), (repetitions, 1))
-    parameters[:, kernel.HUMAN_STIFFNESS] *= factors
-    parameters[:, kernel.HUMAN_DAMPING] *= np.sqrt(factors)
+    parameters = np.tile(joint_parameters(experiment.model()), repetitions)
+    parameters['human_stiffness'] *= factors
+    parameters['human_damping'] *= np.sqrt(factors)
     if name == 'inertia':
         # A bearing without friction: what is left of the levels only keeps the formulas finite.
-        parameters[:, _FRICTION] *= 1e-6
+        for field in FRICTION:
+            parameters[field] *= 1e-6
     law = law_parameters(model, 'none' if name == 'inertia' else name, gain)
     law['dead_speed'] = dead_speed
-    log, _ = closed_loops(
+    log, _, _ = closed_loops(
         parameters, random_states((seed, 1), repetitions), np.tile(law, repetitions),
         reference, np.arange(repetitions), sample_time=SAMPLE_TIME)
     shown = movement.at(time)

@@ -16,8 +16,12 @@ from friction_comp.identification.excitation import at_ramp
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.note.published import RAMP_PERIOD
-from friction_comp.simulation import joint_kernel as kernel
-from friction_comp.simulation.joint import Plant, plant_parameters, random_states
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
+from friction_comp.simulation.joint_parameters import joint_parameters
+from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED, Record
+from friction_comp.simulation.random_sequence import random_states
+from friction_comp.simulation.undeclared import COLUMNS
 
 if TYPE_CHECKING:
     from friction_comp.identification.goal import IdentificationResult
@@ -84,19 +88,18 @@ def identify_table(experiment: Experiment, seed: int) -> tuple[IdentificationRes
 
 
 @njit(cache=True, parallel=True)
-def _ramp_runs(p: np.ndarray, random: np.ndarray, slope: float, period: float, count: int,
-               sample_time: float, log: np.ndarray) -> None:
+def _ramp_runs(p: Record, random: np.ndarray, states: np.ndarray, outs: np.ndarray, slope: float,
+               period: float, count: int, sample_time: float, log: np.ndarray) -> None:
     for r in prange(len(random)):
-        s = np.zeros(kernel.STATES)
-        out = np.zeros(kernel.OUTPUTS)
-        table, memory = np.zeros((0, 10)), np.zeros(1)
+        s, out = states[r], outs[r]
+        table, memory = np.zeros((0, COLUMNS)), np.zeros(1)
         past = np.zeros(CUT_SAMPLES)
-        kernel.start_state(p, s, random[r])
-        kernel.measure(p, s, random[r], sample_time, out)
+        start_joint(p, s, random[r])
+        measure(p, s, random[r], sample_time, out)
         half, home, free = -1, 0.0, False
         for k in range(count):
             t = k * sample_time
-            position = out[kernel.OUT_POSITION]
+            position = out.position
             now = int(t / (0.5 * period))
             if now != half:
                 half, home, free = now, position, False
@@ -104,16 +107,16 @@ def _ramp_runs(p: np.ndarray, random: np.ndarray, slope: float, period: float, c
             command = at_ramp(t - math.floor(t / period) * period, slope, period)
             speed = (position - past[k % CUT_SAMPLES]) / (CUT_SAMPLES * sample_time)
             past[k % CUT_SAMPLES] = position
-            if abs(position - home) > CUT_COUNTS * p[kernel.RESOLUTION] and abs(
+            if abs(position - home) > CUT_COUNTS * p.resolution and abs(
                     speed) > CUT_SPEED:
                 free = True
             if free:
                 command = 0.0
             log[r, k, 0] = position
-            log[r, k, 1] = out[kernel.OUT_CURRENT]
+            log[r, k, 1] = out.current
             log[r, k, 2] = command
-            kernel.joint_sample(p, s, random[r], table, memory, sample_time, command, 0.0, 0.0,
-                                False, out)
+            joint_sample(p, s, random[r], table, memory, sample_time, command, 0.0, 0.0, False,
+                         out)
 
 
 def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
@@ -135,8 +138,9 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
     runs = -(-cycles // each)
     count = round(each * RAMP_PERIOD / SAMPLE_TIME)
     log = np.zeros((runs, count, 3))
-    _ramp_runs(plant_parameters(model), random_states(seed, runs), experiment.ramp_slope,
-               RAMP_PERIOD, count, SAMPLE_TIME, log)
+    _ramp_runs(joint_parameters(model), random_states(seed, runs), np.zeros(runs, JOINT_STATE),
+               np.zeros(runs, MEASURED), experiment.ramp_slope, RAMP_PERIOD, count, SAMPLE_TIME,
+               log)
     time = np.arange(count) * SAMPLE_TIME
     parts = [breakaway_currents(time, position, current, command,
                                 resolution=model.drive.position_resolution)

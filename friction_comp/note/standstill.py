@@ -13,7 +13,8 @@ from friction_comp.compensation.law import law_parameters
 from friction_comp.model.friction_model import Breakaway
 from friction_comp.note.published import FALSE_START
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.joint import plant_parameters, random_states
+from friction_comp.simulation.joint_parameters import joint_parameters
+from friction_comp.simulation.random_sequence import random_states
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -86,10 +87,10 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
     direction = np.zeros((2, count))
     direction[0, round(ANNOUNCED / SAMPLE_TIME):] = 1.0
     direction[1, round(ANNOUNCED / SAMPLE_TIME):] = -1.0
-    parameters = plant_parameters(experiment.model())
+    parameters = joint_parameters(experiment.model())
     law_row = law_parameters(with_breakaway_error(model, error), law, gain)
-    _, extremes = closed_loops(
-        np.tile(parameters, (standstills, 1)), random_states((seed, 2), standstills),
+    _, extremes, _ = closed_loops(
+        np.tile(parameters, standstills), random_states((seed, 2), standstills),
         np.tile(law_row, standstills),
         (np.zeros_like(direction), np.zeros_like(direction), direction),
         np.arange(standstills) % 2, active=False, sample_time=SAMPLE_TIME, every=0)

@@ -7,67 +7,87 @@ Every run has its own random sequence, so that results do not depend on the numb
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from numba import njit, prange
 import numpy as np
 
-from friction_comp.compensation import law_kernel
 from friction_comp.compensation.guards import observe
+from friction_comp.compensation.law_kernel import decide
 from friction_comp.compensation.records import STATE
-from friction_comp.simulation import joint_kernel as kernel
+from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
+from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED, Record
+from friction_comp.simulation.undeclared import COLUMNS
 
-# Columns of the log.
-LOGGED = ('position', 'velocity', 'current', 'interaction_torque', 'temperature', 'command')
+SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature', 'command',
+           'rotor', 'rotor_speed', 'link_speed')
+"""What can be logged: what the sensors show, the law's command, and the joint's true state."""
+LOGGED = SIGNALS[:6]
 
 
 @njit(cache=True)
-def _one_run(p, random, law, own, position, velocity, direction, active, count, sample_time, every,
-             log):
+def _log(row: np.ndarray, columns: np.ndarray, out: Record, s: Record, command: float) -> None:
+    values = (out.position, out.velocity, out.current, out.interaction_torque, out.temperature,
+              command, s.rotor, s.rotor_speed, s.link_speed)
+    for c in range(len(columns)):
+        row[c] = values[columns[c]]
+
+
+@njit(cache=True)
+def _one_run(p: Record, random: np.ndarray, law: Record, s: Record, own: Record, out: Record,
+             reference: np.ndarray, disturbance: np.ndarray, speed: float, released: int,
+             count: int, sample_time: float, every: int, columns: np.ndarray, log: np.ndarray
+             ) -> tuple[float, float]:
     """Run one joint and return the farthest that it went either way, rad."""
-    s = np.zeros(kernel.STATES)
-    out = np.zeros(kernel.OUTPUTS)
-    table, memory = np.zeros((0, 10)), np.zeros(1)
-    kernel.start_state(p, s, random)
-    kernel.measure(p, s, random, sample_time, out)
-    period = len(direction)
-    lowest = highest = s[kernel.POSITION]
+    table, memory = np.zeros((0, COLUMNS)), np.zeros(1)
+    start_joint(p, s, random)
+    s.rotor_speed = s.link_speed = speed
+    measure(p, s, random, sample_time, out)
+    period = reference.shape[1]
+    lowest = highest = s.rotor
     for k in range(count):
         i = k % period
         command = 0.0
-        if observe(law, own, k * sample_time, out[kernel.OUT_POSITION],
-                              out[kernel.OUT_VELOCITY], True):
-            command = law_kernel.decide(law, own, float(direction[i]), 0.0, 0.0, 0.0)
+        if observe(law, own, k * sample_time, out.position + disturbance[i], out.velocity, True):
+            command = decide(law, own, reference[2, i], 0.0, 0.0, 0.0)
+        else:
+            own.current = 0.0
         if every > 0 and k % every == 0:
-            row = k // every
-            for c in range(kernel.OUTPUTS):
-                log[row, c] = out[c]
-            log[row, kernel.OUTPUTS] = command
-        kernel.joint_sample(p, s, random, table, memory, sample_time, command, position[i],
-                            velocity[i], active, out)
-        lowest = min(lowest, s[kernel.POSITION])
-        highest = max(highest, s[kernel.POSITION])
+            _log(log[k // every], columns, out, s, command)
+        joint_sample(p, s, random, table, memory, sample_time, command, reference[0, i],
+                     reference[1, i], k < released, out)
+        lowest = min(lowest, s.rotor)
+        highest = max(highest, s.rotor)
     return lowest, highest
 
 
 @njit(cache=True, parallel=True)
-def _all_runs(p, random, law, own, position, velocity, direction, which, active, count, sample_time,
-              every, log, extremes):
+def _all_runs(p: np.ndarray, random: np.ndarray, law: np.ndarray, s: np.ndarray, own: np.ndarray,
+              out: np.ndarray, reference: np.ndarray, which: np.ndarray, disturbance: np.ndarray,
+              speed: float, released: int, count: int, sample_time: float, every: int,
+              columns: np.ndarray, log: np.ndarray, extremes: np.ndarray) -> None:
     for r in prange(p.shape[0]):
-        m = which[r]
         extremes[r, 0], extremes[r, 1] = _one_run(
-            p[r], random[r], law[r], own[r], position[m], velocity[m], direction[m], active, count,
-            sample_time, every, log[r])
+            p[r], random[r], law[r], s[r], own[r], out[r], reference[which[r]],
+            disturbance[r % disturbance.shape[0]], speed, released, count, sample_time, every,
+            columns, log[r])
 
 
-def closed_loops(parameters, random, laws, reference, which=None, active=True, count=None,
-                 sample_time=1e-3, every=1):
+def closed_loops(
+        parameters: np.ndarray, random: np.ndarray, laws: np.ndarray,
+        reference: Sequence[np.ndarray], which: Sequence[int] | np.ndarray | None = None,
+        active: bool = True, count: int | None = None, sample_time: float = 1e-3, every: int = 1,
+        *, released: int | None = None, speed: float = 0.0,
+        disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED
+        ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Run many joints under their laws.
 
     Parameters
     ----------
-    parameters : ndarray, shape (R, kernel.PARAMETERS)
-        Of the joints: `joint.plant_parameters`.
+    parameters : ndarray of joint_records.JOINT, shape (R,)
+        Of the joints: `joint_parameters`.
     random : ndarray of uint64, shape (R, 1)
-        `joint.random_states`.
+        `random_states`.
     laws : ndarray of records.PARAMETERS, shape (R,)
         `compensation.law_parameters`, joined.
     reference : tuple of ndarray, each of shape (M, L)
@@ -82,24 +102,37 @@ def closed_loops(parameters, random, laws, reference, which=None, active=True, c
     sample_time : float
         s.
     every : int
-        Log each so manieth sample; 0 logs nothing.
+        Log every n-th sample; 0 logs nothing.
+    released : int, optional
+        Sample at which the person lets go; never when omitted.
+    speed : float
+        Of the joint at the beginning, rad/s.
+    disturbance : ndarray, shape (L,) or (D, L), optional
+        What to add to the position that the law sees, rad; run r has row r modulo D.
+    logged : sequence of str
+        Some of `SIGNALS`.
 
     Returns
     -------
     log : dict of str to ndarray, shape (R, ceil(count / every))
-        The names in `LOGGED`.
+        By the names in `logged`.
     extremes : ndarray, shape (R, 2)
         Lowest and highest true position of each run in rad.
+    guards : ndarray of compensation.records.STATE, shape (R,)
+        The laws' states at the end.
     """
-    position, velocity, direction = (np.atleast_2d(np.asarray(a, dtype=float)) for a in reference)
-    runs = len(parameters)
-    count = position.shape[1] if count is None else int(count)
-    which = np.zeros(runs, dtype=np.int64) if which is None else np.asarray(which, np.int64)
-    rows = -(-count // every) if every else 0
-    log = np.zeros((runs, rows, len(LOGGED)))
-    extremes = np.zeros((runs, 2))
+    movements = np.ascontiguousarray(np.stack(
+        [np.atleast_2d(np.asarray(a, dtype=float)) for a in reference], axis=1))
+    runs, length = len(parameters), movements.shape[2]
+    count = length if count is None else int(count)
+    chosen = np.zeros(runs, dtype=np.int64) if which is None else np.asarray(which, np.int64)
+    added = np.zeros((1, length)) if disturbance is None else np.atleast_2d(
+        np.asarray(disturbance, dtype=float))
+    columns = np.array([SIGNALS.index(name) for name in logged], dtype=np.int64)
+    log = np.zeros((runs, -(-count // every) if every else 0, len(columns)))
+    extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
+    held = (count if released is None else int(released)) if active else 0
     _all_runs(np.ascontiguousarray(parameters), random.copy(), np.ascontiguousarray(laws),
-              np.zeros(runs, STATE), position,
-              velocity, direction, which, active, count, float(sample_time), int(every), log,
-              extremes)
-    return {name: log[:, :, c] for c, name in enumerate(LOGGED)}, extremes
+              np.zeros(runs, JOINT_STATE), own, np.zeros(runs, MEASURED), movements, chosen, added,
+              float(speed), held, count, float(sample_time), int(every), columns, log, extremes)
+    return {name: log[:, :, c] for c, name in enumerate(logged)}, extremes, own

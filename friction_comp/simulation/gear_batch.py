@@ -1,62 +1,30 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The closed loop of many geared joints under their laws, compiled and in parallel."""
+"""Many geared joints under their laws at 1 kHz: let go, left alone, or pushed."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
-from numba import njit, prange
 import numpy as np
 
-from friction_comp.compensation.guards import observe
-from friction_comp.compensation.law_kernel import decide
-from friction_comp.compensation.records import STATE
-from friction_comp.simulation.gear_kernel import (
-    gear_sample,
-    GEAR_STATE,
-    measure_gear,
-    MEASURED,
-    start_gear,
-)
-from friction_comp.simulation.joint import random_states
+from friction_comp.simulation.batch import closed_loops
+from friction_comp.simulation.random_sequence import random_states
 
-# Rows of the log; rad, rad/s, N·m, A.
+# rad, rad/s, N·m, A.
 LOGGED = ('rotor', 'rotor_speed', 'link_speed', 'interaction_torque', 'command')
 SAMPLE_TIME = 1e-3
 
 
-@njit(cache=True)
-def _one_run(p, law, s, own, out, random, reference, disturbance, released, speed, log):
-    start_gear(p, s, random)
-    s.rotor_speed = s.link_speed = speed
-    measure_gear(p, s, random, SAMPLE_TIME, out)
-    for k in range(log.shape[1]):
-        command = 0.0
-        if observe(law, own, k * SAMPLE_TIME, out.position + disturbance[k], out.velocity, True):
-            command = decide(law, own, reference[2, k], 0.0, 0.0, 0.0)
-        else:
-            own.current = 0.0
-        log[0, k], log[1, k], log[2, k] = s.rotor, s.rotor_speed, s.link_speed
-        log[3, k], log[4, k] = out.interaction_torque, command
-        gear_sample(p, s, random, SAMPLE_TIME, command, reference[0, k], reference[1, k],
-                    k < released, out)
-
-
-@njit(cache=True, parallel=True)
-def _all_runs(p, law, s, own, out, random, reference, disturbance, released, speed, log):
-    for r in prange(p.shape[0]):
-        m, b = r % reference.shape[0], r % disturbance.shape[0]
-        _one_run(p[r], law[r], s[r], own[r], out[r], random[r], reference[m], disturbance[b],
-                 released, speed, log[r])
-
-
-def run_gears(parameters, laws, reference, seed=0, released=0, speed=0.0, disturbance=None):
+def run_gears(parameters: Sequence[np.void], laws: Sequence[np.ndarray], reference: np.ndarray,
+              seed: int | Sequence[int] = 0, released: int = 0, speed: float = 0.0,
+              disturbance: np.ndarray | None = None) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Run geared joints under their laws at 1 kHz.
 
     Parameters
     ----------
-    parameters : sequence of gear_kernel.GEAR records, length R
+    parameters : sequence of joint_records.JOINT records, length R
     laws : sequence of compensation.records.PARAMETERS arrays of shape (1,), length R
     reference : array_like, shape (3, N) or (R, 3, N)
         Position and velocity that the person follows, rad and rad/s, and the direction announced.
@@ -75,18 +43,18 @@ def run_gears(parameters, laws, reference, seed=0, released=0, speed=0.0, distur
     guards : ndarray of compensation.records.STATE, shape (R,)
         The laws' states at the end.
     """
-    p = np.array(list(parameters))
-    law = np.concatenate(list(laws))
-    reference = np.ascontiguousarray(np.atleast_3d(np.asarray(reference, dtype=float).T).T)
-    size, count = len(p), reference.shape[2]
-    disturbance = np.zeros((1, count)) if disturbance is None else np.atleast_2d(disturbance)
-    own, log = np.zeros(size, STATE), np.zeros((size, len(LOGGED), count))
-    _all_runs(p, law, np.zeros(size, GEAR_STATE), own, np.zeros(size, MEASURED),
-              random_states(seed, size), reference, disturbance, int(released), float(speed), log)
-    return {name: log[:, i] for i, name in enumerate(LOGGED)}, own
+    size = len(parameters)
+    shown = np.asarray(reference, dtype=float)
+    shown = shown.reshape(-1, 3, shown.shape[-1])
+    log, _, guards = closed_loops(
+        np.array(list(parameters)), random_states(seed, size), np.concatenate(list(laws)),
+        tuple(shown.transpose(1, 0, 2)), np.arange(size) % len(shown), sample_time=SAMPLE_TIME,
+        released=released, speed=speed, disturbance=disturbance, logged=LOGGED)
+    return log, guards
 
 
-def push(acceleration_time, speed, begin, end, announced):
+def push(acceleration_time: float, speed: float, begin: float, end: float,
+         announced: float) -> np.ndarray:
     """Return the reference of a person who sets a joint in motion, shape (3, N).
 
     Parameters

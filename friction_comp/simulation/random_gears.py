@@ -28,9 +28,8 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.simulation.gear_kernel import CLAMP, ELEMENTS, GEAR, LUGRE, MAXWELL_SLIP
-
-KINDS = {'clamp': CLAMP, 'lugre': LUGRE, 'maxwell_slip': MAXWELL_SLIP}
+from friction_comp.simulation.joint_parameters import GEARS, joint_parameters, set_presliding
+from friction_comp.simulation.joint_records import ELEMENTS
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class RandomGear:
 
     Parameters
     ----------
-    parameters : record of gear_kernel.GEAR
+    parameters : record of joint_records.JOINT
     model : FrictionModel
         What a perfect identification would say of it.
     """
@@ -79,11 +78,11 @@ def random_gear(seed: int, kind: str) -> RandomGear:
     InputError
         If there is no such kind.
     """
-    if kind not in KINDS:
-        raise InputError(f'gear must be one of {", ".join(KINDS)}, not {kind!r}')
-    rng = np.random.default_rng([seed, KINDS[kind], 77])
+    if kind not in GEARS:
+        raise InputError(f'gear must be one of {", ".join(GEARS)}, not {kind!r}')
+    rng = np.random.default_rng([seed, GEARS[kind], 77])
 
-    def spread(low, high):
+    def spread(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(math.log(low), math.log(high))))
 
     level, constant = spread(0.8, 20.0), spread(0.03, 0.12)
@@ -102,11 +101,13 @@ def random_gear(seed: int, kind: str) -> RandomGear:
             scatter * breakaway * upper / scale, -scatter * breakaway * lower / scale),
         presliding=Presliding(3.0 * presliding if kind == 'lugre' else presliding),
         joint=f'{kind}_{seed}')
-    p = gear_parameters(
-        model, inertia=level / spread(5.0, 20.0), rotor_share=rng.uniform(0.5, 0.9),
-        resonance=spread(15.0, 60.0), gear_damping=spread(0.02, 0.1))
-    p['kind'] = KINDS[kind]
-    p['stribeck_velocity'] = math.radians(spread(0.2, 3.0))
+    both = model.breakaway
+    assert both is not None
+    p = joint_parameters(replace(model, simulation={
+        'gear': kind, 'inertia': level / spread(5.0, 20.0), 'rotor_share': rng.uniform(0.5, 0.9),
+        'gear_resonance': spread(15.0, 60.0), 'gear_damping': spread(0.02, 0.1),
+        'stribeck_velocity': math.radians(spread(0.2, 3.0)),
+        'current_noise': 0.01 * max(both.positive_mean, -both.negative_mean)}))
     shares = rng.uniform(0.5, 1.5, ELEMENTS)
     set_presliding(p, presliding, shares if kind == 'maxwell_slip' else np.ones(1),
                    rng.uniform(0.2, 0.7))
@@ -117,74 +118,3 @@ def random_gear(seed: int, kind: str) -> RandomGear:
     p['voltage'] = p['back_emf'] * math.radians(300.0)
     p['resistance'] = p['voltage'] / (8.0 * level / scale)
     return RandomGear(p, model)
-
-
-def gear_parameters(model: FrictionModel, inertia: float, rotor_share: float = 0.8,
-                    resonance: float = 40.0, gear_damping: float = 0.05) -> np.void:
-    """Return the parameters of a joint of two inertias for a model's drive and friction.
-
-    Parameters
-    ----------
-    model : FrictionModel
-        With breakaway currents.
-    inertia : float
-        Of rotor and link together, kg·m² at the joint.
-    rotor_share : float
-        The rotor's part of it.
-    resonance : float
-        Of rotor against link on the gear's compliance, Hz.
-    gear_damping : float
-        Share of critical damping of that.
-
-    Returns
-    -------
-    record of gear_kernel.GEAR
-        A stiff clamp; `set_presliding` and the fields `kind` and `delay` make others of it.
-    """
-    both, scale = model.breakaway, model.drive.torque_per_current
-    if both is None:
-        raise InputError('a simulated gear needs breakaway currents')
-    p = np.zeros(1, GEAR)[0]
-    p['torque_per_current'], p['limit'] = scale, model.drive.current_limit
-    p['resolution'] = model.drive.position_resolution or 0.0
-    p['motor_inertia'], p['link_inertia'] = rotor_share * inertia, (1.0 - rotor_share) * inertia
-    reduced = rotor_share * (1.0 - rotor_share) * inertia
-    p['stiffness'] = reduced * (2.0 * math.pi * resonance) ** 2
-    p['damping'] = 2.0 * gear_damping * math.sqrt(p['stiffness'] * reduced)
-    sigmoid = model.sigmoid
-    for name in ('upper', 'lower', 'viscous'):
-        p[name] = getattr(sigmoid, name) * scale
-    p['steepness'], p['shift'] = sigmoid.steepness, sigmoid.shift
-    p['break_positive'], p['std_positive'] = both.positive_mean * scale, both.positive_std * scale
-    p['break_negative'], p['std_negative'] = -both.negative_mean * scale, both.negative_std * scale
-    p['stribeck_velocity'], p['human_response'] = math.radians(1.0), 0.04
-    p['friction_factor'] = 1.0
-    p['current_noise'] = 0.01 * max(both.positive_mean, -both.negative_mean)
-    set_presliding(p, 2e-4, np.ones(1), 0.5)
-    return p
-
-
-def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: float) -> None:
-    """Set how the gear gives before it slides.
-
-    Parameters
-    ----------
-    p : record of gear_kernel.GEAR
-        Changed in place.
-    distance : float
-        rad; of the Maxwell-slip element that slips last, or g_b/σ0 of LuGre.
-    shares : ndarray, shape (n,)
-        Of the Maxwell-slip elements, whose distances lie evenly up to `distance`; they are scaled
-        to a sum of 1.
-    damping : float
-        Share of critical damping of the rotor on the unslipped elements.
-    """
-    count = len(shares)
-    shares = np.asarray(shares, dtype=float) / np.sum(shares)
-    distances = distance * np.arange(1, count + 1) / count
-    p['elements'] = count
-    p['share'][:count], p['distance'][:count] = shares, distances
-    level = 0.5 * (p['break_positive'] + p['break_negative'])
-    p['bristle_stiffness'] = level / distance
-    p['bristle_damping'] = 2.0 * damping * math.sqrt(
-        level * float(np.sum(shares / distances)) * p['motor_inertia'])

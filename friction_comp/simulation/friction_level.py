@@ -1,0 +1,47 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The level at which a simulated joint's friction slides, from this rest's breakaway to Eq. 6.
+
+``g(ω) = max(|f̂(ω)|, g0 + (P - g0)·(1 - e)) + (g_b - g0)·e    with e = exp(-|ω|/ω_s)``
+
+with f̂ of Eq. 6 and its plateau P, the breakaway level g_b drawn anew whenever the joint sticks
+anew, and ``g0 = min(mean g_b, P)``. The printed sigmoid passes through zero near standstill, true
+friction does not: it starts at the breakaway level and is Eq. 11 itself once the transition is
+over.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+import numpy as np
+
+from friction_comp.model.compiled import compiled_kinetic_current
+from friction_comp.simulation.joint_records import Record
+from friction_comp.simulation.random_sequence import normal
+
+LEAST_LEVEL = 0.05
+"""Whatever is added to it, friction keeps this share of its declared level."""
+
+
+@njit(cache=True)
+def draw_levels(p: Record, s: Record, random: np.ndarray) -> None:
+    """Draw the breakaway levels that hold until the joint sticks anew."""
+    scatter = min(4.0, max(-4.0, normal(random)))
+    s.level_positive = max(0.1 * p.break_positive, p.break_positive + p.std_positive * scatter)
+    scatter = min(4.0, max(-4.0, normal(random)))
+    s.level_negative = max(0.1 * p.break_negative, p.break_negative + p.std_negative * scatter)
+
+
+@njit(cache=True)
+def friction_level(p: Record, s: Record, speed: float, positive: bool) -> float:
+    """Return g in N·m at a speed (rad/s, not negative) for one direction of sliding."""
+    fade = math.exp(-speed / p.stribeck_velocity)
+    if positive:
+        side, plateau, floor, level = 1.0, p.upper, p.floor_positive, s.level_positive
+    else:
+        side, plateau, floor, level = -1.0, -p.lower, p.floor_negative, s.level_negative
+    kinetic = side * compiled_kinetic_current(
+        side * speed, p.upper, p.lower, p.steepness, p.shift, p.viscous)
+    return max(kinetic, plateau - (plateau - floor) * fade) + (level - floor) * fade

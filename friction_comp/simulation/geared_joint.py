@@ -1,0 +1,132 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A joint of two inertias: LuGre or Maxwell-slip friction, compliance, motor and supply.
+
+Seen at the gear's output, with the rotor at φ (where encoder and friction are) and the link at θ
+
+``J_m·φ'' = k_t·n·i - F - K·(φ - θ) - C·(φ' - θ')``
+``J_l·θ'' = K·(φ - θ) + C·(φ' - θ') + τ_human``
+
+Friction F turns round in displacement and slides at the level g(|φ'|) of `friction_level`:
+
+- Maxwell slip: parallel elements j of stiffness k_j, damping c_j and share w_j, each
+  ``clamp(k_j·z_j + c_j·φ', ±w_j·g)``. Element j slips after its own distance; the farthest of
+  them is the presliding distance. Sliding levels follow the speed with a lag, as in the
+  generalised Maxwell-slip model (Al-Bender, Lampaert and Swevers, IEEE Trans. Automatic Control
+  50(11), 2005). One element is the clamp of `rigid_joint` with a second inertia.
+- LuGre (Canudas de Wit, Olsson, Åström and Lischinsky, IEEE Trans. Automatic Control 40(3),
+  1995): ``z' = φ' - σ0·|φ'|·z/g``, ``F = σ0·z + σ1·e^(-(φ'/v_s)²)·z'``; the presliding distance
+  is g_b/σ0.
+
+The current follows its command through the amplifier's time constant, and no farther than the
+supply's voltage less the back-EMF allows.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+import numpy as np
+
+from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
+from friction_comp.simulation.joint_records import LUGRE, Record
+from friction_comp.simulation.undeclared import undeclared_torque
+
+SUBSTEPS = 16
+SETTLING = 0.005
+"""A joint that has not slid for so long sticks anew, s."""
+
+
+@njit(cache=True)
+def _lugre_force(p: Record, s: Record, v: float, level: float, h: float) -> float:
+    """Advance LuGre's bristle, exactly for a constant speed, and return its force in N·m."""
+    limit = level / p.bristle_stiffness
+    steady = limit if v > 0.0 else -limit
+    before = s.bristle[0]
+    share = -math.expm1(-abs(v) * h / limit)
+    s.bristle[0] += (steady - before) * share
+    rate = (s.bristle[0] - before) / h
+    damping = p.bristle_damping * math.exp(-(v / p.stribeck_velocity) ** 2)
+    s.sliding = 1 if abs(s.bristle[0]) > 0.98 * limit and s.bristle[0] * v > 0.0 else 0
+    return p.bristle_stiffness * s.bristle[0] + damping * rate
+
+
+@njit(cache=True)
+def _maxwell_force(p: Record, s: Record, v: float, level: float, h: float) -> float:
+    """Advance the Maxwell-slip elements and return their force in N·m."""
+    total, slipping = 0.0, 0
+    for j in range(p.elements):
+        stiffness = p.share[j] * 0.5 * (p.break_positive + p.break_negative) / p.distance[j]
+        damping = p.bristle_damping * p.share[j]
+        most = p.share[j] * level
+        s.bristle[j] += v * h
+        force = stiffness * s.bristle[j] + damping * v
+        if abs(force) > most:
+            force = math.copysign(most, force)
+            reach = most / stiffness
+            s.bristle[j] = min(reach, max(-reach, s.bristle[j]))
+            slipping += 1
+        total += force
+    s.sliding = 1 if slipping == p.elements else 0
+    return total
+
+
+@njit(cache=True)
+def _advance_current(p: Record, s: Record, command: float, v: float, follow: float) -> None:
+    if p.resistance > 0.0:
+        highest = (p.voltage - p.back_emf * v) / p.resistance
+        lowest = (-p.voltage - p.back_emf * v) / p.resistance
+        command = min(highest, max(lowest, command))
+    s.current += (command - s.current) * follow
+
+
+@njit(cache=True)
+def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
+                sample_time: float, command: float, reference_position: float,
+                reference_velocity: float, active: bool) -> None:
+    """Move the joint over one sample; parameters as for `joint_kernel.joint_sample`.
+
+    The person holds the link; undeclared effects act on the rotor.
+    """
+    h = sample_time / SUBSTEPS
+    amplify = 1.0 - math.exp(-h / p.current_lag) if p.current_lag > 0.0 else 1.0
+    follow = 1.0 - math.exp(-h / p.actuation_lag) if p.actuation_lag > 0.0 else 1.0
+    adapt = 1.0 - math.exp(-h / p.level_lag) if p.level_lag > 0.0 else 1.0
+    muscle = 1.0 - math.exp(-h / p.human_response) if p.human_response > 0.0 else 1.0
+    start = s.samples * sample_time
+    for k in range(SUBSTEPS):
+        v = s.rotor_speed
+        _advance_current(p, s, command, v, amplify)
+        s.late_current += (s.current - s.late_current) * follow
+        if active:
+            aim = (p.human_stiffness * (reference_position + reference_velocity * k * h - s.link)
+                   + p.human_damping * (reference_velocity - s.link_speed))
+            s.human += (aim - s.human) * muscle
+        else:
+            s.human = 0.0
+        # Which way the joint slides, or would, decides which level applies.
+        way = v if v != 0.0 else s.late_current
+        level, load = friction_level(p, s, abs(v), way > 0.0), 0.0
+        if table.shape[0] > 0 and table[0, 0] >= 0.0:
+            load, extra = undeclared_torque(table, memory, start + k * h, s.rotor, v, s.human,
+                                            s.temperature, s.rest, level)
+            level = max(level + extra, LEAST_LEVEL * level)
+        s.level += (level - s.level) * adapt
+        if p.kind == LUGRE:
+            friction = _lugre_force(p, s, v, s.level, h)
+        else:
+            friction = _maxwell_force(p, s, v, s.level, h)
+        spring = p.gear_stiffness * (s.rotor - s.link) + p.gear_damping * (v - s.link_speed)
+        s.rotor_speed += h * (
+            p.torque_per_current * s.late_current + load - friction - spring) / p.motor_inertia
+        s.link_speed += h * (spring + s.human) / p.link_inertia
+        s.rotor += h * s.rotor_speed
+        s.link += h * s.link_speed
+        if s.sliding > 0:
+            s.rest = 0.0
+        else:
+            before = s.rest
+            s.rest += h
+            if before <= SETTLING < s.rest:
+                draw_levels(p, s, random)

@@ -1,0 +1,197 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated joint's parameters, from its model file and what no model file knows."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.checks import check_number, check_whole_number
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.simulation.joint_records import (
+    CLAMP,
+    DELAYS,
+    ELEMENTS,
+    JOINT,
+    LUGRE,
+    MAXWELL_SLIP,
+    RIGID,
+)
+from friction_comp.simulation.undeclared import Undeclared
+
+GEARS = {'clamp': CLAMP, 'lugre': LUGRE, 'maxwell_slip': MAXWELL_SLIP}
+GEAR_ENTRIES = {'gear', 'rotor_share', 'gear_resonance', 'gear_damping', 'supply_voltage',
+                'winding_resistance'}
+SIMULATION_ENTRIES = {
+    'inertia', 'presliding_stiffness', 'presliding_damping', 'stribeck_velocity', 'current_noise',
+    'torque_noise', 'delay_samples', 'human', 'movement', 'sources'} | GEAR_ENTRIES
+HUMAN_ENTRIES = {'stiffness', 'damping', 'response_time'}
+
+# Where a model file says nothing: a joint that its breakaway torque would accelerate at 10 rad/s²
+# and deflect by 0.5 mrad, about what the note's drives do.
+DEFAULT_ACCELERATION = 10.0
+DEFAULT_PRESLIDING = 5e-4
+DEFAULT_DAMPING_RATIO = 0.5
+DEFAULT_STRIBECK_VELOCITY = math.radians(3.0)
+DEFAULT_CURRENT_NOISE = 2e-3
+# The person leans on the joint with the breakaway torque when it lags 0.1 rad behind.
+DEFAULT_HUMAN_LAG = 0.1
+DEFAULT_HUMAN_RESPONSE = 0.04
+# A robot's rotor has most of the inertia seen through its gear, which rings at some 40 Hz.
+DEFAULT_ROTOR_SHARE = 0.8
+DEFAULT_RESONANCE = 40.0
+DEFAULT_GEAR_DAMPING = 0.05
+
+
+def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None) -> np.void:
+    """Return the kernel's parameters of one joint.
+
+    Parameters
+    ----------
+    model : FrictionModel
+        Sigmoid, breakaway with its scatter, and the section `simulation`, which
+        msg_docs/model_file.md describes. What is missing follows from the drive.
+    undeclared : Undeclared, optional
+
+    Returns
+    -------
+    record of joint_records.JOINT
+
+    Raises
+    ------
+    InputError
+        If an entry is unknown, not a number or out of range.
+    """
+    undeclared = Undeclared() if undeclared is None else undeclared
+    section = model.simulation
+    _check_known(section, SIMULATION_ENTRIES, 'simulation')
+    p: np.void = np.zeros(1, JOINT)[0]
+    scale = model.drive.torque_per_current
+    p['torque_per_current'] = scale * undeclared.torque_constant_factor
+    p['resolution'] = model.drive.position_resolution or 0.0
+    p['limit'] = model.drive.current_limit
+    p['current_noise'] = _entry(section, 'current_noise', DEFAULT_CURRENT_NOISE, least=0.0)
+    p['torque_noise'] = _entry(section, 'torque_noise', 0.0, least=0.0)
+    p['delay'] = check_whole_number(
+        section.get('delay_samples', 0), 'simulation.delay_samples', least=0, most=DELAYS - 1)
+    p['actuation_lag'] = undeclared.actuation_lag
+    p['thermal'] = undeclared.thermal
+    typical = _set_friction(p, model)
+    inertia = undeclared.inertia + _entry(
+        section, 'inertia', typical / DEFAULT_ACCELERATION, least=1e-9)
+    p['kind'], p['motor_inertia'] = RIGID, inertia
+    stiffness = p['bristle_stiffness'] = _entry(
+        section, 'presliding_stiffness', typical / DEFAULT_PRESLIDING, least=1e-9)
+    p['bristle_damping'] = _entry(
+        section, 'presliding_damping',
+        2.0 * DEFAULT_DAMPING_RATIO * math.sqrt(stiffness * inertia), least=0.0)
+    _set_human(p, section, typical, inertia)
+    if 'gear' in section:
+        _set_gear(p, model, typical / stiffness)
+    elif GEAR_ENTRIES & set(section):
+        raise InputError(
+            f'simulation.{min(GEAR_ENTRIES & set(section))} needs a gear: '
+            f'one of {", ".join(GEARS)}')
+    return p
+
+
+def _set_friction(p: np.void, model: FrictionModel) -> float:
+    """Set levels and Eq. 6; return the mean of the breakaway levels, N·m."""
+    sigmoid, scale = model.sigmoid, model.drive.torque_per_current
+    plateaus = np.maximum([sigmoid.upper, -sigmoid.lower], 1e-6) * scale
+    if model.breakaway is None:
+        levels, scatter = plateaus, np.zeros(2)
+    else:
+        both = model.breakaway
+        levels = np.maximum([both.positive_mean, -both.negative_mean], 1e-6) * scale
+        scatter = np.array([both.positive_std, both.negative_std]) * scale
+    for name in ('upper', 'lower', 'viscous'):
+        p[name] = getattr(sigmoid, name) * scale
+    p['steepness'], p['shift'] = sigmoid.steepness, sigmoid.shift
+    p['floor_positive'], p['floor_negative'] = np.minimum(levels, plateaus)
+    p['break_positive'], p['break_negative'] = levels
+    p['std_positive'], p['std_negative'] = scatter
+    p['stribeck_velocity'] = _entry(
+        model.simulation, 'stribeck_velocity', DEFAULT_STRIBECK_VELOCITY, least=1e-9)
+    return float(np.mean(levels))
+
+
+def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: float) -> None:
+    human = section.get('human') or {}
+    _check_known(human, HUMAN_ENTRIES, 'simulation.human')
+    stiffness = p['human_stiffness'] = _entry(
+        human, 'stiffness', typical / DEFAULT_HUMAN_LAG, 'simulation.human', least=0.0)
+    p['human_damping'] = _entry(
+        human, 'damping', 2.0 * math.sqrt(stiffness * inertia), 'simulation.human', least=0.0)
+    p['human_response'] = _entry(
+        human, 'response_time', DEFAULT_HUMAN_RESPONSE, 'simulation.human', least=0.0)
+
+
+def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
+    """Make a joint of two inertias of a rigid one; `presliding` in rad."""
+    section = model.simulation
+    if section['gear'] not in GEARS:
+        raise InputError(
+            f'simulation.gear must be one of {", ".join(GEARS)}, not {section["gear"]!r}')
+    inertia = float(p['motor_inertia'])
+    share = _entry(section, 'rotor_share', DEFAULT_ROTOR_SHARE, least=0.05, most=0.95)
+    resonance = _entry(section, 'gear_resonance', DEFAULT_RESONANCE, least=1.0, most=300.0)
+    damping = _entry(section, 'gear_damping', DEFAULT_GEAR_DAMPING, least=0.0, most=1.0)
+    p['kind'] = GEARS[section['gear']]
+    p['motor_inertia'], p['link_inertia'] = share * inertia, (1.0 - share) * inertia
+    reduced = share * (1.0 - share) * inertia
+    p['gear_stiffness'] = reduced * (2.0 * math.pi * resonance) ** 2
+    p['gear_damping'] = 2.0 * damping * math.sqrt(p['gear_stiffness'] * reduced)
+    given = float(p['bristle_damping'])
+    set_presliding(p, presliding, np.ones(ELEMENTS if p['kind'] == MAXWELL_SLIP else 1),
+                   DEFAULT_DAMPING_RATIO)
+    if 'presliding_damping' in section:
+        p['bristle_damping'] = given
+    if 'supply_voltage' in section or 'winding_resistance' in section:
+        p['voltage'] = _entry(section, 'supply_voltage', 0.0, above=0.0)
+        p['resistance'] = _entry(section, 'winding_resistance', 0.0, above=0.0)
+        # In SI units a motor's torque constant is its voltage per speed.
+        p['back_emf'] = model.drive.torque_per_current
+
+
+def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: float) -> None:
+    """Set how a gear gives before it slides.
+
+    Parameters
+    ----------
+    p : record of joint_records.JOINT
+        Changed in place.
+    distance : float
+        rad; of the Maxwell-slip element that slips last, or g_b/σ0 of LuGre.
+    shares : ndarray, shape (n,)
+        Of the Maxwell-slip elements, whose distances lie evenly up to `distance`; they are scaled
+        to a sum of 1.
+    damping : float
+        Share of critical damping of the rotor on the unslipped elements.
+    """
+    count = len(shares)
+    shares = np.asarray(shares, dtype=float) / np.sum(shares)
+    distances = distance * np.arange(1, count + 1) / count
+    p['elements'] = count
+    p['share'][:count], p['distance'][:count] = shares, distances
+    level = 0.5 * (p['break_positive'] + p['break_negative'])
+    p['bristle_stiffness'] = level / distance
+    p['bristle_damping'] = 2.0 * damping * math.sqrt(
+        level * float(np.sum(shares / distances)) * p['motor_inertia'])
+
+
+def _check_known(section: Any, names: set[str], where: str) -> None:
+    if not isinstance(section, dict):
+        raise InputError(f'{where} is not a mapping')
+    unknown = set(section) - names
+    if unknown:
+        raise InputError(f'{where} has unknown entries: {sorted(map(str, unknown))}')
+
+
+def _entry(section: dict[str, Any], name: str, default: float, where: str = 'simulation',
+           **bounds: float) -> float:
+    return check_number(section.get(name, default), f'{where}.{name}', **bounds)

@@ -1,0 +1,89 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A joint of one inertia that a clamp holds: the plain joint of a model file without `gear`.
+
+Seen at the gear's output, the joint obeys
+
+``J·dω/dt = k_t·n·i + τ_human + τ_load - F``
+
+Friction F is an elastic bristle of stiffness σ0 and damping σ1 that slips at the level g of
+`friction_level`: ``F = clamp(σ0·z + σ1·ω, -g, +g)``. Below the level nothing drifts, however long
+or often the joint is pushed, which is what tells true stiction from Dahl's and LuGre's models
+(elasto-plastic friction: Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control
+47(5), 2002, here with its plastic range shrunk to a point).
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+import numpy as np
+
+from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
+from friction_comp.simulation.joint_records import Record
+from friction_comp.simulation.undeclared import undeclared_torque
+
+SUBSTEPS = 8
+SETTLING = 0.0005
+"""A joint that has not slipped for so long sticks anew, s."""
+RENEWAL = 3.0
+"""After sliding for so many of its own deflections the bristle stands on new ground."""
+
+
+@njit(cache=True)
+def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
+               sample_time: float, command: float, reference_position: float,
+               reference_velocity: float, active: bool) -> None:
+    """Move the joint over one sample; parameters as for `joint_kernel.joint_sample`."""
+    h = sample_time / SUBSTEPS
+    # The amplifier is fast: an undeclared lag lies between the current and the torque.
+    s.current = command
+    follow = 1.0 - math.exp(-h / p.actuation_lag) if p.actuation_lag > 0.0 else 1.0
+    muscle = 1.0 - math.exp(-h / p.human_response) if p.human_response > 0.0 else 1.0
+    start = s.samples * sample_time
+    sigma0, sigma1, over_inertia = p.bristle_stiffness, p.bristle_damping, h / p.motor_inertia
+    implicit = 1.0 / (1.0 + over_inertia * (sigma1 + h * sigma0))
+    for k in range(SUBSTEPS):
+        s.late_current += (command - s.late_current) * follow
+        x, v = s.rotor, s.rotor_speed
+        if active:
+            wanted = (p.human_stiffness * (reference_position + reference_velocity * k * h - x)
+                      + p.human_damping * (reference_velocity - v))
+            s.human += (wanted - s.human) * muscle
+        else:
+            s.human = 0.0
+        torque = p.torque_per_current * s.late_current + s.human
+        # Which way the bristle would go if it held decides which level applies.
+        stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
+        extra = 0.0
+        if table.shape[0] > 0 and table[0, 0] >= 0.0:
+            base = friction_level(p, s, abs(v), sigma0 * s.bristle[0] + sigma1 * stuck > 0.0)
+            load, extra = undeclared_torque(table, memory, start + k * h, x, v, s.human,
+                                            s.temperature, s.rest, base)
+            torque += load
+            stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
+        force = sigma0 * (s.bristle[0] + h * stuck) + sigma1 * stuck
+        base = friction_level(p, s, abs(v), force > 0.0)
+        level = max(base + extra, LEAST_LEVEL * base)
+        if abs(force) <= level:
+            v = stuck
+            s.bristle[0] += h * v
+            s.rest += h
+            if s.sliding == 1 and s.rest > SETTLING:
+                s.sliding = 0
+                s.slid = 0.0
+                draw_levels(p, s, random)
+        else:
+            level = math.copysign(level, force)
+            v += over_inertia * (torque - level)
+            limit = abs(level) / sigma0
+            s.bristle[0] = min(limit, max(-limit, s.bristle[0] + h * v))
+            s.rest = 0.0
+            s.sliding = 1
+            s.slid += h * abs(v)
+            if s.slid > RENEWAL * limit:
+                s.slid = 0.0
+                draw_levels(p, s, random)
+        s.rotor_speed = s.link_speed = v
+        s.rotor = s.link = x + h * v
