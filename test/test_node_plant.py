@@ -3,6 +3,7 @@
 """Plant and exercise over DDS, each alone with the test."""
 
 from array import array
+from dataclasses import replace
 import time
 
 import numpy as np
@@ -58,11 +59,15 @@ class Commander:
         return self.states[-1]
 
 
-def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(room):
+def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(room, tmp_path):
     models = [FrictionModel.load(path) for path in MODELS[:2]]
+    models[1] = replace(models[1], simulation={
+        **models[1].simulation, 'gear': 'lugre', 'delay_samples': 1})
+    models[1].save(tmp_path / 'geared.yaml')
     twin = Plant(models, seed=5)
     with probe_node() as probe, Process(room, 'plant', {
-            'joints': JOINTS, 'model_files': MODELS[:2], 'clock': 'lockstep', 'seed': 5}):
+            'joints': JOINTS, 'model_files': [MODELS[0], str(tmp_path / 'geared.yaml')],
+            'clock': 'lockstep', 'seed': 5}):
         commander = Commander(probe)
         commander.find()
         probe.spin_for(0.5)
