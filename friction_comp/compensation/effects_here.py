@@ -53,6 +53,13 @@ class EffectsHere:
     model : FrictionModel
     why_left_out : callable
         Returns why an effect is not applied; empty where it is.
+
+    Attributes
+    ----------
+    terms : list of (Effect, LiveTerm)
+        Those that are applied.
+    places : tuple of float, or None
+        Where the breakaway currents were measured, positive and negative, rad.
     """
 
     def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]):
@@ -60,9 +67,9 @@ class EffectsHere:
         self.terms: list[tuple[Effect, LiveTerm]] = [
             (effect, term) for effect, term in pairs if term is not None]
         both = model.breakaway
-        self._places = None
+        self.places = None
         if both is not None and None not in (both.positive_position, both.negative_position):
-            self._places = (both.positive_position, both.negative_position)
+            self.places = (both.positive_position, both.negative_position)
 
     def __len__(self):
         return len(self.terms)
@@ -114,10 +121,10 @@ class EffectsHere:
     def _shift(self, effect, term, time, position, signals):
         """Return how much more the joint bears here than where its breakaway was measured, A."""
         # Neither a term with a memory nor the arm can be asked what it would be elsewhere.
-        if self._places is None or term.sees_history or _ARM & set(term.needs):
+        if self.places is None or term.sees_history or _ARM & set(term.needs):
             return 0.0, 0.0
         shifts = []
-        for place, sign in zip(self._places, (1.0, -1.0)):
+        for place, sign in zip(self.places, (1.0, -1.0)):
             if effect.role == CARRIES:
                 # It is applied at rest as it is, so the level that was measured against it is rid
                 # of it.

@@ -96,6 +96,11 @@ class CompensationLaw:
         self._clear_terms()
 
     @property
+    def parameters(self) -> np.ndarray:
+        """The joints' parameters, as compiled loops take them: records.PARAMETERS, shape (J,)."""
+        return self._parameters.copy()
+
+    @property
     def missing(self) -> list:
         """Effects that the last sample could not feed back."""
         return [(j, *entry) for j, entries in enumerate(self._missing) for entry in entries or ()]
