@@ -15,7 +15,6 @@ import argparse
 import json
 import os
 from pathlib import Path
-import random
 import signal
 import sys
 import tempfile
@@ -100,10 +99,9 @@ class Rig:
 
 def try_once(folder, make):
     """Return whether a fault was held, and after how many s the current was zero."""
-    from ros_system import MODELS, probe_node, Process
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randrange(1, 100))
+    from ros_system import MODELS, own_domain, probe_node, Process
     simulated = getattr(make, 'simulated', False)
-    with probe_node() as probe, Process(folder, 'compensator', {
+    with own_domain(), probe_node() as probe, Process(folder, 'compensator', {
             'joints': ['elbow'], 'model_files': MODELS[:1], 'law': 'paper',
             'joint_state_timeout': TIMEOUT, 'use_sim_time': simulated}) as process:
         rig = Rig(probe, process, simulated)

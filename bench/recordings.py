@@ -69,14 +69,12 @@ def publish(seconds, joints):
     time.sleep(2.0)
 
 
-def record(folder, seconds, joints):
+def record(folder, seconds, joints, domain):
     """Return what was published and recorded of each topic, losses counted, and CPU in s."""
     from friction_comp.recordings import inspect_recording
 
     environment = dict(os.environ, PYTHONPATH=str(ROOT), ROS_LOG_DIR=str(folder / 'log'),
-                       ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST',
-                       ROS_DOMAIN_ID=os.environ.get('ROS_DOMAIN_ID') or str(
-                           random.SystemRandom().randrange(1, 100)))
+                       ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(domain))
     recorder = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'recorder', '--ros-args', '-p',
          f'output:={folder / "load"}', '-p', f'max_file_duration:={seconds / 4}'],
@@ -193,9 +191,12 @@ def main():
     if arguments.stream:
         stream(*arguments.stream)
         return
+    from friction_comp.tools.ros_domain import leased_domain
+
     with tempfile.TemporaryDirectory() as name:
         folder, joint = Path(name), 'joint_0'
-        found = {'record': record(folder, arguments.seconds, arguments.joints)}
+        with leased_domain() as domain:
+            found = {'record': record(folder, arguments.seconds, arguments.joints, domain)}
         found['read'] = read(folder / 'load', joint)
         found['memory'] = memory(folder / 'load', arguments.seconds, joint)
         found['damage'] = damage(folder / 'load' / 'load_0.mcap', joint, folder)

@@ -15,7 +15,6 @@ from array import array
 import json
 import os
 from pathlib import Path
-import random
 import subprocess
 import sys
 import tempfile
@@ -73,12 +72,11 @@ def processor_time(pid):
 
 def measure(kind, count, seconds, folder):
     """Return s: round trips (N,), processor time per s, time to the first answer."""
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randrange(1, 100))
-    from ros_system import BEST_EFFORT, probe_node
+    from ros_system import BEST_EFFORT, own_domain, probe_node
     from sensor_msgs.msg import JointState
     from std_msgs.msg import Float64MultiArray, Int8MultiArray
     joints = [f'joint_{k}' for k in range(count)]
-    with probe_node() as probe:
+    with own_domain(), probe_node() as probe:
         states = probe.create_publisher(JointState, 'joint_states', BEST_EFFORT)
         directions = probe.create_publisher(Int8MultiArray, 'direction', BEST_EFFORT)
         arrived = []

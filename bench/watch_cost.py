@@ -9,7 +9,6 @@ page. Processor time, not wall-clock time: other processes on the machine matter
 from contextlib import ExitStack
 import os
 from pathlib import Path
-import random
 import subprocess
 import sys
 import tempfile
@@ -66,12 +65,12 @@ def open_page():
 def main():
     """Measure and print."""
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    from ros_system import MODELS, probe_node, Process
+    from ros_system import MODELS, own_domain, probe_node, Process
     from sensor_msgs.msg import JointState
 
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randrange(1, 100))
     costs = {False: [], True: []}
     with ExitStack() as stack:
+        stack.enter_context(own_domain())
         room = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         probe = stack.enter_context(probe_node())
         compensator = stack.enter_context(Process(room, 'compensator', {

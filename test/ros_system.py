@@ -3,7 +3,7 @@
 """Nodes in processes of their own, and a node in the test that watches and feeds them."""
 
 from array import array
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 import os
 from pathlib import Path
 import random
@@ -14,6 +14,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
+import numpy as np
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
@@ -26,6 +27,9 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
+from friction_comp.nodes.joint_io import UNASKED
+from friction_comp.tools.ros_domain import leased_domain
+
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / 'config'
 MODELS = [str(CONFIG / f'armin_configuration_{k}.yaml') for k in (1, 2, 3)]
@@ -35,20 +39,21 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 PATIENCE = 60.0
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-# One domain per test session keeps concurrent sessions apart.
-os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randrange(1, 100))
+# Each process that runs tests has a domain that nobody else has, for as long as it lives.
+_SESSION = ExitStack()
+os.environ['ROS_DOMAIN_ID'] = str(_SESSION.enter_context(leased_domain()))
 
 
 @contextmanager
 def own_domain():
     """Keep what is started inside apart from all that was started outside."""
     before = os.environ['ROS_DOMAIN_ID']
-    others = [number for number in range(1, 100) if str(number) != before]
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().choice(others))
-    try:
-        yield
-    finally:
-        os.environ['ROS_DOMAIN_ID'] = before
+    with leased_domain() as number:
+        os.environ['ROS_DOMAIN_ID'] = str(number)
+        try:
+            yield
+        finally:
+            os.environ['ROS_DOMAIN_ID'] = before
 
 
 def ros_arguments(parameters=None, remappings=None):
@@ -106,7 +111,7 @@ class Process:
         if self.running:
             self.send()
             try:
-                self.wait(10.0)
+                self.wait(30.0)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
@@ -122,11 +127,14 @@ class Probe(Node):
         self._executor_ = SingleThreadedExecutor(context=context)
         self._executor_.add_node(self)
         self.heard = {}
+        self.ears = {}
         self._published = {}
+        self._servers = {}
 
     def listen(self, kind, topic, qos=RELIABLE):
         self.heard.setdefault(topic, [])
-        self.create_subscription(kind, topic, self.heard[topic].append, qos)
+        self.ears[topic] = self.create_subscription(
+            kind, topic, self.heard[topic].append, qos)
         return self.heard[topic]
 
     def talk(self, kind, topic, qos=RELIABLE):
@@ -153,28 +161,31 @@ class Probe(Node):
         self.until(future.done, what, timeout)
         return future.result()
 
-    def answered(self, send, what, each=5.0):
+    def answered(self, send, what, each=5.0, timeout=PATIENCE):
         """Return the answer to a request that does no harm when it is sent again.
 
         A reply is lost that is sent before the two ends have found each other both ways.
         """
-        for _ in range(round(PATIENCE / each)):
-            future, end = send(), time.monotonic() + each
-            while not future.done() and time.monotonic() < end:
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            future, again = send(), min(end, time.monotonic() + each)
+            while not future.done() and time.monotonic() < again:
                 self._executor_.spin_once(timeout_sec=0.05)
             if future.done():
                 return future.result()
-        raise AssertionError(f'not within {PATIENCE} s: {what}')
+        raise AssertionError(f'not within {timeout} s: {what}')
+
+    def _client(self, kind, name):
+        """Return a client that has found its server; one for each service, kept."""
+        if name not in self._servers:
+            self._servers[name] = self.create_client(kind, name)
+        self.until(self._servers[name].service_is_ready, f'service {name}')
+        return self._servers[name]
 
     def call(self, kind, name, request):
-        client = self.create_client(kind, name)
-        try:
-            self.until(client.service_is_ready, f'service {name}')
-            if kind is ChangeState:
-                return self.complete(client.call_async(request), f'answer of {name}')
-            return self.answered(lambda: client.call_async(request), f'answer of {name}')
-        finally:
-            self.destroy_client(client)
+        """Call a service that may be called twice, and return its answer."""
+        client = self._client(kind, name)
+        return self.answered(lambda: client.call_async(request), f'answer of {name}')
 
     def set_parameter(self, node, name, value):
         """Return None when the value was taken, else the reason."""
@@ -189,9 +200,15 @@ class Probe(Node):
         return rclpy.parameter.parameter_value_to_python(reply.values[0])
 
     def transition(self, node, label):
-        request = ChangeState.Request()
-        request.transition.label = label
-        return self.call(ChangeState, f'/{node}/change_state', request).success
+        name = f'/{node}/change_state'
+
+        def ask(what):
+            request = ChangeState.Request()
+            request.transition.label = what
+            return self._client(ChangeState, name).call_async(request)
+        # A transition happens once. What is refused shows first that answers arrive.
+        self.answered(lambda: ask('nothing'), f'answer of {name}')
+        return self.complete(ask(label), f'answer of {name}').success
 
     def state_of(self, node):
         return self.call(
@@ -239,33 +256,87 @@ def joint_state(stamp_ns, names, position, velocity=None, effort=None):
 
 
 class FakeDriver:
-    """Stands in for plant and exercise before a compensator: states and directions by hand."""
+    """Stands in for plant and exercise before a compensator: states and directions by hand.
 
-    def __init__(self, probe, joints, qos=RELIABLE):
-        self.probe, self.joints = probe, joints
-        self.states = probe.talk(JointState, 'joint_states', qos)
-        self.directions = probe.talk(Int8MultiArray, 'direction', qos)
-        self.commands = probe.listen(Float64MultiArray, 'current_command')
+    Every new joint state is answered by one command, in order. Zeros that the commander sends of
+    its own accord are heard, too, but are no answers.
+    """
 
-    def find(self):
+    def __init__(self, probe, joints, qos=RELIABLE, prefix='', node='compensator'):
+        self.probe, self.joints, self.node = probe, joints, node
+        self._topic = f'{prefix}current_command'
+        self.states = probe.talk(JointState, f'{prefix}joint_states', qos)
+        self.directions = probe.talk(Int8MultiArray, f'{prefix}direction', qos)
+        self.commands = probe.listen(Float64MultiArray, self._topic)
+
+    @property
+    def answers(self):
+        return [message for message in self.commands if not unasked(message)]
+
+    def find(self, stamp=time.time_ns, direction=None):
+        """Stream states until commands come, with a direction, until they are large.
+
+        Only then each end has found the other.
+        """
         self.probe.matched(self.states)
         self.probe.matched(self.directions)
-        self.probe.until(lambda: self.probe.count_publishers('current_command') == 1,
-                         'a publisher of current_command')
+        zeros = [0.0] * len(self.joints)
+
+        def streamed():
+            if direction:
+                self.announce(direction)
+            self.states.publish(joint_state(stamp(), self.joints, zeros))
+            self.probe.spin_for(0.02)
+            return self.commands and (
+                direction is None or min(np.abs(self.commands[-1].data)) > 0.05)
+        self.probe.until(streamed, 'a command')
+
+    def rest(self):
+        """Deactivate the node and wait for its zero command, and until its publisher is gone."""
+        if self.probe.state_of(self.node) == 'active':
+            assert self.probe.transition(self.node, 'deactivate')
+            self.probe.until(lambda: self.commands and unasked(self.commands[-1])
+                             and not self.ears, 'a last command')
+            assert not any(self.commands[-1].data)
+        self.probe.until(lambda: not self.ears, 'no publisher of current_command')
+
+    @property
+    def ears(self):
+        """Number of commanders that are heard."""
+        return self.probe.ears[self._topic].get_publisher_count()
+
+    def activate(self):
+        """Activate the node and wait until its commands can be heard."""
+        assert self.probe.transition(self.node, 'activate')
+        self.probe.until(lambda: self.ears == 1, 'a publisher of current_command')
+
+    def begin_anew(self):
+        """Let the node begin without history; from then on each state has its answer."""
+        self.rest()
+        self.activate()
+        self.commands.clear()
 
     def announce(self, values):
         # Ahead of the states that follow: one process's messages arrive in order.
         self.directions.publish(Int8MultiArray(data=array('b', values)))
-
-    def wait_for_listener(self):
-        """Wait until the commander has found who listens: from then on it answers."""
-        self.probe.until(lambda: self.probe.count_publishers('current_command') == 1,
-                         'a publisher of current_command')
 
     def ask(self, position, velocity=None, stamp=None, names=None):
         """Publish one joint state and return the command that answers it."""
         before = len(self.commands)
         stamp = time.time_ns() if stamp is None else stamp
         self.states.publish(joint_state(stamp, names or self.joints, position, velocity))
-        self.probe.until(lambda: len(self.commands) > before, 'a command for the joint state')
-        return list(self.commands[-1].data)
+
+        def answers():
+            return [message for message in self.commands[before:] if not unasked(message)]
+        self.probe.until(answers, 'a command for the joint state')
+        return list(answers()[0].data)
+
+
+def value_of(status, key):
+    """Return what a diagnostic status says of a key, or None."""
+    return next((item.value for item in status.values if item.key == key), None)
+
+
+def unasked(command):
+    """Tell whether a command answers no joint state."""
+    return any(part.label == UNASKED for part in command.layout.dim)

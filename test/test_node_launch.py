@@ -94,7 +94,7 @@ def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
                 probe.until(lambda: probe.count_publishers('current_command') == 1, 'activation')
             time.sleep(0.5)
             os.killpg(process.pid, signal.SIGINT)
-            process.wait(30.0)
+            process.wait(60.0)
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)

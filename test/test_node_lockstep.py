@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import MODELS, probe_node, Process
+from ros_system import MODELS, own_domain, probe_node, Process, value_of
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
@@ -30,7 +30,7 @@ def run(folder, law, disturbed=False):
     """Run one exercise and return the recording's samples and info."""
     models = {'joints': [JOINT], 'model_files': MODELS[:1]}
     follower = {'use_sim_time': True, 'input_reliability': 'reliable'}
-    with probe_node() as probe, Process(folder, 'plant', {
+    with own_domain(), probe_node() as probe, Process(folder, 'plant', {
             **models, 'clock': 'lockstep', 'wait_for_reference': True, 'seed': SEED}), Process(
                 folder, 'compensator', {
                     **models, **follower, 'law': law, 'joint_state_timeout': 10.0}), Process(
@@ -47,7 +47,14 @@ def run(folder, law, disturbed=False):
                     'wait_for_listeners': 2, 'when_done': 'exit'}) as exercise:
                 assert exercise.wait(180.0) == 0
             # The last reference still lets the joint run to the next tick.
-            probe.spin_for(0.5)
+            times = [None]
+
+            def rests(status):
+                times.append(float(value_of(status, 'time [s]')))
+                return times[-1] == times[-2]
+            probe.status_of('plant', rests)
+            probe.status_of('recorder', lambda status: (
+                int(value_of(status, 'joint_states')) >= round(1e3 * times[-1])))
         finally:
             for burner in burners:
                 burner.kill()

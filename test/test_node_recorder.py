@@ -96,9 +96,11 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
             assert recorder.wait() == 0
     (samples, info), = read_recording_with_info(folder)
     np.testing.assert_array_equal(samples.current, np.arange(float(count)))
-    assert info.topics['/current_command'][1] == commands
     assert (samples.direction == 1).all()
-    assert not any('lost' in note for note in info.notes)
+    # A best-effort publisher's may be lost on a busy machine, but not without a word.
+    if info.topics['/current_command'][1] != commands:
+        assert any('lost' in note and 'current_command' in note for note in info.notes)
+    assert not any('lost' in note and 'joint_states' in note for note in info.notes)
     assert len(list(folder.glob('*.mcap'))) >= 3
     about = yaml.safe_load((folder / 'metadata.yaml').read_text())[
         'rosbag2_bagfile_information']

@@ -69,7 +69,7 @@ class Bench:
             lambda message: self.steps.append(message.feedback)), 'answer to the goal')
 
     def result(self, handle):
-        return self.probe.complete(handle.get_result_async(), 'the result', 180.0)
+        return self.probe.answered(handle.get_result_async, 'the result', 20.0, 180.0)
 
 
 @pytest.fixture(scope='module')

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import CONFIG, MODELS, own_domain, probe_node, Process
+from ros_system import CONFIG, MODELS, own_domain, probe_node, Process, value_of
 from rosbags.highlevel import AnyReader
 
 from friction_comp.compensation.law import CompensationLaw
@@ -38,10 +38,6 @@ TOPICS = {'joint_states', 'current_command', 'direction', 'direction_stamped', '
           'interaction_wrench', 'motor_temperature', 'diagnostics'}
 LAW = 'continuous'
 pytestmark = pytest.mark.slow
-
-
-def value_of(status, key):
-    return next((item.value for item in status.values if item.key == key), None)
 
 
 def record(folder, law):

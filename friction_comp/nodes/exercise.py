@@ -137,7 +137,6 @@ class ExerciseNode(Node):
         if not np.isfinite(position).all():
             return
         self._origin = position
-        self.destroy_subscription(self._origin_subscription)
 
     def _on_tick(self, now):
         if not self._listened_to():
@@ -145,6 +144,10 @@ class ExerciseNode(Node):
         if now == self._last:
             # A tick comes again when its answer was lost.
             self._references.publish(self._reference)
+            return
+        if self._ticking and self._origin is None and self._first is not None:
+            # The joint states since the first tick have not found the way here yet. A plant that
+            # waits for an answer sends the last of them again; until then no time is to pass.
             return
         self._last = now
         if self._first is None:
@@ -156,6 +159,8 @@ class ExerciseNode(Node):
             self._references.publish(self._reference)
             return
         if self._start is None or now < self._start:
+            if self._start is None:
+                self.destroy_subscription(self._origin_subscription)
             self._start = now
             self._reference.name = list(self._joints)
         self._show((now - self._start) / NANO)

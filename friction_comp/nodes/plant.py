@@ -106,6 +106,7 @@ class PlantNode(Node):
             self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
             self._answered = False
             self._reference_stamp = None
+            self._nobody_holds = False
             self._shown = False
             self._looks = 0
             self.create_timer(_LOOK, self._look, clock=steady)
@@ -186,6 +187,7 @@ class PlantNode(Node):
         if velocity is not None and message.name:
             self._hold.show((stamp - self._origin) / NANO, position, velocity)
         if self._lockstep:
+            self._nobody_holds = not message.name
             self._reference_stamp = stamp
             self._advance()
 
@@ -238,6 +240,9 @@ class PlantNode(Node):
             self._tick()
             if self._shown and self._states.get_subscription_count():
                 self._publish()
+            elif self._samples and self._nobody_holds:
+                # The exercise has not heard yet where the joints are.
+                self._states.publish(self._state_message)
 
     # Real time.
 

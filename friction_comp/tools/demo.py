@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-import random
 import signal
 
 from friction_comp.tools.common import Arguments, whole_number
+from friction_comp.tools.ros_domain import leased_domain
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -44,20 +44,18 @@ def main(argv: list[str] | None = None) -> int:
                         help='what the simulated joint hides from the other nodes '
                         '(config/undeclared_example.yaml)')
     arguments = parser.parse(argv)
-    # Importing ROS 2 may start Python anew: nothing may have happened before.
-    environment = {
-        # A domain of its own, on this machine only: no other robot is disturbed.
-        'ROS_DOMAIN_ID': str(random.SystemRandom().randrange(1, 100)),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-    os.environ.update(environment)
-    from friction_comp.nodes.demo_client import DemoClient
-    from friction_comp.tools.demo_story import tell
+    # A domain of its own, on this machine only: no other robot is disturbed.
+    with leased_domain() as domain:
+        # Importing ROS 2 may start Python anew: nothing may have happened before.
+        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        from friction_comp.nodes.demo_client import DemoClient
+        from friction_comp.tools.demo_story import tell
 
-    previous = signal.signal(signal.SIGTERM, _interrupt)
-    try:
-        return tell(arguments, DemoClient)
-    finally:
-        signal.signal(signal.SIGTERM, previous)
+        previous = signal.signal(signal.SIGTERM, _interrupt)
+        try:
+            return tell(arguments, DemoClient)
+        finally:
+            signal.signal(signal.SIGTERM, previous)
 
 
 def _interrupt(*_: object) -> None:
