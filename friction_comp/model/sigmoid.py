@@ -10,7 +10,6 @@ import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
-from scipy.special import expit
 
 from friction_comp.errors import InputError
 
@@ -128,7 +127,10 @@ class Sigmoid:
         """
         unit = _unit(velocity_unit)
         total = 2.0 if scale is None else scale
-        c4 = total * float(expit(-self.steepness * self.shift))
+        with np.errstate(over='ignore'):
+            # The transition's share at standstill.
+            share = kinetic_current(0.0, 1.0, 0.0, self.steepness, self.shift, 0.0)
+        c4 = total * float(share)
         c5 = total - c4
         tiny = 1e-12 * total
         c4, c5 = max(c4, tiny), max(c5, tiny)

@@ -5,14 +5,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
 from friction_comp.errors import InputError
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.schema import check_for_motor
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
 
 # A range needs an upper end; what has none in nature gets this one.
 LARGE = 1e6
@@ -116,6 +117,10 @@ def load_models(model_files: Sequence[str], joints: Sequence[str],
 
 
 def _load(path: str, joint: str, joints: Sequence[str] | None) -> FrictionModel:
+    # Nodes without a model start in half the time without what models need.
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.model.schema import check_for_motor
+
     model = FrictionModel.load(path, joint)
     if joints is not None:
         try:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
@@ -49,7 +48,7 @@ class ExerciseScript:
                  announcement: float):
         self.joints = list(joints)
         self.duration = float(times[-1])
-        self._paths = [PchipInterpolator(times, column) for column in positions.T]
+        self._paths = [_monotone_cubic(times, column) for column in positions.T]
         self._speeds = [path.derivative() for path in self._paths]
         self._announced = [_spans(times, column, speed, announcement)
                            for column, speed in zip(positions.T, self._speeds)]
@@ -82,13 +81,20 @@ class ExerciseScript:
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
                              f'{", ".join(joints)}')
         script = ExerciseScript.__new__(ExerciseScript)
-        still = PchipInterpolator([0.0, self.duration], [0.0, 0.0])
+        still = _monotone_cubic([0.0, self.duration], [0.0, 0.0])
         places = [self.joints.index(name) if name in self.joints else None for name in joints]
         script.joints, script.duration = list(joints), self.duration
         script._paths = [still if k is None else self._paths[k] for k in places]
         script._speeds = [still if k is None else self._speeds[k] for k in places]
         script._announced = [[] if k is None else self._announced[k] for k in places]
         return script
+
+
+def _monotone_cubic(times: Any, values: Any) -> Any:
+    # Imported here, since most exercises have no script and start sooner without it.
+    from scipy.interpolate import PchipInterpolator
+
+    return PchipInterpolator(times, values)
 
 
 def load_exercise(path: str | Path) -> ExerciseScript:
