@@ -3,6 +3,7 @@
 """The SROS 2 policy: each node has the rights that it uses, and no others."""
 
 from collections import defaultdict
+from contextlib import ExitStack
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,7 +14,7 @@ POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.x
 AT_TIMES = {('plant', 'publish', '/clock'), ('identification', 'publish', '/current_command'),
             ('exercise', 'subscribe', '/joint_states'),
             *((node, 'subscribe', '/clock') for node in (
-                'compensator', 'identification', 'exercise', 'recorder'))}
+                'compensator', 'identification', 'exercise', 'recorder', 'refinement'))}
 CHILDREN = {'policy': {'enclaves'}, 'enclaves': {'enclave'}, 'enclave': {'profiles'},
             'profiles': {'profile'}, 'profile': {'topics', 'services', 'actions'},
             'topics': {'topic'}, 'services': {'service'}, 'actions': {'action'}}
@@ -42,6 +43,13 @@ def rights():
     return found
 
 
+def actions(node, right):
+    """Return the actions that a node may call or execute."""
+    return {action.text for profile in ElementTree.parse(POLICY).iter('profile')
+            if profile.get('node') == node for group in profile.iter('actions')
+            if right in group.attrib for action in group}
+
+
 def test_follows_the_schema():
     """As sros2's policy.xsd has it: order, names and values."""
     root = ElementTree.parse(POLICY).getroot()
@@ -64,7 +72,11 @@ def test_few_may_command_a_current_or_announce_a_direction():
                 if has['publish'] & {'/direction', '/direction_stamped'}}
     assert planners == {'exercise'}
     listeners = {node for node, has in table.items() if '/interaction_wrench' in has['subscribe']}
-    assert listeners == {'recorder'}, 'the torque sensor is for evaluation only'
+    assert listeners == {'recorder', 'refinement'}, 'the torque sensor is for evaluation only'
+    assert '/compensator/set_parameters' in table['refinement']['request']
+    assert actions('operator', 'call') == {'identify_friction', 'refine_model'}
+    assert actions('identification', 'execute') | actions('refinement', 'execute') == actions(
+        'operator', 'call')
 
 
 @pytest.mark.slow
@@ -74,24 +86,27 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
     from ros_system import MODELS, own_domain, probe_node, Process
     one = {'joints': ['elbow'], 'model_files': MODELS[:1]}
     starts = {'plant': one, 'compensator': one, 'identification': one,
-              'exercise': {'joints': ['elbow']}, 'recorder': {'output': str(tmp_path / 'bag')}}
-    with own_domain(), probe_node() as probe:
+              'exercise': {'joints': ['elbow']}, 'recorder': {'output': str(tmp_path / 'bag')},
+              'refinement': one}
+    with own_domain(), probe_node() as probe, ExitStack() as nodes:
         for name, parameters in starts.items():
-            with Process(tmp_path / 'logs', name, parameters):
-                allowed = {kind: names for kind, names in rights()[name].items() if names}
-                questions = {
-                    'publish': probe.get_publisher_names_and_types_by_node,
-                    'subscribe': probe.get_subscriber_names_and_types_by_node,
-                    'reply': probe.get_service_names_and_types_by_node}
+            nodes.enter_context(Process(tmp_path / 'logs', name, parameters))
+        for name in starts:
+            allowed = {kind: names for kind, names in rights()[name].items() if names}
+            questions = {
+                'publish': probe.get_publisher_names_and_types_by_node,
+                'subscribe': probe.get_subscriber_names_and_types_by_node,
+                'reply': probe.get_service_names_and_types_by_node,
+                'request': probe.get_client_names_and_types_by_node}
 
-                def used(kind, ask, name=name):
-                    if name not in probe.get_node_names():
-                        return set()
-                    return {topic for topic, _ in ask(name, '/')}
+            def used(kind, ask, name=name):
+                if name not in probe.get_node_names():
+                    return set()
+                return {topic for topic, _ in ask(name, '/')}
 
-                def unused(name=name, allowed=allowed, questions=questions):
-                    return {(name, kind, topic) for kind, ask in questions.items()
-                            for topic in allowed.get(kind, set()) - used(kind, ask)}
-                probe.until(lambda unused=unused: unused() <= AT_TIMES, f'all of {name}')
-                for kind, ask in questions.items():
-                    assert used(kind, ask) <= allowed.get(kind, set())
+            def unused(name=name, allowed=allowed, questions=questions):
+                return {(name, kind, topic) for kind, ask in questions.items()
+                        for topic in allowed.get(kind, set()) - used(kind, ask)}
+            probe.until(lambda unused=unused: unused() <= AT_TIMES, f'all of {name}')
+            for kind, ask in questions.items():
+                assert used(kind, ask) <= allowed.get(kind, set())

@@ -31,11 +31,14 @@ ROSDEP_KEYS = {
     'ament_index_python': 'ament_index_python',
     'cycler': 'python3-matplotlib',  # comes with it
     'matplotlib': 'python3-matplotlib',
+    'mcap': 'mcap-ros2-support',  # comes with it
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'rich': 'python3-rich',
+    'rosbags': 'python3-rosbags-pip',
     'scipy': 'python3-scipy',
     'yaml': 'python3-yaml',
+    'zstandard': 'mcap-ros2-support',  # comes with mcap
 }
 
 
@@ -100,8 +103,8 @@ def test_package_xml_names_what_the_modules_import():
     for path in MODULES + LAUNCH_FILES:
         for name in imported(path) - set(sys.stdlib_module_names):
             # Optional ones are extras for pip, dependencies of the tests for rosdep.
-            if name not in ('friction_comp', INTERFACES, 'rosbags', 'mcap', 'zstandard',
-                            'pinocchio', 'bokeh', 'dask', 'distributed'):
+            if name not in ('friction_comp', INTERFACES, 'pinocchio', 'bokeh', 'dask',
+                            'distributed'):
                 needed.add(ROSDEP_KEYS.get(name, name))
     assert needed - declared == set()
 
