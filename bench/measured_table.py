@@ -25,6 +25,8 @@ import numpy as np
 from scipy.signal import butter, filtfilt
 
 ROOT = Path(__file__).resolve().parents[1]
+# The package beside this file, and not one that happens to be installed.
+sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 UR10E = ('shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint',
          'wrist_2_joint', 'wrist_3_joint')
 

@@ -72,6 +72,10 @@ def run(name: str, argv: list[str] | None = None) -> int:
         # Answered here, since ROS 2 alone takes a second to import.
         print(NODE_USAGE.format(name=name, text=NODES[name]))
         return 0
+    # Matrices are small here: threads of the linear algebra only wait for one another, and take up
+    # to twenty times the processor's time where other processes run beside them.
+    for library in ('OMP', 'OPENBLAS', 'MKL'):
+        os.environ.setdefault(f'{library}_NUM_THREADS', '1')
     if name in NODES or name in ('demo', 'doctor'):
         name_this_environment()
     if name in NODES and threading.current_thread() is threading.main_thread():

@@ -19,6 +19,8 @@ METHOD = 'zero-phase Butterworth'
 # Where a model does not say how it was fitted.
 DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
 _ORDER = 2
+# Steps of time that differ by less than this part of them are even.
+_EVEN = 1e-3
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
 
@@ -26,7 +28,10 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     """Return samples with velocity and acceleration by a zero-phase filter.
 
     The signal is filtered forwards and backwards by a second-order Butterworth low pass, which
-    delays nothing, and differentiated by central differences, stretch by stretch.
+    delays nothing, and differentiated by central differences, stretch by stretch. Where the stamps
+    are uneven they are filtered in the same way: what unevenness does to the positions is then in
+    both, and drops out of their ratio to first order, whether the samples or only their stamps came
+    unevenly.
 
     Parameters
     ----------
@@ -59,6 +64,8 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         if len(time) < 3:
             continue
         time = _increasing(time)
+        if not _even(time):
+            time = _increasing(_smooth(time, samples.sample_time, bandwidth))
         if source == 'position':
             speed = np.gradient(_smooth(samples.position[part], samples.sample_time, bandwidth),
                                 time)
@@ -179,6 +186,12 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
     # Long enough padding for the slow start of narrow filters, short enough for short stretches.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
     return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)
+
+
+def _even(time: np.ndarray) -> bool:
+    """Tell whether all steps are alike."""
+    step = np.diff(time)
+    return float(np.ptp(step)) < _EVEN * float(np.median(step))
 
 
 def _increasing(time: np.ndarray) -> np.ndarray:

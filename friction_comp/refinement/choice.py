@@ -182,6 +182,7 @@ def moving(samples: Samples, clipped: np.ndarray, slowest: float,
     usable = (np.abs(samples.velocity) > slowest) & ~clipped
     if usable.sum() >= recordings.FEWEST and not lagging(samples, usable):
         usable &= recordings.in_motion(samples, slowest, settings)
+    usable = recordings.without_few(usable, recordings.beside_gaps(samples, settings))
     if usable.sum() < recordings.FEWEST:
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(usable.sum())} samples of motion are too few')

@@ -11,11 +11,12 @@ from typing import Any, TYPE_CHECKING
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.tools.common import Arguments, output_folder, progress, to_json
+from friction_comp.tools.common import Arguments, output_folder, positive, progress, to_json
 from friction_comp.tools.workers import add_workers
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.samples import Samples
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -50,6 +51,9 @@ def main(argv: list[str] | None = None) -> int:
                         help='refine each joint of each recording by itself, in parallel, with '
                         'one page on all; without it, all recordings together give one model')
     add_workers(parser)
+    parser.add_argument('--current-limit', metavar='A', type=positive,
+                        help='largest motor current that may ever be commanded, for the model '
+                             "file; by default that of --model, else the largest recorded one")
     arguments = parser.parse(argv)
     if arguments.each:
         from friction_comp.tools.refine_each import refine_each
@@ -74,6 +78,7 @@ def main(argv: list[str] | None = None) -> int:
         found = read_recording_with_info(
             arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
             progress=lambda share, *_: report(0.2 * share))
+        drive, limit = limited(arguments, drive, [samples for samples, _ in found])
         try:
             result = refine(
                 [samples for samples, _ in found], model, drive,
@@ -86,7 +91,7 @@ def main(argv: list[str] | None = None) -> int:
             f'{info.path}: {note}' for _, info in found for note in info.notes)
         report(0.9, 'writing')
         names = [str(path) for path in arguments.recordings]
-        result.model.notes = {**result.model.notes, 'refined_from': names, 'unit': unit}
+        result.model.notes = {**result.model.notes, 'refined_from': names, 'unit': unit, **limit}
         with output_folder(arguments.output) as folder:
             (folder / 'report.json').write_text(to_json(result.report), encoding='utf-8')
             refinement_report(result, names).save(folder / 'report.html')
@@ -104,6 +109,31 @@ def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
     if model is not None:
         return replace(model.drive, **given)
     return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **given})
+
+
+def limited(arguments: Namespace, drive: Drive, recorded: list[Samples]
+            ) -> tuple[Drive, dict[str, str]]:
+    """Return the drive with its current limit, and a note on where that is from.
+
+    A recording that nobody has said a limit for shows one current that the drive can take for
+    certain: the largest one in it. It is taken as it is, neither more nor less.
+
+    Parameters
+    ----------
+    arguments : Namespace
+    drive : Drive
+    recorded : list of Samples
+    """
+    import numpy as np
+
+    if arguments.current_limit:
+        return replace(drive, current_limit=arguments.current_limit), {}
+    largest = max((float(np.nanmax(np.abs(samples.current))) for samples in recorded
+                   if np.isfinite(samples.current).any()), default=0.0)
+    if arguments.model or not largest > 0.0:
+        return drive, {}
+    return (replace(drive, current_limit=float(f'{largest:.4g}')),
+            {'current_limit': 'the largest current recorded, since no other limit was given'})
 
 
 def unit_of(arguments: Namespace, model: FrictionModel | None) -> str:

@@ -41,7 +41,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
     """
     from friction_comp.recordings.arm_reader import read_arm
     from friction_comp.refinement.whole_arm import refine_arm
-    from friction_comp.tools.refine import drive_of
+    from friction_comp.tools.refine import drive_of, limited
 
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
     models = _start_models(arguments)
@@ -52,7 +52,10 @@ def refine_whole_arm(arguments: Namespace) -> int:
                 arguments.recordings,
                 lambda name: drive_of(arguments, models.get(name)).torque_per_current,
                 lambda share: report(0.1 * share)).items()}
-        drives = {name: drive_of(arguments, models.get(name)) for name in recorded}
+        drives, limits = {}, {}
+        for name, parts in recorded.items():
+            drives[name], limits[name] = limited(
+                arguments, drive_of(arguments, models.get(name)), parts)
         try:
             result = refine_arm(
                 recorded, arguments.urdf, drives, models, given or bool(models),
@@ -61,9 +64,9 @@ def refine_whole_arm(arguments: Namespace) -> int:
         except InputError as error:
             raise InputError(_once(arguments, str(error))) from None
         report(0.9, 'writing')
-        for one in result.results.values():
+        for name, one in result.results.items():
             one.model.notes = {**one.model.notes, 'refined_from': names,
-                               'urdf': str(arguments.urdf)}
+                               'urdf': str(arguments.urdf), **limits[name]}
         with output_folder(arguments.output) as folder:
             _write(folder, result, names, arguments.joint)
     _print(result)

@@ -297,10 +297,11 @@ class Effect(ABC):
                     samples.load, samples.temperature, side, cls.memory(samples, side, c),
                     samples.rigid_body, samples.coupling)
         columns = cls.columns(x, c)
-        result = np.empty((len(samples), len(columns)))
+        # Each column together in memory, as those who solve for coefficients want it.
+        result = np.empty((len(columns), len(samples)))
         for place, column in enumerate(columns):
-            result[:, place] = column
-        return result
+            result[place] = column
+        return result.T
 
     def current(self, samples: Samples) -> np.ndarray:
         """Return the effect's current in A, shape (N,)."""

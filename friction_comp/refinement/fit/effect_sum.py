@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 # efficiency; the wider band keeps the short accelerations, where much of the information is).
 HUBER = 2.0
 _RIDGE = 1e-9
+# Weights that change by less than this have settled.
+_SETTLED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray,
     Parameters
     ----------
     matrix : ndarray, shape (N, M)
+        Fastest where each column lies together in memory, as `side_by_side` makes it.
     current, weights : ndarray, shape (N,)
     signs : sequence of int, length M, optional
         Sign that a coefficient must have, 1 or -1, 0 for either. One that would have the wrong
@@ -93,16 +96,16 @@ def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray,
     -------
     ndarray, shape (M,)
     """
-    norm = np.sqrt(np.einsum('ij,ij->j', matrix, matrix) / len(matrix))
+    rows = np.ascontiguousarray(matrix.T)
+    norm = np.sqrt(np.einsum('ij,ij->i', rows, rows) / max(rows.shape[1], 1))
     fine = np.isfinite(norm) & (norm > 1e-100)
     if not fine.all():
         # Out of all proportion, or never other than zero: such a column explains nothing.
-        matrix, norm = np.where(fine, matrix, 0.0), np.where(fine, norm, 1.0)
-    scaled = matrix / norm
-    weighted = scaled * weights[:, None]
-    gram = weighted.T @ scaled
-    gram[np.diag_indices_from(gram)] += _RIDGE * max(len(matrix), 1)
-    goal = weighted.T @ current
+        rows, norm = np.where(fine[:, None], rows, 0.0), np.where(fine, norm, 1.0)
+    weighted = rows * np.sqrt(weights)
+    gram = weighted @ weighted.T / np.outer(norm, norm)
+    gram[np.diag_indices_from(gram)] += _RIDGE * max(rows.shape[1], 1)
+    goal = rows @ (weights * current) / norm
     found = np.linalg.lstsq(gram, goal, rcond=1e-12)[0]
     if len(signs):
         wanted, free = np.asarray(signs), np.ones(len(goal), dtype=bool)
@@ -111,6 +114,29 @@ def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray,
             found = np.zeros(len(goal))
             found[free] = np.linalg.lstsq(gram[np.ix_(free, free)], goal[free], rcond=1e-12)[0]
     return found / norm
+
+
+def side_by_side(parts: Sequence[np.ndarray], index: np.ndarray | None = None) -> np.ndarray:
+    """Return matrices side by side, each column together in memory, or some of their rows.
+
+    Parameters
+    ----------
+    parts : sequence of ndarray, shape (N, M_k)
+    index : ndarray of int, shape (L,), optional
+        Rows to take; all when omitted.
+
+    Returns
+    -------
+    ndarray, shape (L, sum of M_k)
+    """
+    size = len(parts[0]) if index is None else len(index)
+    rows = np.empty((sum(part.shape[1] for part in parts), size))
+    place = 0
+    for part in parts:
+        for column in part.T:
+            rows[place] = column if index is None else column[index]
+            place += 1
+    return rows.T
 
 
 class Fit:
@@ -226,8 +252,7 @@ class Fit:
 
     def solve(self, rounds: int = 6) -> None:
         """Find the coefficients by iteratively reweighted least squares."""
-        matrix = np.hstack(self.parts)
-        inner, goal = matrix[self.index], self.target[self.index]
+        inner, goal = side_by_side(self.parts, self.index), self.target[self.index]
         weights, signs = np.ones(len(goal)), self.signs
         loaded = [place for place, term in enumerate(self.terms) if term.kind.carried]
         for number in range(rounds):
@@ -235,14 +260,16 @@ class Fit:
                 for place in loaded:
                     self.terms[place] = self.loaded(self.terms[place])
                     self.parts[place + 1] = self.columns(self.terms[place])
-                matrix = np.hstack(self.parts)
-                inner = matrix[self.index]
+                inner = side_by_side(self.parts, self.index)
             self.coefficients = solve(inner, goal, weights, signs)
             residual = goal - inner @ self.coefficients
             self.scale = robust_scale(residual)
-            weights = huber_weights(residual, self.scale)
+            before, weights = weights, huber_weights(residual, self.scale)
+            if number and not loaded and np.max(np.abs(weights - before)) < _SETTLED:
+                break
         self.weights = weights
-        self.prediction = matrix @ self.coefficients
+        self.prediction = sum((part @ own for part, own in zip(
+            self.parts, self.own_coefficients())), np.zeros(len(self.target)))
         self.residual = self.target - self.prediction
         self._basis = None
 
@@ -285,7 +312,7 @@ class Fit:
         if self._basis is None or self._basis[0] != every:
             index = self.index[::every]
             root = np.sqrt(self.weights[::every])
-            matrix = np.hstack(self.parts)[index] * root[:, None]
+            matrix = side_by_side(self.parts, index) * root[:, None]
             norm = np.linalg.norm(matrix, axis=0) + 1e-300
             q, _ = np.linalg.qr(matrix / norm)
             residual = self.residual[index] * root

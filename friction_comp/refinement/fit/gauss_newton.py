@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.refinement.fit.effect_sum import huber_loss, solve
+from friction_comp.refinement.fit.effect_sum import huber_loss, side_by_side, solve
 
 if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
@@ -142,9 +142,10 @@ def gauss_newton(fit: Fit, rounds: int = 6, centered: bool = False) -> Fit:
         slopes = []
         for handle in knobs:
             twin = shifted(fit, [(handle, small)])
-            slopes.append((np.hstack(twin.parts)[index] @ fit.coefficients
-                           - fit.prediction[index]) / small)
-        design = np.column_stack([np.hstack(fit.parts)[index], *slopes])
+            changed = [((new - old) @ own)[:, None] for new, old, own in zip(
+                twin.parts, fit.parts, fit.own_coefficients()) if new is not old]
+            slopes.append(sum(changed, np.zeros((len(fit.target), 1))) / small)
+        design = side_by_side([*fit.parts, *slopes], index)
         step = solve(design, fit.target[index], fit.weights)[-len(knobs):]
         step = np.clip(step, -1.0, 1.0)
         better = None

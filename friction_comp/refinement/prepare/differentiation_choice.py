@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _MOST_SAMPLES = 150_000
 _PIECES = 15
+# Hz: low enough for any encoder, high enough for a person's movements.
+_SMOOTH = 20.0
 # Position and velocity are compared over windows of so many seconds, and agree within this share.
 _WINDOW, _AGREES, _FEWEST_WINDOWS = 0.25, 0.05, 8
 
@@ -40,17 +42,21 @@ def choose_differentiation(samples: Samples, clipped: np.ndarray) -> dict[str, A
     samples, clipped = excerpt(samples, clipped)
     best = None
     thin = max(1, len(samples) // 20000)
-    usable = None
-    for settings in reversed(recordings.bandwidths(samples)):
-        moving = differentiate(samples, settings)
-        if usable is None:
-            speed = np.abs(moving.velocity)
-            usable = (speed > 0.05 * np.percentile(speed, 95)) & ~clipped
-        rows = np.nonzero(usable)[0][::thin]
-        if len(rows) < 50:
-            raise InputError('the joint hardly moves in the recordings: '
-                             f'{len(rows)} samples of motion are too few')
-        part = moving.take(rows)
+    choices = recordings.bandwidths(samples)
+    # What moves is told from a smooth velocity: unfiltered, an encoder's steps are standstill and
+    # bursts.
+    smooth = max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= _SMOOTH),
+                 key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
+    moving = differentiate(samples, smooth)
+    speed = np.abs(moving.velocity)
+    usable = (speed > 0.05 * np.percentile(speed, 95)) & ~clipped
+    usable = recordings.without_few(usable, recordings.beside_gaps(samples, smooth))
+    rows = np.nonzero(usable)[0][::thin]
+    if len(rows) < 50:
+        raise InputError('the joint hardly moves in the recordings: '
+                         f'{len(rows)} samples of motion are too few')
+    for settings in reversed(choices):
+        part = differentiate(samples, settings).take(rows)
         top = float(np.percentile(np.abs(part.velocity), 95))
         error = min(_motion_error(part, top / share) for share in (3.0, 10.0, 30.0, 100.0, 300.0))
         # Narrower than needed blunts reversals, so that a wider one wins when as good.

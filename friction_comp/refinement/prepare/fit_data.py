@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from friction_comp.drive import Drive
 
 FEWEST = 200
-_MOST_ROWS = 24000
+_MOST_ROWS = 12000
 _SLOWEST_RATE = 100.0
 _SIGNALS = ('time', 'position', 'velocity', 'acceleration', 'current', 'load', 'temperature',
             'rigid_body', 'coupling')
@@ -148,6 +148,33 @@ def in_motion(samples: Samples, slowest: float, settings: dict[str, Any]) -> np.
     near = sums[np.minimum(place + width + 1, len(moving))] - sums[np.maximum(place - width, 0)]
     inner = moving & (near == 0)
     return inner if inner.sum() > 0.8 * moving.sum() else moving
+
+
+def beside_gaps(samples: Samples, settings: dict[str, Any]) -> np.ndarray:
+    """Return which samples are so near an end of unbroken data that smoothing knows one side only.
+
+    There the positions' noise goes into velocity, and more so into acceleration, undamped.
+
+    Parameters
+    ----------
+    samples : Samples
+    settings : dict
+        How velocity is had of position.
+    """
+    mark = np.zeros(len(samples), dtype=bool)
+    bandwidth = settings.get('bandwidth')
+    if bandwidth and samples.sample_time > 0:
+        width = max(1, round(0.5 / (bandwidth * samples.sample_time)))
+        for part in samples.segments():
+            mark[part.start:min(part.start + width, part.stop)] = True
+            mark[max(part.stop - width, part.start):part.stop] = True
+    return mark
+
+
+def without_few(rows: np.ndarray, unwanted: np.ndarray) -> np.ndarray:
+    """Return rows without the unwanted ones, unless these are more than a fifth of them."""
+    wanted = rows & ~unwanted
+    return wanted if wanted.sum() > 0.8 * rows.sum() else rows
 
 
 def clipped(current: np.ndarray) -> np.ndarray:

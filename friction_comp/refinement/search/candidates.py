@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
     from friction_comp.refinement.prepare.fit_data import FitData
 
-_COARSE_ROWS = 4000
+# Rows that tell one point of a grid from another; what is chosen is fitted to all of them.
+_COARSE_ROWS = 2000
 _PEAKS = 4
 
 
@@ -51,7 +52,7 @@ def best_term(fit: Fit, kind: type[Effect]) -> Term | None:
     best, _ = _on_grid(fit, kind)
     if best is None:
         return None
-    best, _ = fit.search(best)
+    best, _ = fit.search(best, max(1, len(fit.index) // _COARSE_ROWS))
     return best
 
 
