@@ -177,6 +177,23 @@ def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path)
         assert found.tree.weight(q) == pytest.approx(true.weight(q), rel=0.1, abs=0.3)
 
 
+def test_intervals_hold_the_truth_and_say_what_the_urdf_alone_tells(pinocchio, tmp_path):
+    chain = chain_of(tmp_path, small_arm(), PLANE)
+    true = chain_of(tmp_path, small_arm((5.0, 2.2, 2.6)), PLANE).tree.parameters
+    joints, _ = simulated(50, 1500)
+    found = fit_arm(chain, joints, declared=np.array(SCALES)).intervals
+    # The first link turns about the vertical: nothing shows its mass, and all show what the last
+    # one, whose weight is felt by two joints, weighs at its distance.
+    assert found.told[0, 0] < 0.1
+    assert not np.isfinite(found.parameters[0, 0]).any()
+    assert found.told[2, 1] > 0.9
+    low, high = found.parameters[2, 1]
+    assert low - 0.01 <= true[2, 1] <= high + 0.01
+    assert high - low < 0.2 * true[2, 1]
+    assert found.scales[:, 0] == pytest.approx(SCALES, rel=0.05)
+    assert (found.scales[:, 1] > found.scales[:, 0]).all()
+
+
 @pytest.mark.parametrize('turn, fall', [
     ('0 0 0', (0, 0, -1)), ('0 1.5707963267948966 0', (1, 0, 0)),
     ('3.141592653589793 0 0', (0, 0, 1))])

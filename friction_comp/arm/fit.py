@@ -21,6 +21,7 @@ import numpy as np
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.robust import huber_weights, stretches_of
 from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unknowns
+from friction_comp.arm.uncertainty import link_intervals, LinkIntervals
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, Tree
@@ -83,6 +84,8 @@ class ArmFit:
         Number of combinations of the links' parameters that the motion shows.
     unseen : list of Unseen
         For every stretch the tree that was fitted without it.
+    intervals : LinkIntervals
+        How well the links and the currents per torque are known.
     """
 
     tree: Tree
@@ -95,6 +98,7 @@ class ArmFit:
     without: np.ndarray
     identifiable: int
     unseen: list[Unseen]
+    intervals: LinkIntervals
 
     def torque(self, samples: Samples) -> np.ndarray:
         """Return the torque in N·m that the links ask of a joint, shape (N,).
@@ -138,9 +142,13 @@ class _Problem:
 
     def matrices(self) -> np.ndarray:
         """Return the products of columns, summed over the samples of each fold."""
+        return self.summed(self.fold)
+
+    def summed(self, group: np.ndarray) -> np.ndarray:
+        """Return the products of columns, summed over the samples of each group from 0 on."""
         return np.array([normal_matrices(
             self.regressor[rows], self.friction[rows], self.current[rows], self.weights[rows])
-            for rows in (self.fold == number for number in range(_FOLDS))])
+            for rows in (group == number for number in range(int(group.max()) + 1))])
 
 
 def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = None,
@@ -200,7 +208,8 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     return ArmFit(
         tree, chain.tree, scales,
         np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
-        prior.strength, errors, without, identifiable(whole.regressor), unseen)
+        prior.strength, errors, without, identifiable(whole.regressor), unseen,
+        link_intervals(whole.summed(whole.stretch), prior, x))
 
 
 _Trial: TypeAlias = 'tuple[float, dict[str, Any], _Problem, Prior, np.ndarray]'

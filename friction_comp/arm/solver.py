@@ -108,7 +108,7 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     """
     unknowns = Unknowns(len(matrices))
     x = np.maximum(start, unknowns.lowest)
-    loss, slope, bend = _loss(matrices, prior, unknowns, x)
+    loss, slope, bend = loss_slope_bend(matrices, prior, unknowns, x)
     damping = 1e-3
     for _ in range(_STEPS):
         free = ~((x <= unknowns.lowest) & (slope > 0.0))
@@ -118,7 +118,7 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
         trial = x.copy()
         trial[free] -= np.linalg.solve(system, slope[free])
         trial = np.maximum(trial, unknowns.lowest)
-        after = _loss(matrices, prior, unknowns, trial)
+        after = loss_slope_bend(matrices, prior, unknowns, trial)
         if np.isfinite(after[0]) and after[0] < loss:
             gain = loss - after[0]
             x, (loss, slope, bend) = trial, after
@@ -132,9 +132,18 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     return x
 
 
-def _loss(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
-          x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return half the loss, its slope and the Gauss-Newton matrix."""
+def loss_slope_bend(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
+                    x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return half the loss, its slope and the Gauss-Newton matrix.
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
+        See `normal_matrices`.
+    prior : Prior
+    unknowns : Unknowns
+    x : ndarray, shape (U,)
+    """
     joints, links = unknowns.joints, unknowns.links
     parameters, slopes = prior.bodies.parameters(x[links])
     flat = parameters.ravel()

@@ -30,9 +30,9 @@ from friction_comp.refinement.judge.residual_verdict import (
 from friction_comp.refinement.judge.scores import noise_floor
 from friction_comp.refinement.prepare import fit_data as recordings
 from friction_comp.refinement.prepare.differentiation_choice import lagging
-from friction_comp.refinement.prepare.fit_data import FitData
+from friction_comp.refinement.prepare.fit_data import FitData, Measured
 from friction_comp.refinement.prepare.load_compensation import carried_by_a_person
-from friction_comp.refinement.prepare.prepared import prepare
+from friction_comp.refinement.prepare.prepared import finer, prepare
 from friction_comp.refinement.search.candidate_fit import Step
 from friction_comp.refinement.search.revision import (
     evidence_of,
@@ -135,11 +135,12 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
         found, product = search(data, bases, progress)
     rough = to_model(found.fits[0], None, None, drive, settings)
     floor = noise_floor(samples, usable, samples.current - rough.current(samples))
-    whole = confirmed(data, found)
+    every = finer(data, samples, usable)
+    whole = confirmed(data, every, found)
     left, large = remaining(data, found.fits, slowest, floor)
     if large and not control.law:
         if without_stand_ins(data, found):
-            whole = confirmed(data, found)
+            whole = confirmed(data, every, found)
         left, large = remaining(data, found.fits, slowest, floor)
     steps, order = in_order(data, bases, found)
     whole = whole.reordered(order)
@@ -149,7 +150,7 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
     named = None if nameless else named_asymmetry(data, found.fits, steps, known)
     if named:
         steps.append(named)
-        whole = final_fit(data, named.fits)
+        whole = final_fit(every, named.fits)
     whole = with_exact_multiples(whole)
     fitted = carve_out(to_model(whole, samples, usable, drive, settings), samples, usable)
     return Choice(fitted, data, bases, steps,
@@ -189,10 +190,20 @@ def moving(samples: Samples, clipped: np.ndarray, slowest: float,
     return usable
 
 
-def confirmed(data: FitData, found: Chosen) -> Fit:
-    """Return the fit on all samples, after what physics does not allow in it was taken back."""
+def confirmed(data: FitData, every: Measured, found: Chosen) -> Fit:
+    """Return the fit on all samples, after what physics does not allow in it was taken back.
+
+    Parameters
+    ----------
+    data : FitData
+        What the effects were chosen on.
+    every : Measured
+        All samples, for the last fit.
+    found : Chosen
+        Changed in place.
+    """
     while True:
-        whole = final_fit(data, found.fits)
+        whole = final_fit(every, found.fits)
         wrong = objections(whole, found.first, tuple(found.granted))
         if not wrong:
             return whole

@@ -54,6 +54,17 @@ class ArmResult:
                 'joint': name, 'current_per_torque': fit.scales[k],
                 'held_out_rmse_without': fit.without[k], 'held_out_rmse': fit.held_out[k],
                 'mass': fit.tree.parameters[k, 0], 'mass_urdf': fit.start.parameters[k, 0],
+                'first_moment': fit.tree.parameters[k, 1:4].tolist(),
+                'inertia': fit.tree.parameters[k, 4:].tolist(),
+                'intervals': {
+                    'current_per_torque': fit.intervals.scales[k].tolist(),
+                    'mass': _ends(fit.intervals.parameters[k, 0]),
+                    'first_moment': [_ends(own) for own in fit.intervals.parameters[k, 1:4]],
+                    'inertia': [_ends(own) for own in fit.intervals.parameters[k, 4:]]},
+                'told_by_recording': {
+                    'mass': fit.intervals.told[k, 0],
+                    'first_moment': fit.intervals.told[k, 1:4].tolist(),
+                    'inertia': fit.intervals.told[k, 4:].tolist()},
             } for k, name in enumerate(fit.tree.joints)],
             'notes': list(self.notes)}
 
@@ -129,6 +140,11 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     if not results:
         raise InputError(failed)
     return ArmResult(fit, results, notes)
+
+
+def _ends(bounds: np.ndarray) -> list[float | None]:
+    """Return an interval's ends; None where it has none."""
+    return [float(end) if np.isfinite(end) else None for end in bounds]
 
 
 def _together(recorded: dict[str, list[Samples]]) -> list[Samples]:

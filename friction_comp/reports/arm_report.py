@@ -55,9 +55,33 @@ def _bodies(page: Report, result: ArmResult, unit: str) -> None:
         'were not given.')
     page.table(
         ['joint', f'{unit} per N·m', f'friction and rotor alone ({unit})',
-         f'with the links ({unit})', 'mass of the link (kg)', 'URDF (kg)'],
-        [[row['joint'], row['current_per_torque'], row['held_out_rmse_without'],
-          row['held_out_rmse'], row['mass'], row['mass_urdf']] for row in arm['rigid_bodies']],
-        'Errors on stretches not fitted, before any further effect was looked for.')
+         f'with the links ({unit})'],
+        [[row['joint'], _within(row['current_per_torque'], row['intervals']['current_per_torque']),
+          row['held_out_rmse_without'], row['held_out_rmse']] for row in arm['rigid_bodies']],
+        'Current per torque with its 95 % interval; errors on stretches not fitted, before any '
+        'further effect was looked for.')
+    page.table(
+        ['link after joint', 'mass (kg)', 'URDF (kg)', 'told by the recording',
+         'first moment x, y, z (kg·m)', 'told by the recording'],
+        [[row['joint'], _within(row['mass'], row['intervals']['mass']), row['mass_urdf'],
+          _share(row['told_by_recording']['mass']),
+          '; '.join(_within(value, bounds) for value, bounds in zip(
+              row['first_moment'], row['intervals']['first_moment'])),
+          ', '.join(_share(value) for value in row['told_by_recording']['first_moment'])]
+         for row in arm['rigid_bodies']],
+        'In brackets 95 % intervals. What is told by the recording is the part of the uncertainty '
+        "before that is gone; below half of it the number is the URDF's, and the recording gives "
+        'no interval. All ten parameters of each link, inertias too, are in report.json.')
     if arm['notes']:
         page.text('\n'.join(f'- {line}' for line in arm['notes']))
+
+
+def _within(value: float, bounds: list[float | None]) -> str:
+    """Return a number with its interval, if it has one."""
+    if bounds[0] is None:
+        return number(value)
+    return f'{number(value)} ({number(bounds[0])} to {number(bounds[1])})'
+
+
+def _share(value: float) -> str:
+    return f'{100.0 * value:.0f} %'

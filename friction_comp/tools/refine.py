@@ -53,7 +53,7 @@ def main(argv: list[str] | None = None) -> int:
     add_workers(parser)
     parser.add_argument('--current-limit', metavar='A', type=positive,
                         help='largest motor current that may ever be commanded, for the model '
-                             "file; by default that of --model, else the largest recorded one")
+                             'file; by default that of --model, else the largest recorded one')
     arguments = parser.parse(argv)
     if arguments.each:
         from friction_comp.tools.refine_each import refine_each

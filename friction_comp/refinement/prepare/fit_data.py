@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from friction_comp.drive import Drive
 
 FEWEST = 200
-_MOST_ROWS = 12000
+# Rows that effects are searched on, and those that what was found is fitted to at last: how fast
+# friction turns round shows the better the less the samples were averaged.
+_MOST_ROWS, FINAL_ROWS = 12000, 24000
 _SLOWEST_RATE = 100.0
 _SIGNALS = ('time', 'position', 'velocity', 'acceleration', 'current', 'load', 'temperature',
             'rigid_body', 'coupling')
@@ -207,8 +209,16 @@ def bandwidths(samples: Samples) -> list[Any]:
             for source in sources for value in [*choices, None]]
 
 
-def thinned(samples: Samples, usable: np.ndarray) -> tuple[Samples, np.ndarray, float, np.ndarray]:
+def thinned(samples: Samples, usable: np.ndarray, most: int = _MOST_ROWS
+            ) -> tuple[Samples, np.ndarray, float, np.ndarray]:
     """Return samples averaged, and if need be sampled in stretches, to a manageable number.
+
+    Parameters
+    ----------
+    samples : Samples
+    usable : ndarray of bool, shape (N,)
+    most : int
+        Samples that are manageable; up to twice as many where they came slowly.
 
     Returns
     -------
@@ -216,15 +226,15 @@ def thinned(samples: Samples, usable: np.ndarray) -> tuple[Samples, np.ndarray, 
         What is left, which of it is usable, the averaging time in s, and where in the original
         each sample begins.
     """
-    factor = math.ceil(len(samples) / _MOST_ROWS)
+    factor = math.ceil(len(samples) / most)
     rate = 1.0 / max(samples.sample_time, 1e-9)
     factor = max(1, min(factor, int(rate / _SLOWEST_RATE)))
     origin = np.arange(len(samples))
     if factor > 1:
         samples, usable, origin = _averaged(samples, usable, factor)
-    if len(samples) > 2 * _MOST_ROWS:
+    if len(samples) > 2 * most:
         chunk = 400
-        every = math.ceil(len(samples) / (2 * _MOST_ROWS))
+        every = math.ceil(len(samples) / (2 * most))
         keep = (np.arange(len(samples)) // chunk) % every == 0
         samples, usable, origin = samples.take(keep), usable[keep], origin[keep]
     return samples, usable, factor / rate if factor > 1 else 0.0, origin

@@ -9,6 +9,7 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.refinement.fit.effect_sum import first_fit
 from friction_comp.refinement.prepare.fit_data import (
+    FINAL_ROWS,
     FitData,
     Measured,
     scene_of,
@@ -40,6 +41,19 @@ def prepare(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float,
     folds = split(thin, fine, plain.residual, runs[origin])
     scene = with_transition(scene, 2.0 / plain.steepness, samples.sample_time)
     return FitData(thin, fine, window, scene, load_coefficient, folds=folds, origin=origin)
+
+
+def finer(data: FitData, samples: Samples, usable: np.ndarray) -> Measured:
+    """Return the samples that a `FitData` was made of, less thinned, for the last fit.
+
+    Parameters
+    ----------
+    data : FitData
+    samples, usable
+        As for `prepare`.
+    """
+    thin, fine, window, _ = thinned(samples, usable, FINAL_ROWS)
+    return Measured(thin, fine, window, data.scene, data.load_coefficient)
 
 
 def fold_of_all(data: FitData, size: int) -> np.ndarray:

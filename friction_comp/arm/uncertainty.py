@@ -1,0 +1,90 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How well a recording and the URDF together know the links of an arm.
+
+What the recording's noise does to the fit is told by the scatter of the gradient from stretch to
+stretch, since errors beside each other in time are alike (White's covariance clustered by
+stretches, Liang and Zeger 1986); how far from the URDF the regularisation lets a number go adds to
+it. A number of which the regularisation tells more than the recording is the URDF's and has no
+interval: how well a URDF's figures are known, no recording says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from friction_comp.arm.solver import loss_slope_bend, Prior, Unknowns
+from friction_comp.model.arm.tree import PARAMETERS
+
+_LEVEL = 0.95
+# Part of a number's uncertainty that the recording has to take away for it to be the recording's.
+_OWN = 0.5
+
+
+@dataclass(frozen=True)
+class LinkIntervals:
+    """The 95 % intervals of the links' parameters and of what turns torque into current.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (J, 10, 2)
+        Lower and upper end: kg, kg·m, kg·m². Without end where the number is the URDF's.
+    scales : ndarray, shape (J, 2)
+        Of each joint's current per torque, A per N·m.
+    told : ndarray, shape (J, 10)
+        Which part of the uncertainty that a parameter had by the URDF alone the recording took
+        away: 0 where it shows nothing of it, towards 1 where it alone decides.
+    """
+
+    parameters: np.ndarray
+    scales: np.ndarray
+    told: np.ndarray
+
+
+def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIntervals:
+    """Return the intervals of links as fitted.
+
+    Parameters
+    ----------
+    stretches : ndarray, shape (S, J, 10·J + 5, 10·J + 5)
+        The products of columns of each stretch: see `normal_matrices`.
+    prior : Prior
+        With which they were fitted.
+    x : ndarray, shape (U,)
+        The fitted unknowns.
+    """
+    unknowns = Unknowns(stretches.shape[1])
+    _, _, bend = loss_slope_bend(stretches.sum(axis=0), prior, unknowns, x)
+    pulls = np.array([loss_slope_bend(own, prior, unknowns, x)[1] for own in stretches])
+    # The prior pulls alike in every stretch, and drops out with the mean.
+    pulls -= pulls.mean(axis=0)
+    known = np.zeros(unknowns.size)
+    known[unknowns.links], known[unknowns.scales] = prior.strength, 1.0 / prior.log_width ** 2
+    free = x > unknowns.lowest
+    number = len(stretches)
+    inverse = np.linalg.pinv(bend[np.ix_(free, free)], rcond=1e-13, hermitian=True)
+    scatter = pulls[:, free].T @ pulls[:, free] * number / max(number - 1, 1)
+    covariance = np.zeros_like(bend)
+    covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(known[free])) @ inverse
+    wide = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(number - 1, 2)))
+
+    parameters, slopes = prior.bodies.parameters(x[unknowns.links])
+    _, before = prior.bodies.parameters(np.zeros_like(x[unknowns.links]))
+    bounds, told = np.empty((*parameters.shape, 2)), np.empty(parameters.shape)
+    for link, (own, first) in enumerate(zip(slopes, before)):
+        place = slice(PARAMETERS * link, PARAMETERS * (link + 1))
+        variance = np.einsum('ij,jk,ik->i', own, covariance[place, place], own)
+        half = wide * np.sqrt(np.maximum(variance, 0.0))
+        bounds[link] = np.stack((parameters[link] - half, parameters[link] + half), axis=-1)
+        # A body has a mass above zero, whatever the linearised interval says.
+        bounds[link, 0] = np.maximum(bounds[link, 0], 0.0)
+        unseen = np.einsum('ij,ij->i', first, first) / prior.strength
+        told[link] = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
+        bounds[link, told[link] < _OWN] = -np.inf, np.inf
+    width = wide * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
+    middle = x[unknowns.scales]
+    return LinkIntervals(bounds, np.exp(np.clip(
+        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), told)
