@@ -170,3 +170,18 @@ def test_ball_screw_of_the_emps_benchmark(tmp_path):
     error = scored('emps', tmp_path)
     error = sosfiltfilt(butter(2, 40.0, fs=1000.0, output='sos'), error)
     assert np.sqrt(np.mean(error ** 2)) < 3.0
+
+
+@pytest.mark.parametrize('given, limit, said', [
+    ([], 7.25, True), (['--current-limit', '12'], 12.0, False)])
+def test_the_current_limit_is_the_largest_recorded_one_unless_given(given, limit, said):
+    from argparse import Namespace
+
+    from friction_comp.tools.refine import limited
+
+    time = np.arange(300) * 0.01
+    recorded = Samples(time=time, position=np.sin(time), current=7.25 * np.cos(time))
+    arguments = Namespace(model=None, current_limit=float(given[1]) if given else None)
+    drive, note = limited(arguments, Drive(1.0, 1.0), [recorded])
+    assert drive.current_limit == limit
+    assert ('current_limit' in note) == said
