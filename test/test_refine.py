@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine
+from friction_comp.samples import Samples
 from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record

@@ -135,7 +135,7 @@ def _refined(arguments: Namespace, part: Part) -> Refined:
     from friction_comp.recordings import read_recording_with_info
     from friction_comp.refinement import refine
     from friction_comp.reports.refinement_report import refinement_report
-    from friction_comp.tools.refine import drive_of, unit_of
+    from friction_comp.tools.refine import drive_of, limited, unit_of
 
     begin = time.monotonic()
     model = FrictionModel.load(arguments.model, part.joint) if arguments.model else None
@@ -143,13 +143,14 @@ def _refined(arguments: Namespace, part: Part) -> Refined:
     unit = arguments.unit or unit_of(arguments, model)
     (samples, info), = read_recording_with_info(
         part.path, part.joint, drive.torque_constant, drive.gear_ratio)
+    drive, limit = limited(arguments, drive, [samples])
     try:
         result = refine([samples], model, drive, unit=unit)
     except InputError as error:
         raise InputError(f'{part.path}: {info.joint or "the joint"}: {error}') from None
     result.report['warnings'].extend(f'{info.path}: {note}' for note in info.notes)
     name = str(part.path)
-    result.model.notes = {**result.model.notes, 'refined_from': [name], 'unit': unit}
+    result.model.notes = {**result.model.notes, 'refined_from': [name], 'unit': unit, **limit}
     with tempfile.TemporaryDirectory() as room:
         result.model.save(Path(room, 'model.yaml'))
         document = Path(room, 'model.yaml').read_text(encoding='utf-8')
