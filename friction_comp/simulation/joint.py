@@ -117,7 +117,10 @@ class Plant:
         PlantState
         """
         active = reference_position is not None if human_active is None else human_active
-        active = np.broadcast_to(np.asarray(active, dtype=bool), self.joints).copy()
+        # Broadcasting costs more than a step: what is one value a joint already is taken as it is.
+        active = np.array(active, dtype=bool)
+        if not active.ndim:
+            active = np.full(self.joints, active)
         position = self._row(0.0 if reference_position is None else reference_position)
         velocity = self._row(0.0 if reference_velocity is None else reference_velocity)
         active &= np.isfinite(position) & np.isfinite(velocity)
@@ -129,9 +132,11 @@ class Plant:
 
     def _row(self, values: ArrayLike) -> np.ndarray:
         row = np.asarray(values, dtype=float)
-        if row.ndim and row.shape != (self.joints,):
+        if row.shape == (self.joints,):
+            return row
+        if row.ndim:
             raise InputError(f'expected {self.joints} values, one a joint, not shape {row.shape}')
-        return np.broadcast_to(row, self.joints).astype(float)
+        return np.full(self.joints, row)
 
     def _measured(self) -> PlantState:
         return PlantState(
