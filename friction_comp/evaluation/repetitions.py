@@ -26,8 +26,9 @@ LEAD, PEAK_LEAD = 1.0, 0.5
 STARTED, _PUSHED = 0.01, 0.1
 # s for which the joint must have been still before; an oscillation is no start.
 _STILL = 0.2
-# s between the points of the curves that are kept.
-_CURVE_STEP = 2e-3
+# s between the points of the curves that are kept: every sample at 1 kHz, for a coarser curve may
+# miss the peak.
+_CURVE_STEP = 1e-3
 # Encoder steps that a joint moves when it has set out.
 _LEAST_STEPS = 3
 # Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): Hz that count, share of
