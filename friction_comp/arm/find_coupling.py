@@ -17,6 +17,7 @@ import numpy as np
 
 from friction_comp.arm.robust import huber_weights, STRETCHES, stretches_of
 from friction_comp.model.arm.coupling import Coupling, Group
+from friction_comp.model.plain_drive import plain_drive_columns
 
 _FOLDS = 3
 # A group has to lower the loss on stretches not fitted by this share, this many standard errors
@@ -105,8 +106,7 @@ class _Search:
         k = list(names).index(own)
         top = max(float(np.percentile(np.abs(v[:, k]), 95)), 1e-9)
         base = np.column_stack((
-            np.ones(len(q)), np.tanh(v[:, k] / (0.03 * top)), v[:, k], a[:, k],
-            np.cos(q[:, k]), np.sin(q[:, k])))
+            plain_drive_columns(v[:, k], a[:, k], 0.03 * top), np.cos(q[:, k]), np.sin(q[:, k])))
         self.groups = groups_for(names, own)
         parts = [base] + [group.columns(names, q, v, a) for group in self.groups]
         edges = np.cumsum([0] + [part.shape[1] for part in parts])

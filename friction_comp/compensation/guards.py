@@ -15,6 +15,7 @@ import math
 from numba import njit
 
 from friction_comp.compensation.records import CONTINUOUS, FREE
+from friction_comp.low_pass import low_pass_weight
 
 LONGEST_STEP = 0.1
 """s; after a longer pause the operator knows nothing any more."""
@@ -96,7 +97,7 @@ def observe(p, s, time, position, velocity, known):
     s.doubt = 0.0
     s.position = position
     # Twice, so that a single count neither jumps nor bends the current.
-    weight = 1.0 - math.exp(-step / p.filter_time)
+    weight = low_pass_weight(step, p.filter_time)
     s.half_speed += (travel / step - s.half_speed) * weight
     s.speed += (s.half_speed - s.speed) * weight
     if known:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.errors import InputError
+from friction_comp.series import lag1_autocorrelation
 
 if TYPE_CHECKING:
     from friction_comp.identification.breakaway import BreakawayRecords
@@ -231,7 +232,7 @@ def _test(variable: np.ndarray, magnitude: np.ndarray) -> tuple[float, float, fl
     # Neighbouring cycles resemble each other: what counts is how alike the variable's and the
     # leftover's neighbours are (Bretherton and others, J. Climate 12, 1999).
     rest = y - rho * x
-    alike = _lag_one(x) * _lag_one(rest)
+    alike = lag1_autocorrelation(x) * lag1_autocorrelation(rest - rest.mean())
     count = max(x.size * (1.0 - alike) / (1.0 + alike), 3.0) if alike > 0.0 else x.size
     t = rho * np.sqrt(max(count - 2.0, 1.0) / max(1.0 - rho ** 2, 1e-12))
     p_value = float(2.0 * stats.t.sf(abs(t), max(count - 2.0, 1.0)))
@@ -240,12 +241,6 @@ def _test(variable: np.ndarray, magnitude: np.ndarray) -> tuple[float, float, fl
         variable, magnitude = variable[keep], magnitude[keep]
     gradient = float(stats.theilslopes(magnitude, variable)[0])
     return rho, p_value, gradient
-
-
-def _lag_one(values: np.ndarray) -> float:
-    values = values - values.mean()
-    total = float(np.dot(values, values))
-    return float(np.dot(values[1:], values[:-1])) / total if total > 0.0 else 0.0
 
 
 def _holm(p_values: list[float]) -> list[float]:

@@ -35,7 +35,9 @@ if TYPE_CHECKING:
 
 STILL_TIME = 0.2        # s of standstill asked for before each ramp
 STILL_PATIENCE = 10.0   # s to come to rest
-CUT_SPEED = 0.05        # rad/s at which a ramp is cut: well beyond the run-away that is looked for
+# A ramp is cut once the joint runs, well beyond the run-away that is looked for: at this speed in
+# rad/s over so many s, and beyond so many encoder counts.
+CUT_SPEED, CUT_WINDOW, CUT_COUNTS = 0.05, 0.02, 8.0
 PUSH_SPEED = 0.3        # rad/s that the inertia's short push aims at
 # Stick-slip asks for higher gains, a joint with more lag than expected for lower ones.
 GAIN_LADDER = (1.0, 1.7, 0.3)
@@ -350,8 +352,8 @@ class Script:
             samples.append(sample)
             window.append(sample)
             way = sign * (sample.position - home)
-            if way > farthest or (way > 8.0 * self._resolution
-                                  and _speed(window, sign, 0.02) > CUT_SPEED):
+            if way > farthest or (way > CUT_COUNTS * self._resolution
+                                  and _speed(window, sign, CUT_WINDOW) > CUT_SPEED):
                 break
         self._reached[sign] = min(1.0, elapsed / (0.4 * goal.ramp_period))
         self.ramps.append((sign, cycle, rest, np.array(samples)))

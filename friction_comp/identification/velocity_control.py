@@ -13,10 +13,10 @@ same controller.
 
 from __future__ import annotations
 
-import math
-
 from numba import njit
 import numpy as np
+
+from friction_comp.low_pass import low_pass_weight
 
 BANDWIDTH = 100.0
 """Crossover frequency in rad/s: far below the 1 ms sampling, far above the profile's changes."""
@@ -91,7 +91,7 @@ def velocity_controller_step(parameters: np.ndarray, state: np.ndarray, referenc
         state[VELOCITY] = 0.0
         state[INTEGRAL] = 0.0
         state[LAST_REFERENCE] = reference_velocity
-    share = 1.0 - math.exp(-time_step / parameters[FILTER_TIME])
+    share = low_pass_weight(time_step, parameters[FILTER_TIME])
     measured = (position - state[LAST_POSITION]) / time_step
     state[VELOCITY] += share * (measured - state[VELOCITY])
     state[LAST_POSITION] = position

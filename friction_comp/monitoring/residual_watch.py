@@ -15,6 +15,7 @@ import numpy as np
 
 from friction_comp.checks import check_number
 from friction_comp.samples import Samples
+from friction_comp.series import quantile_edges
 
 VARIABLES = ('temperature', 'time', 'position', 'load', 'speed')
 # Length of a block and the shortest that counts, s.
@@ -237,8 +238,7 @@ def _explained(values: np.ndarray, variable: np.ndarray) -> float:
     total = float(np.sum((values - values.mean()) ** 2)) if size else 0.0
     if size < 4 * _BINS or total <= 0.0 or np.ptp(variable) <= 0.0:
         return 0.0
-    inner = np.unique(np.quantile(variable, np.arange(1, _BINS) / _BINS))
-    place = np.searchsorted(inner, variable)
+    place = np.searchsorted(quantile_edges(variable, _BINS), variable)
     count = np.bincount(place)
     used = count > 0
     means = np.bincount(place, values)[used] / count[used]

@@ -5,11 +5,13 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray
@@ -42,9 +44,9 @@ class PlantNode(Node):
     """
 
     finished = False
-    fast_timers = ()
+    fast_timers: Sequence[Timer] = ()
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('plant')
         self._joints = declare_joints(self)
         models = load_models(declare(
@@ -59,15 +61,36 @@ class PlantNode(Node):
             raise InputError(f'parameter clock: must be real_time or lockstep, not {clock!r}')
         sample_time = declare(
             self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2, read_only=True)
-        self._clock_every = max(1, round(declare(
-            self, 'clock_period', 0.01, 'simulated time between ticks of /clock in lockstep [s]',
-            1e-4, 1.0, read_only=True) / sample_time))
-        self._wrench_every = max(1, round(declare(
-            self, 'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0,
-            read_only=True) / sample_time))
-        self._temperature_every = max(1, round(declare(
-            self, 'temperature_period', 0.1, 'time between motor temperatures [s]', 1e-3, 60.0,
-            read_only=True) / sample_time))
+        self._declare_periods(sample_time)
+
+        self._plant = Plant(models, seed, undeclared, sample_time)
+        self._torque_per_current = np.array([m.drive.torque_per_current for m in models])
+        self._sample = round(sample_time * NANO)
+        self._samples = self._origin = self._commanded_at = self._bad_commands = 0
+        self._command = np.zeros(len(self._joints))
+        self._columns = JointColumns(self._joints)
+        self._rate = Rate()
+        self._make_messages()
+        self._make_ports()
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._lockstep = clock == 'lockstep'
+        if self._lockstep:
+            self._begin_lockstep()
+        else:
+            self._begin_real_time(sample_time)
+
+    def _declare_periods(self, sample_time: float) -> None:
+        def every(name: str, default: float, text: str, least: float, most: float) -> int:
+            period = declare(self, name, default, text, least, most, read_only=True)
+            return max(1, round(period / sample_time))
+
+        self._clock_every = every(
+            'clock_period', 0.01, 'simulated time between ticks of /clock in lockstep [s]',
+            1e-4, 1.0)
+        self._wrench_every = every(
+            'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0)
+        self._temperature_every = every(
+            'temperature_period', 0.1, 'time between motor temperatures [s]', 1e-3, 60.0)
         declare(
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference that bears its stamp')
@@ -80,18 +103,7 @@ class PlantNode(Node):
             'time without command after which a real-time plant takes it as zero [s]', 0.001, 10.0,
             read_only=True))
 
-        self._plant = Plant(models, seed, undeclared, sample_time)
-        self._torque_per_current = np.array([m.drive.torque_per_current for m in models])
-        self._sample = round(sample_time * NANO)
-        self._samples = 0
-        self._origin = 0
-        self._command = np.zeros(len(self._joints))
-        self._commanded_at = 0
-        self._bad_commands = 0
-        self._columns = JointColumns(self._joints)
-        self._rate = Rate()
-        self._make_messages()
-
+    def _make_ports(self) -> None:
         self._states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
         self._heat = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
@@ -99,24 +111,22 @@ class PlantNode(Node):
         self.create_subscription(
             Float64MultiArray, 'current_command', self._on_command, RELIABLE)
         Diagnostics(self, self._report, ', '.join(self._joints), 'simulation')
-        self._lockstep = clock == 'lockstep'
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        if self._lockstep:
-            self._origin = _BEGINNING
-            self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
-            self._answered = False
-            self._reference_stamp = None
-            self._nobody_holds = False
-            self._shown = False
-            self._looks = 0
-            self.create_timer(_LOOK, self._look, clock=steady)
-            self._advance()
-        else:
-            self._started = steady.now().nanoseconds
-            self._steady = steady
-            self._origin = self.get_clock().now().nanoseconds
-            self._overruns = 0
-            self.fast_timers = [self.create_timer(sample_time, self._on_time, clock=steady)]
+
+    def _begin_lockstep(self) -> None:
+        self._origin = _BEGINNING
+        self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
+        self._answered = self._shown = self._nobody_holds = False
+        self._reference_stamp: int | None = None
+        self._waiting_since = -1
+        self._looks = 0
+        self.create_timer(_LOOK, self._look, clock=self._steady)
+        self._advance()
+
+    def _begin_real_time(self, sample_time: float) -> None:
+        self._started = self._steady.now().nanoseconds
+        self._origin = self.get_clock().now().nanoseconds
+        self._overruns = 0
+        self.fast_timers = [self.create_timer(sample_time, self._on_time, clock=self._steady)]
 
     def _load_undeclared(self):
         files = declare(
@@ -222,8 +232,6 @@ class PlantNode(Node):
             self._answered = self._shown = False
             self._looks = 0
             self._step()
-
-    _waiting_since = -1
 
     def _tick(self):
         """Publish the present tick; again, where someone had not heard of it."""

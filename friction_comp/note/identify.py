@@ -15,6 +15,7 @@ from friction_comp.identification.breakaway import breakaway_currents, Breakaway
 from friction_comp.identification.excitation import at_ramp
 from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
+from friction_comp.identification.script import CUT_COUNTS, CUT_SPEED, CUT_WINDOW
 from friction_comp.note.published import RAMP_PERIOD
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
@@ -31,11 +32,8 @@ if TYPE_CHECKING:
 SAMPLE_TIME = 1e-3
 MOTION_RANGE = math.radians(90.0)
 CYCLES_PER_RUN = 10
-# A ramp is cut once the joint runs: this speed in rad/s over so many samples, beyond so many
-# encoder counts. The note's joint had a motion range too.
-CUT_SPEED = 0.05
-CUT_SAMPLES = 20
-CUT_COUNTS = 8.0
+# Ramps are cut as identification cuts them; the note's joint had a motion range too.
+CUT_SAMPLES = round(CUT_WINDOW / SAMPLE_TIME)
 
 
 @dataclass(frozen=True)

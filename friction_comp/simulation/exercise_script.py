@@ -45,9 +45,10 @@ class ExerciseScript:
     """
 
     def __init__(self, joints: Sequence[str], times: np.ndarray, positions: np.ndarray,
-                 announcement: float):
+                 announcement: float) -> None:
         self.joints = list(joints)
         self.duration = float(times[-1])
+        self._waypoints = times, positions, announcement
         self._paths = [_monotone_cubic(times, column) for column in positions.T]
         self._speeds = [path.derivative() for path in self._paths]
         self._announced = [_spans(times, column, speed, announcement)
@@ -80,14 +81,12 @@ class ExerciseScript:
         if unknown:
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
                              f'{", ".join(joints)}')
-        script = ExerciseScript.__new__(ExerciseScript)
-        still = _monotone_cubic([0.0, self.duration], [0.0, 0.0])
-        places = [self.joints.index(name) if name in self.joints else None for name in joints]
-        script.joints, script.duration = list(joints), self.duration
-        script._paths = [still if k is None else self._paths[k] for k in places]
-        script._speeds = [still if k is None else self._speeds[k] for k in places]
-        script._announced = [[] if k is None else self._announced[k] for k in places]
-        return script
+        times, positions, announcement = self._waypoints
+        columns = dict(zip(self.joints, positions.T))
+        still = np.zeros(len(times))
+        return ExerciseScript(
+            joints, times, np.column_stack([columns.get(name, still) for name in joints]),
+            announcement)
 
 
 def _monotone_cubic(times: Any, values: Any) -> Any:

@@ -29,6 +29,7 @@ import math
 from numba import njit
 import numpy as np
 
+from friction_comp.low_pass import low_pass_weight
 from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
 from friction_comp.simulation.joint_records import LUGRE, Record
 from friction_comp.simulation.undeclared import undeclared_torque
@@ -90,10 +91,10 @@ def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, mem
     The person holds the link; undeclared effects act on the rotor.
     """
     h = sample_time / SUBSTEPS
-    amplify = 1.0 - math.exp(-h / p.current_lag) if p.current_lag > 0.0 else 1.0
-    follow = 1.0 - math.exp(-h / p.actuation_lag) if p.actuation_lag > 0.0 else 1.0
-    adapt = 1.0 - math.exp(-h / p.level_lag) if p.level_lag > 0.0 else 1.0
-    muscle = 1.0 - math.exp(-h / p.human_response) if p.human_response > 0.0 else 1.0
+    amplify = low_pass_weight(h, p.current_lag)
+    follow = low_pass_weight(h, p.actuation_lag)
+    adapt = low_pass_weight(h, p.level_lag)
+    muscle = low_pass_weight(h, p.human_response)
     start = s.samples * sample_time
     for k in range(SUBSTEPS):
         v = s.rotor_speed

@@ -70,7 +70,8 @@ class Plant:
                  undeclared: Sequence[Undeclared | None] | None = None,
                  sample_time: float = 1e-3) -> None:
         models = list(models)
-        given = [None] * len(models) if undeclared is None else list(undeclared)
+        given: list[Undeclared | None] = (
+            [None] * len(models) if undeclared is None else list(undeclared))
         if not models or len(given) != len(models):
             raise InputError('the plant needs one model, and one undeclared file or none, a joint')
         if not (math.isfinite(sample_time) and 0.0 < sample_time <= 0.01):
@@ -141,4 +142,4 @@ class Plant:
     def _measured(self) -> PlantState:
         return PlantState(
             time=float(self._states[0]['samples']) * self.sample_time,
-            **{name: self._out[name].copy() for name in MEASURED.names})
+            **{name: self._out[name].copy() for name in self._out.dtype.names or ()})

@@ -4,14 +4,25 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from friction_comp.simulation.person import ReferenceHold
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from friction_comp.compensation.law import CompensationLaw
+    from friction_comp.simulation.joint import Plant
+    from friction_comp.simulation.reference_movement import ReferenceMovement
+
 SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature')
 
 
-def closed_loop(plant, law, movement, duration, reference_period=0.01, human_active=None):
+def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement, duration: float,
+                reference_period: float = 0.01, human_active: ArrayLike | None = None
+                ) -> dict[str, np.ndarray]:
     """Run a plant under a compensation law while a person follows a movement.
 
     Per sample, in this order: the law turns the plant's latest state into a command, then the

@@ -7,7 +7,12 @@ The person's impedance itself is part of the joint's kernel, where it is integra
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class ReferenceHold:
@@ -19,27 +24,25 @@ class ReferenceHold:
         s without a new reference after which there is nothing to follow any more.
     """
 
-    def __init__(self, timeout=0.5):
+    def __init__(self, timeout: float = 0.5) -> None:
         self.timeout = float(timeout)
         self.reset()
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget the reference."""
-        self._time = None
-        self._position = None
-        self._velocity = None
+        self._shown: tuple[float, np.ndarray, np.ndarray] | None = None
 
-    def show(self, time, position, velocity):
+    def show(self, time: float, position: ArrayLike, velocity: ArrayLike) -> None:
         """Take a new reference: s, rad, rad/s; arrays of shape (J,)."""
-        self._time = float(time)
-        self._position = np.array(position, dtype=float)
-        self._velocity = np.array(velocity, dtype=float)
+        self._shown = (float(time), np.array(position, dtype=float),
+                       np.array(velocity, dtype=float))
 
-    def at(self, time):
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
         """Return position and velocity of shape (J,) at a time in s, or None and None.
 
         There is none before the first reference and after the timeout.
         """
-        if self._time is None or not time - self._time <= self.timeout:
+        if self._shown is None or not time - self._shown[0] <= self.timeout:
             return None, None
-        return self._position + self._velocity * (time - self._time), self._velocity
+        since, position, velocity = self._shown
+        return position + velocity * (time - since), velocity

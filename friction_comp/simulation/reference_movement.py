@@ -6,10 +6,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class ReferenceMovement:
     repetitions: int = 10
     compensated: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ('speed', 'acceleration_time', 'standstill'):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(f'movement.{name} must be positive and finite')
@@ -68,25 +72,25 @@ class ReferenceMovement:
                 f'{self.speed} rad/s within {self.acceleration_time} s')
 
     @property
-    def constant_time(self):
+    def constant_time(self) -> float:
         """Duration of the constant velocity phase in s."""
         return abs(self.amplitude) / self.speed - self.acceleration_time
 
     @property
-    def movement_time(self):
+    def movement_time(self) -> float:
         """Duration of one movement in s, standstill not counted."""
         return self.constant_time + 2.0 * self.acceleration_time
 
     @property
-    def duration(self):
+    def duration(self) -> float:
         """Duration of the whole exercise in s, with a last standstill."""
         return 2.0 * self.repetitions * (self.standstill + self.movement_time) + self.standstill
 
-    def begins(self, movement):
+    def begins(self, movement: int) -> float:
         """Return when movement number 0, 1, 2 … begins, s; even ones are the first direction."""
         return self.standstill + movement * (self.standstill + self.movement_time)
 
-    def at(self, time):
+    def at(self, time: ArrayLike) -> tuple[Any, Any, Any]:
         """Return the reference at a time.
 
         Parameters
@@ -119,12 +123,12 @@ class ReferenceMovement:
             return float(position), float(velocity), int(direction)
         return position, velocity, direction.astype(int)
 
-    def _profile(self, since):
+    def _profile(self, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return angle and speed of a positive movement that began `since` seconds ago."""
         ramp, top = self.acceleration_time, self.speed
         since = np.clip(since, 0.0, self.movement_time)
 
-        def angle(t):
+        def angle(t: np.ndarray) -> np.ndarray:
             return 0.5 * top * (t - ramp / math.pi * np.sin(math.pi * t / ramp))
 
         left = self.movement_time - since

@@ -20,6 +20,7 @@ import math
 from numba import njit
 import numpy as np
 
+from friction_comp.low_pass import low_pass_weight
 from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
 from friction_comp.simulation.joint_records import Record
 from friction_comp.simulation.undeclared import undeclared_torque
@@ -39,8 +40,8 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
     h = sample_time / SUBSTEPS
     # The amplifier is fast: an undeclared lag lies between the current and the torque.
     s.current = command
-    follow = 1.0 - math.exp(-h / p.actuation_lag) if p.actuation_lag > 0.0 else 1.0
-    muscle = 1.0 - math.exp(-h / p.human_response) if p.human_response > 0.0 else 1.0
+    follow = low_pass_weight(h, p.actuation_lag)
+    muscle = low_pass_weight(h, p.human_response)
     start = s.samples * sample_time
     sigma0, sigma1, over_inertia = p.bristle_stiffness, p.bristle_damping, h / p.motor_inertia
     implicit = 1.0 / (1.0 + over_inertia * (sigma1 + h * sigma0))

@@ -7,8 +7,11 @@ The plant alone is given them. Whoever wants to know them has to find them in th
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 import math
+from pathlib import Path
+from typing import Any
 
 from numba import njit
 import numpy as np
@@ -109,7 +112,7 @@ class Undeclared:
     thermal: np.ndarray = field(default_factory=lambda: np.array([25.0, 25.0, 0.0, 600.0]))
 
     @classmethod
-    def from_effects(cls, effects, thermal=None):
+    def from_effects(cls, effects: Iterable[Any], thermal: Any = None) -> Undeclared:
         """Make them of a list of mappings with `name` and `parameters`.
 
         Parameters
@@ -164,7 +167,7 @@ class Undeclared:
         return result
 
     @classmethod
-    def from_file(cls, path):
+    def from_file(cls, path: str | Path) -> Undeclared:
         """Read a YAML file.
 
         Raises
@@ -179,7 +182,7 @@ class Undeclared:
             raise InputError(f'{path}: {error}') from None
 
     @classmethod
-    def from_dict(cls, document):
+    def from_dict(cls, document: Any) -> Undeclared:
         """Make them of the plain values of their file."""
         if not isinstance(document, dict) or document.get('format') != FORMAT:
             raise InputError(f"not a file of undeclared effects: 'format: {FORMAT}' is missing")
@@ -194,7 +197,7 @@ class Undeclared:
         return cls.from_effects(effects, document.get('thermal'))
 
 
-def _read(given, wanted, where):
+def _read(given: Any, wanted: dict[str, tuple[Any, ...]], where: str) -> dict[str, float]:
     if not isinstance(given, dict):
         raise InputError(f'parameters of {where} are not a mapping')
     unknown = set(given) - set(wanted)
@@ -215,7 +218,9 @@ def _read(given, wanted, where):
 
 
 @njit(cache=True)
-def undeclared_torque(table, memory, t, x, v, load, temperature, rest_time, base_level):
+def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float, v: float,
+                      load: float, temperature: float, rest_time: float, base_level: float
+                      ) -> tuple[float, float]:
     """Return what the undeclared effects add at one instant; to be called in time order.
 
     Parameters
@@ -297,7 +302,7 @@ def undeclared_torque(table, memory, t, x, v, load, temperature, rest_time, base
 
 
 @njit(cache=True)
-def heated(temperature, current, step, thermal):
+def heated(temperature: float, current: float, step: float, thermal: np.ndarray) -> float:
     """Return the motor temperature a time step later, degrees Celsius.
 
     First order: the motor tends to ambient + heating·current² with its time constant, as the

@@ -9,6 +9,7 @@ import numpy as np
 from friction_comp.model.effects import RESISTS
 from friction_comp.refinement.fit.effect_sum import Fit
 from friction_comp.refinement.thresholds import LARGEST, PASSIVE, SPEED_RANGES
+from friction_comp.series import quantile_edges
 
 
 def objection(fit: Fit, place: int) -> str:
@@ -59,7 +60,7 @@ def passive(fit: Fit) -> bool:
             friction = friction + part @ gains
     friction, velocity = friction[fit.index], fit.samples.velocity[fit.index]
     speed = np.abs(velocity)
-    edges = np.unique(np.quantile(speed, np.linspace(0, 1, int(SPEED_RANGES) + 1)[1:-1]))
+    edges = quantile_edges(speed, int(SPEED_RANGES))
     cell = np.searchsorted(edges, speed)
     number = len(edges) + 1
     sides = []

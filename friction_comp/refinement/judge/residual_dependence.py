@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import itertools
 from typing import Any, TYPE_CHECKING
@@ -13,8 +14,9 @@ from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
 from friction_comp.refinement.fit.effect_sum import robust_scale
-from friction_comp.refinement.prepare.correlation import correlation_samples
+from friction_comp.refinement.prepare.correlation import stretch_length
 from friction_comp.refinement.search.spectrum import position_spectrum
+from friction_comp.series import lag1_autocorrelation, quantile_edges
 
 if TYPE_CHECKING:
     from friction_comp.samples import Samples
@@ -23,7 +25,6 @@ _FLIPS = 1500
 _CHANCE = 0.001
 # Share of the residual's variance below which a dependence is not worth a word.
 LEAST_STRENGTH = 0.02
-_MOST_STRETCHES = 400
 # Accelerations are often short bursts between long constant speeds: ends of the range count too.
 _TAILS = (0.003, 0.01, 0.03)
 # Errors larger than so many times the usual one count as if they were of that size.
@@ -332,17 +333,9 @@ def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
     return abs(float(stats.spearmanr(first, second).statistic))
 
 
-def lag1_autocorrelation(values: np.ndarray) -> float:
-    """Return the share of variance that neighbouring samples have in common, 0 for white noise."""
-    power = float(values @ values)
-    return float(values[1:] @ values[:-1]) / power if power > 0 else 0.0
-
-
 def _stretches(values: np.ndarray) -> np.ndarray:
     """Return the number of the stretch of each value; stretches outlast the values' memory."""
-    length = max(2 * correlation_samples(values, np.ones(len(values), dtype=bool)),
-                 len(values) // _MOST_STRETCHES, 2)
-    return np.arange(len(values)) // min(length, max(2, len(values) // 20))
+    return np.arange(len(values)) // stretch_length(values, np.ones(len(values), dtype=bool))
 
 
 def _less_means(values: np.ndarray, cell: np.ndarray) -> np.ndarray:
@@ -364,10 +357,8 @@ def _way_since_reversal(samples: Samples, slowest: float) -> np.ndarray:
     return np.abs(samples.position - samples.position[first])
 
 
-def _ranges(values: np.ndarray, number: int, tails: tuple[Any, ...] = ()) -> np.ndarray:
-    shares = np.concatenate((tails, np.linspace(0, 1, number + 1)[1:-1], 1.0 - np.array(tails)))
-    edges = np.unique(np.quantile(values, shares))
-    return np.searchsorted(edges, values, side='right')
+def _ranges(values: np.ndarray, number: int, tails: Sequence[float] = ()) -> np.ndarray:
+    return np.searchsorted(quantile_edges(values, number, tails), values, side='right')
 
 
 def _pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:

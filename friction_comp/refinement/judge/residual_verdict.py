@@ -12,7 +12,6 @@ import numpy as np
 from friction_comp.refinement.fit.effect_sum import robust_scale
 from friction_comp.refinement.judge.residual_dependence import (
     fallback,
-    lag1_autocorrelation,
     LEAST_STRENGTH,
     ResidualDependence,
     unexplained,
@@ -22,6 +21,7 @@ from friction_comp.refinement.thresholds import (
     FAR,
     LEAST_LOUD,
 )
+from friction_comp.series import lag1_autocorrelation, quantile_edges
 
 if TYPE_CHECKING:
     from friction_comp.refinement.prepare.fit_data import FitData
@@ -109,8 +109,7 @@ def clipping(samples: Samples, clipped: np.ndarray) -> ResidualDependence | None
     for name, values in signals.items():
         if values is None:
             continue
-        edges = np.unique(np.quantile(values, np.linspace(0, 1, 16)[1:-1]))
-        cell = np.searchsorted(edges, values)
+        cell = np.searchsorted(quantile_edges(values, 15), values)
         count = np.maximum(np.bincount(cell), 1)
         rate = np.bincount(cell, clipped.astype(float)) / count
         spread = float(count @ (rate - share) ** 2) / (len(cell) * share * (1.0 - share))

@@ -27,6 +27,13 @@ def correlation_samples(residual: np.ndarray, usable: np.ndarray) -> int:
     return int(below[0]) if below.size else size // 10
 
 
+def stretch_length(residual: np.ndarray, usable: np.ndarray) -> int:
+    """Return how many samples a stretch holds that outlasts the residual's memory twice over."""
+    size = int(usable.sum())
+    length = max(2 * correlation_samples(residual, usable), size // _MOST_STRETCHES)
+    return max(2, min(length, size // 20))
+
+
 def stretches(residual: np.ndarray, usable: np.ndarray, run: np.ndarray) -> np.ndarray:
     """Return the number of the stretch of each usable sample, shape (M,).
 
@@ -40,9 +47,7 @@ def stretches(residual: np.ndarray, usable: np.ndarray, run: np.ndarray) -> np.n
         M of which are True.
     run : ndarray of int, shape (N,)
     """
-    size = int(usable.sum())
-    length = max(2 * correlation_samples(residual, usable), size // _MOST_STRETCHES)
-    length = max(2, min(length, size // 20))
+    size, length = int(usable.sum()), stretch_length(residual, usable)
     own = run[usable]
     new = np.diff(own, prepend=own[:1] - 1) != 0
     first = np.maximum.accumulate(np.where(new, np.arange(size), 0))

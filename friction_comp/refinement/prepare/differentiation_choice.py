@@ -10,6 +10,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate, earlier
+from friction_comp.model.plain_drive import plain_drive_columns
 from friction_comp.refinement.fit.effect_sum import huber_weights, robust_scale, solve
 from friction_comp.refinement.judge.evidence import rms
 from friction_comp.refinement.prepare import fit_data as recordings
@@ -169,9 +170,8 @@ def lagging(samples: Samples, moving: np.ndarray) -> bool:
                       for side in (1.0, -1.0)] if longest > 2.0 * step else [0.0]
     rows = np.nonzero(moving)[0][::max(1, int(moving.sum()) // 15000)]
     top = float(np.percentile(np.abs(samples.velocity[moving]), 95))
-    v = samples.velocity
-    matrix = np.column_stack((np.ones_like(v), np.tanh(v / (0.01 * top)),
-                              np.tanh(v / (0.05 * top)), v, samples.acceleration))
+    matrix = plain_drive_columns(
+        samples.velocity, samples.acceleration, 0.01 * top, 0.05 * top)
     errors = []
     for shift in shifts:
         part = earlier(matrix, samples, shift)[rows]
@@ -183,12 +183,11 @@ def lagging(samples: Samples, moving: np.ndarray) -> bool:
 
 def _motion_error(part: Samples, transition: float) -> float:
     v = part.velocity
-    side = np.tanh(v / transition)
-    columns = [np.ones_like(v), side, v, part.acceleration, np.cos(part.position),
+    columns = [plain_drive_columns(v, part.acceleration, transition), np.cos(part.position),
                np.sin(part.position)]
     if part.load is not None:
         # A load that is not in the model would drown what the bandwidth changes.
-        columns += [part.load, np.abs(part.load) * side]
+        columns += [part.load, np.abs(part.load) * np.tanh(v / transition)]
     matrix = np.column_stack(columns)
     weights = np.ones(len(v))
     for _ in range(3):

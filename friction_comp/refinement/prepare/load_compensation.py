@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.model.plain_drive import plain_drive_columns
 from friction_comp.refinement.fit.effect_sum import solve
 
 if TYPE_CHECKING:
@@ -50,10 +51,9 @@ def carried_by_a_person(samples: Samples, usable: np.ndarray, drive: Drive) -> f
     part = samples.take(rows)
     if np.std(part.load * mechanics) < _WORTH * np.std(part.current):
         return 0.0
-    v = part.velocity
-    top = float(np.percentile(np.abs(v), 95))
-    motion = np.column_stack((np.ones_like(v), np.tanh(v / (0.03 * top)), v, part.acceleration))
-    ones = np.ones(len(v))
+    top = float(np.percentile(np.abs(part.velocity), 95))
+    motion = plain_drive_columns(part.velocity, part.acceleration, 0.03 * top)
+    ones = np.ones(len(part))
     left = part.load - motion @ solve(motion, part.load, ones)
     if 1.0 - np.var(left) / np.var(part.load) < _MADE_BY_MOTION:
         return 0.0

@@ -20,6 +20,7 @@ from friction_comp.refinement.search.candidate_fit import (
 )
 from friction_comp.refinement.search.unlisted_products import Nameless
 from friction_comp.refinement.thresholds import ALPHA, CLEARLY_ABOVE_NOISE, LEAST_SHARE
+from friction_comp.series import quantile_edges
 
 if TYPE_CHECKING:
     from friction_comp.model.effects import Effect
@@ -48,9 +49,7 @@ def nuisance_of(samples: Samples) -> Any:
     type
         With the class method `matrix` of an effect.
     """
-    def edges(values: Any, number: Any) -> Any:
-        return np.unique(np.quantile(values, np.linspace(0, 1, number + 1)[1:-1]))
-    cuts = (edges(samples.position, _POSITIONS), edges(samples.time, _TIMES))
+    cuts = (quantile_edges(samples.position, _POSITIONS), quantile_edges(samples.time, _TIMES))
 
     class Nuisance(Nameless):
         """Levels of cells of position and of time, in either direction."""

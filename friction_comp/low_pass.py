@@ -1,0 +1,21 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The first-order low-pass filter, for compiled and plain code."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+
+@njit(cache=True)
+def low_pass_weight(step: float, time_constant: float) -> float:
+    """Return the share of the way to its input that a first-order low-pass goes in one step.
+
+    Parameters
+    ----------
+    step, time_constant : float
+        s; without a time constant it goes all the way.
+    """
+    return 1.0 - math.exp(-step / time_constant) if time_constant > 0.0 else 1.0
