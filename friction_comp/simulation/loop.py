@@ -53,7 +53,7 @@ def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement,
     count = round(duration / plant.sample_time)
     every = max(1, round(reference_period / plant.sample_time))
     shape = (count, plant.joints)
-    log = {name: np.zeros(shape) for name in SIGNALS + (
+    log: dict[str, np.ndarray] = {name: np.zeros(shape) for name in SIGNALS + (
         'command', 'direction', 'reference_position', 'reference_velocity')}
     log['time'] = np.zeros(count)
     hold = ReferenceHold()

@@ -30,7 +30,7 @@ COLUMNS = 10
 # order of the kernel's columns. Torques N·m at the joint, angles rad, times s, the rest as said.
 _ANY = (-math.inf, math.inf)
 _POSITIVE = (1e-9, math.inf)
-EFFECTS = {
+EFFECTS: dict[str, tuple[int, dict[str, tuple[Any, ...]]]] = {
     # level + amplitude·exp(-(|v|/velocity)^exponent)
     'stribeck': (STRIBECK, {'amplitude': (None, *_ANY), 'velocity': (None, *_POSITIVE),
                             'exponent': (1.0, 0.1, 5.0)}),
