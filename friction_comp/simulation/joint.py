@@ -132,7 +132,7 @@ class Plant:
         return self.state
 
     def _row(self, values: ArrayLike) -> np.ndarray:
-        row = np.asarray(values, dtype=float)
+        row = np.asarray(values, dtype=float, order='C')
         if row.shape == (self.joints,):
             return row
         if row.ndim:
