@@ -19,9 +19,9 @@ from typing import Any, TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from friction_comp.arm.link_inertia import Bodies
+from friction_comp.arm.link_intervals import link_intervals, LinkIntervals
 from friction_comp.arm.robust import huber_weights, stretches_of
 from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unknowns
-from friction_comp.arm.uncertainty import link_intervals, LinkIntervals
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, Tree
