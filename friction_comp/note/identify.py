@@ -20,7 +20,7 @@ from friction_comp.note.published import RAMP_PERIOD
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters
-from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED, Record
+from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import COLUMNS
 
@@ -86,10 +86,11 @@ def identify_table(experiment: Experiment, seed: int) -> tuple[IdentificationRes
 
 
 @njit(cache=True, parallel=True)
-def _ramp_runs(p: Record, random: np.ndarray, states: np.ndarray, outs: np.ndarray, slope: float,
-               period: float, count: int, sample_time: float, log: np.ndarray) -> None:
+def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs: np.ndarray,
+               slope: float, period: float, count: int, sample_time: float, log: np.ndarray
+               ) -> None:
     for r in prange(len(random)):
-        s, out = states[r], outs[r]
+        p, s, out = joints[r], states[r], outs[r]
         table, memory = np.zeros((0, COLUMNS)), np.zeros(1)
         past = np.zeros(CUT_SAMPLES)
         start_joint(p, s, random[r])
@@ -136,9 +137,9 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
     runs = -(-cycles // each)
     count = round(each * RAMP_PERIOD / SAMPLE_TIME)
     log = np.zeros((runs, count, 3))
-    _ramp_runs(joint_parameters(model), random_states(seed, runs), np.zeros(runs, JOINT_STATE),
-               np.zeros(runs, MEASURED), experiment.ramp_slope, RAMP_PERIOD, count, SAMPLE_TIME,
-               log)
+    _ramp_runs(np.tile(joint_parameters(model), runs), random_states(seed, runs),
+               np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED), experiment.ramp_slope,
+               RAMP_PERIOD, count, SAMPLE_TIME, log)
     time = np.arange(count) * SAMPLE_TIME
     parts = [breakaway_currents(time, position, current, command,
                                 resolution=model.drive.position_resolution)
