@@ -103,6 +103,17 @@ def test_an_encoder_that_freezes_ends_the_run(phase, delay, velocity):
     assert bench.fastest < 6.0, 'rad/s'
 
 
+def test_an_encoder_that_never_worked_costs_one_ramp_and_is_named():
+    """Position and velocity from it: nothing else tells it from a blocked joint."""
+    def alter(run, sample):
+        return [sample[0], 0.0, 0.0, sample[3]]
+    bench = Bench(alter)
+    with pytest.raises(IdentificationError, match='encoder is stuck'):
+        bench.finish()
+    assert bench.largest <= 0.4 * GOAL['ramp_slope'] * GOAL['ramp_period'] + 1e-9
+    assert bench.fastest < 2.5, 'rad/s, of a joint that nobody sees move'
+
+
 def test_a_stop_in_the_way_ends_the_run():
     def torque(run, state):
         beyond = state.position[0] - 0.15

@@ -361,8 +361,9 @@ class Script:
     def _never_free(self, sign: int, reached: float) -> NoReturn:
         side = 'positive' if sign > 0 else 'negative'
         raise IdentificationError(
-            f'the joint did not break free in the {side} direction up to {reached:.3g} A: ask for '
-            'a steeper ramp_slope or a longer ramp_period')
+            f'the joint did not break free in the {side} direction up to {reached:.3g} A. '
+            'Did it move all the same? Then its encoder is stuck. Is it blocked? If neither, ask '
+            'for a steeper ramp_slope or a longer ramp_period')
 
 
 def _speed(samples: Sequence[Sample], sign: int, window: float) -> float:
