@@ -264,6 +264,37 @@ def workspace(tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize('way', ['plain', 'link', 'second path'])
+def test_another_package_of_the_workspace_can_have_the_action(tmp_path, way):
+    """colcon then builds the action first, and so friction_comp finds that it is there."""
+    colcon = shutil.which('colcon', path=environment()['PATH'])
+    if colcon is None:
+        pytest.skip('colcon is not installed (requirements/test.txt)')
+    ours, other = tmp_path / 'src' / 'friction_comp', tmp_path / 'src' / 'a_first_package'
+    shutil.copytree(ROOT / INTERFACES, ours / INTERFACES)
+    for name in ('package.xml', 'colcon.pkg', 'setup.py', 'setup.cfg'):
+        shutil.copy(ROOT / name, ours)
+    other.mkdir()
+    (other / 'package.xml').write_text(
+        '<package format="3"><name>a_first_package</name><version>0.0.1</version>'
+        '<description>x</description><maintainer email="a@example.com">a</maintainer>'
+        f'<license>Apache-2.0</license><depend>{INTERFACES}</depend></package>')
+    paths = ['src']
+    if way == 'link':
+        (tmp_path / 'src' / INTERFACES).symlink_to(ours / INTERFACES)
+    elif way == 'second path':
+        paths.append(str(ours / INTERFACES))
+    listed = subprocess.run(
+        [colcon, 'list', '--topological-order', '--names-only', '--base-paths', *paths],
+        cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
+    names = listed.stdout.split()
+    if way == 'plain':
+        assert sorted(names) == ['a_first_package', 'friction_comp']
+    else:
+        assert names[0] == INTERFACES
+        assert len(names) == 3
+
+
 def environment():
     """The environment of these tests, without what would let the source tree be found."""
     kept = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'}
