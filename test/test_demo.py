@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo as a user starts and stops it; the processes that it runs."""
 
+import json
 import os
 from pathlib import Path
 import signal
@@ -92,3 +93,46 @@ def test_an_interrupted_demo_leaves_no_process(tmp_path, number):
     assert process.returncode == 130
     assert 'Traceback' not in output
     assert alive(folder) == []
+
+
+def scene(name, folder, *more):
+    """Run a scene as a user does, as short as it can be; return what it found."""
+    done = subprocess.run(
+        [sys.executable, '-m', 'friction_comp', 'demo', '--scene', name, '--repetitions', '1',
+         '--output', str(folder), *more],
+        env=dict(os.environ, PYTHONPATH=str(ROOT)), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    page = (folder / 'report.html').read_text(encoding='utf-8')
+    assert page.count('<svg') + page.count('<img') >= 2
+    return json.loads((folder / 'report.json').read_text(encoding='utf-8')), done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_two_joints_turn_round_with_their_directions_announced(tmp_path):
+    found, told = scene('two_joints', tmp_path / 'out')
+    assert [one['joint'] for one in found['joints']] == ['shoulder', 'elbow']
+    for one in found['joints']:
+        # The elbow turns round on the way: in both directions, announced and not.
+        assert {(c['law'], c['direction'] != 0) for c in one['conditions']} == {
+            ('kinetic', True), ('continuous', True)}
+        peaks = {law: [c['peak_torque'] for c in one['conditions'] if c['law'] == law]
+                 for law in ('kinetic', 'continuous')}
+        assert max(peaks['continuous']) < 0.75 * max(peaks['kinetic'])
+        assert one['peak_reduction'] > 0.4
+    assert 'elbow: peak' in told
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_drive_that_changes_is_told_refined_and_helped_without_a_restart(tmp_path):
+    found, _ = scene('wear', tmp_path / 'out')
+    assert 'no longer fits' in found['warning']
+    assert 'temperature' in found['warning']
+    assert found['error_after'] < 0.5 * found['error_before']
+    assert any('temperature' in name or 'time' in name for name in found['found'])
+    first, worn, refined = (found['rms_torque'][name]['mean'] for name in (
+        'at first', 'model no longer fits', 'refined model'))
+    assert worn > 1.2 * first
+    assert refined < 0.8 * worn
+    assert 'the model fits' in found['afterwards']

@@ -73,6 +73,30 @@ def test_what_changes_within_a_recording_is_told_apart():
         [samples.with_(command=np.ones(len(samples)))], about=[other]).conditions} == {'other'}
 
 
+def test_the_verdict_compares_with_the_least_help_there_is():
+    plain, helped = trial([1.0] * 4), both([0.4] * 4)
+    law = info_of(activity=[(0.0, 'continuous', 'a.yaml')])
+    kinetic = info_of(activity=[(0.0, 'kinetic', 'a.yaml')])
+    for other, samples in ((kinetic, plain), (kinetic, both([1.0] * 4)), (
+            info_of(), plain.with_(command=np.zeros(len(plain))))):
+        evaluation = evaluate([samples, helped], about=[other, law])
+        first, second = evaluation.pair()
+        assert second.law == 'continuous'
+        assert first.law == ('kinetic' if other is kinetic else 'none')
+        assert evaluation.peak_reduction == pytest.approx(0.6, abs=0.05)
+
+
+def test_movements_that_identification_made_are_no_persons():
+    own = info_of()
+    own.activity = [(0.0, Activity(0, 'identification', '', ''))]
+    evaluation = evaluate([both([1.0] * 4), both([0.4] * 4)], about=[
+        own, info_of(activity=[(0.0, 'paper', 'a.yaml')])])
+    assert {c.help.law for c in evaluation.conditions} == {'paper'}
+    assert any('4 movements were made by identification' in note for note in evaluation.notes)
+    alone = evaluate([both([1.0] * 4)], about=[own])
+    assert {c.help.law for c in alone.conditions} == {'identification'}
+
+
 def test_a_difference_is_found_and_chance_is_not_taken_for_one():
     plain, helped = trial([1.2 + 0.05 * k for k in range(10)]), both([0.5] * 10)
     evaluation = evaluate([plain, helped])

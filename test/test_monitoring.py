@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The watch over the residual: silent where the model fits, and right about why where not."""
 
+from dataclasses import replace
+
 from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
@@ -94,6 +96,16 @@ def test_inertia_that_the_model_lacks_is_no_change_of_friction():
     data[:, 3] += 0.3 * acceleration
     *_, (_, verdict) = watched(data)
     assert verdict.fits
+
+
+def test_what_is_differentiated_is_not_missing():
+    # Of a model that counts on the acceleration, too, a misfit is told.
+    model = replace(MODEL, effects=[EFFECTS['inertia']({'coefficients': [0.02]})])
+    *_, (_, verdict) = watched(rows(60.0), model=model)
+    assert verdict.known
+    assert verdict.fits
+    *_, (_, verdict) = watched(rows(60.0, lambda t, q, heat, v: 1.5), model=model)
+    assert not verdict.fits
 
 
 def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():

@@ -19,6 +19,7 @@ from ros_system import joint_state, MODELS, probe_node, Process, RELIABLE
 from sensor_msgs.msg import JointState
 
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.recent_past import Message, RecentPast
 
 JOINT = 'elbow'
 STEP = 0.01
@@ -89,6 +90,18 @@ def bench(room):
         bench.client.destroy()
 
 
+def test_a_topic_that_is_taken_late_does_not_end_the_past():
+    past = RecentPast(600.0, 10**9)
+    second = 10**9
+    for k in range(1, 11):
+        past.add(Message(k * second, 'states', 'kind', b'1234'))
+    past.add(Message(4 * second, 'load', 'kind', b'1234'))
+    assert len(past.last()) == 11
+    # The same topic from the beginning is another run.
+    past.add(Message(2 * second, 'states', 'kind', b'1234'))
+    assert len(past.last()) == 1
+
+
 def loaded(probe):
     """Return the compensator's model files."""
     client = probe.create_client(GetParameters, 'compensator/get_parameters')
@@ -128,6 +141,7 @@ def test_a_model_that_no_longer_fits_is_told_refined_loaded_and_taken_back(bench
     assert 'position' in list(result.variables)
     assert result.error_after < 0.7 * result.error_before
     assert result.loaded, result.message
+    assert f'verdict: {result.verdict}: ' in result.message
     assert loaded(probe) == [result.model_file]
     model = FrictionModel.load(result.model_file)
     assert model.breakaway == MODEL.breakaway

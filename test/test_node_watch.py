@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import joint_state, MODELS, probe_node
+from ros_system import joint_state, MODELS, probe_node, Process
 from sensor_msgs.msg import JointState
 
 from friction_comp.errors import InputError
@@ -44,6 +44,31 @@ def test_joint_current_and_residual_of_the_last_seconds():
         finally:
             feed.close()
         assert not feed._thread.is_alive()
+
+
+def test_models_are_those_of_the_compensator_where_none_is_given(tmp_path):
+    start = {'joints': ['elbow'], 'model_files': MODELS[:1], 'joint_state_timeout': 1.0}
+    with probe_node() as probe, Process(tmp_path, 'compensator', start):
+        publisher = probe.talk(JointState, 'joint_states')
+        feed = LiveFeed([], [], [])
+        try:
+            probe.matched(publisher)
+
+            def shown():
+                shown.count += 1
+                t = 0.02 * shown.count
+                publisher.publish(joint_state(
+                    10**9 + round(t * 1e9), ['elbow'], [0.3 * np.sin(2.0 * t)],
+                    [0.6 * np.cos(2.0 * t)], [0.0]))
+                return feed.joints and np.isfinite(feed.window('elbow', 0.0, 2.0)['residual']).any()
+            shown.count = 0
+            probe.until(shown, 'a residual')
+            status = probe.status_of('compensator', lambda s: any(
+                item.key == 'elbow: residual' for item in s.values))
+            said = next(item.value for item in status.values if item.key == 'elbow: residual')
+            assert 'never heard' in said
+        finally:
+            feed.close()
 
 
 def test_models_and_joints_must_be_as_many():

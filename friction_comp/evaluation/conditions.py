@@ -99,13 +99,17 @@ def evaluate_repetitions(joint: str, repetitions: list[Repetition], model: str |
     -------
     Evaluation
     """
-    evaluation = Evaluation(joint, [], model, repetitions, notes=[] if notes is None else notes)
+    notes = [] if notes is None else notes
+    evaluation = Evaluation(joint, [], model, _by_persons(repetitions, notes), notes=notes)
     groups: dict[tuple[Any, ...], list[Repetition]] = {}
+    # From no help to most, and what was active first before what came later.
+    first = {known: place for place, known in enumerate(dict.fromkeys(
+        r.help for r in evaluation.repetitions))}
     for repetition in evaluation.repetitions:
         movement = repetition.movement
         groups.setdefault((
-            abs(movement.direction), repetition.help.law, repetition.help.model,
-            movement.direction, -movement.sign), []).append(repetition)
+            abs(movement.direction), repetition.help.law != 'none', first[repetition.help],
+            -movement.sign, movement.direction), []).append(repetition)
     kept = []
     for key in sorted(groups):
         usual = _usual(groups[key], evaluation.notes)
@@ -114,6 +118,16 @@ def evaluate_repetitions(joint: str, repetitions: list[Repetition], model: str |
     evaluation.comparisons = compare(kept)
     evaluation.trends = trends(kept)
     return evaluation
+
+
+def _by_persons(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
+    """Return the movements without those that identification made, unless there are no others."""
+    kept = [r for r in repetitions if r.help.law != 'identification']
+    if not kept or len(kept) == len(repetitions):
+        return repetitions
+    notes.append(f'{len(repetitions) - len(kept)} movements were made by identification and are '
+                 'left out')
+    return kept
 
 
 def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,

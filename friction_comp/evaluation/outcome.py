@@ -122,18 +122,29 @@ class Evaluation:
     def pair(self) -> tuple[Help, Help] | None:
         """Return what d = ±1 is compared with: d = 0 under the same law and model.
 
-        Where that is nowhere, and there is but one of either, these two; None where several
-        could be meant. Of several laws or models, the one with the most repetitions counts.
+        Where that is nowhere: kinetic compensation alone with the same model, which is what any
+        law is without a direction, then no compensation; else, where there is but one of either,
+        these two. None where several could be meant. Of several laws or models, the one with the
+        most repetitions counts.
         """
         counts: dict[Help, int] = {}
         for condition in self.conditions:
             counts[condition.help] = counts.get(condition.help, 0) + condition.repetitions
-        plain = [known for known in counts if known.announced == 0]
-        assisted = [known for known in counts if known.announced == 1]
-        same = [(a, b) for a in plain for b in assisted if (a.law, a.model) == (b.law, b.model)]
-        if same:
-            return max(same, key=lambda two: (min(counts[two[0]], counts[two[1]]), two))
+        # What has no use for a direction is as if none was announced.
+        plain = [known for known in counts
+                 if known.announced == 0 or known.law in ('none', 'kinetic')]
+        assisted = [known for known in counts if known.announced == 1 and known not in plain]
+        for alike in (lambda a, b: (a.law, a.model) == (b.law, b.model),
+                      lambda a, b: (a.law, a.model) == ('kinetic', b.model),
+                      lambda a, b: a.law == 'none'):
+            two = [(a, b) for a in plain for b in assisted if alike(a, b)]
+            if two:
+                return max(two, key=lambda pair: (min(counts[pair[0]], counts[pair[1]]), pair))
         return (plain[0], assisted[0]) if len(plain) == len(assisted) == 1 else None
+
+    def peak_of(self, known: Help) -> float:
+        """Return the mean over both movements of a condition's peak torque, N·m."""
+        return float(np.mean([c.peak_torque for c in self.conditions if c.help == known]))
 
     def compared(self, name: str) -> tuple[float, float] | None:
         """Return a figure with d = 0 and with d = ±1, or None where nothing can be compared.

@@ -54,7 +54,8 @@ class Help:
     ----------
     law : str
         Compensation law; 'none' where no current was commanded, 'other' where another than the
-        compensator commanded, '' where the recording does not say.
+        compensator commanded, 'identification' where that node did, '' where the recording does
+        not say.
     model : str
         Model file; '' where there was none or the recording does not say.
     announced : int
@@ -215,6 +216,8 @@ def _help(samples: Samples, movement: Movement, info: RecordingInfo | None) -> H
     known = [activity for since, activity in (info.activity if info else [])
              if since <= movement.constant_end]
     if known:
+        if known[-1].state == 'identification':
+            return Help('identification', '', announced)
         active = known[-1].state in ('', 'active')
         law, model = known[-1].law, known[-1].model or model
     if samples.command is not None:

@@ -78,16 +78,16 @@ class LiveResidual:
         if ready - self._done < _AFTER or len(rows) < 10:
             return
         samples = self._samples(rows)
-        missing = sorted({signal for effect in self.model.effects for signal in effect.needs
-                          if getattr(samples, signal, None) is None})
-        self.blind = f'the model needs the {" and the ".join(missing)}, which is not measured' \
-            if missing else ''
-        if missing:
-            return
         settings = self.model.differentiation or DEFAULT_SETTINGS
         if settings.get('source') == 'velocity' and samples.velocity is None:
             settings = DEFAULT_SETTINGS
         moved = differentiate(samples, settings)
+        missing = sorted({signal for effect in self.model.effects for signal in effect.needs
+                          if getattr(moved, signal, None) is None})
+        self.blind = f'the model needs the {" and the ".join(missing)}, which is not measured' \
+            if missing else ''
+        if missing:
+            return
         # Effects of time count from the beginning of the run, not from that of the rows kept.
         moved = moved.with_(time=rows[:, 0] - origin)
         try:

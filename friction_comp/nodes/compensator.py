@@ -32,6 +32,11 @@ from friction_comp.nodes.parameters import declare, declare_joints, LARGE, load_
 
 # Real s between looks at who else commands, and at faults that have ended.
 _LOOK = 0.1
+# What a compensator can say of its model's residual, without and with the law `none`.
+_BLIND = (
+    'not known here: the current follows the model itself, and the load that a person adds is '
+    'never heard; node refinement tells it where the load is measured',
+    'not known here: no current is commanded, and what moves the joint is never heard')
 
 
 class CompensatorNode(LifecycleNode):
@@ -347,6 +352,7 @@ class CompensatorNode(LifecycleNode):
             values.update(per_joint(joints, f'{name} [A]', term))
         for name, guarded in loop.law.guards.items():
             values.update(per_joint(joints, f'guard: {name}', guarded))
+        values.update((f'{joint}: residual', _BLIND[values['law'] == 'none']) for joint in joints)
         values.update(per_joint(joints, 'direction', loop.direction.at(stamp)))
         values.update(per_joint(joints, 'direction age [s]', (
             loop.direction.age(number, stamp) for number in range(len(joints)))))

@@ -8,7 +8,7 @@ import time
 
 from action_msgs.msg import GoalStatus
 from diagnostic_msgs.msg import DiagnosticArray
-from friction_comp_interfaces.action import IdentifyFriction
+from friction_comp_interfaces.action import IdentifyFriction, RefineModel
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters
 import rclpy
@@ -50,11 +50,13 @@ class DemoClient:
         self._node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
         self._action = ActionClient(self._node, IdentifyFriction, 'identify_friction')
+        self._refinement = ActionClient(self._node, RefineModel, 'refine_model')
         return self
 
     def __exit__(self, *_):
         self._executor.shutdown()
         self._action.destroy()
+        self._refinement.destroy()
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 
@@ -129,28 +131,48 @@ class DemoClient:
         InputError
             If the goal is refused or not reached.
         """
-        self.until(self._action.server_is_ready, 'the action identify_friction')
+        return self._reached(self._action, IdentifyFriction, goal, report, 'identification')
+
+    def refine(self, goal, report):
+        """Send a goal to the refinement node and return its result.
+
+        Parameters
+        ----------
+        goal : dict
+            Fields of RefineModel's goal.
+        report : callable
+            Called with each feedback message.
+
+        Raises
+        ------
+        InputError
+            If the goal is refused or not reached.
+        """
+        return self._reached(self._refinement, RefineModel, goal, report, 'refinement')
+
+    def _reached(self, action, kind, goal, report, what):
+        self.until(action.server_is_ready, f'the action of {what}')
         # Nobody's goal is refused; the answer shows that both ends have found each other.
-        nobody = IdentifyFriction.Goal(**{**goal, 'joint': 'nobody'})
-        self._answered(lambda: self._action.send_goal_async(nobody), 'an answer to the goal')
-        message = IdentifyFriction.Goal(**goal)
+        nobody = kind.Goal(**{**goal, 'joint': 'nobody'})
+        self._answered(lambda: action.send_goal_async(nobody), 'an answer to the goal')
+        message = kind.Goal(**goal)
         handle = None
         end = time.monotonic() + self._patience
         while handle is None or not handle.accepted:
             # Refused at first where the node has not heard of its joint yet.
             if time.monotonic() > end:
-                raise InputError('identification refuses the goal')
-            future = self._action.send_goal_async(
+                raise InputError(f'{what} refuses the goal')
+            future = action.send_goal_async(
                 message, lambda feedback: report(feedback.feedback))
             self.until(future.done, 'an answer to the goal')
             handle = future.result()
             if not handle.accepted:
                 self.wait(0.2)
         future = handle.get_result_async()
-        self.until(future.done, 'the result of identification', 1800.0)
+        self.until(future.done, f'the result of {what}', 1800.0)
         outcome = future.result()
         if outcome.status != GoalStatus.STATUS_SUCCEEDED:
-            raise InputError(f'identification failed: {outcome.result.message}')
+            raise InputError(f'{what} failed: {outcome.result.message}')
         return outcome.result
 
     def _answered(self, send, what):

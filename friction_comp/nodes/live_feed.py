@@ -13,6 +13,7 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
+from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -24,6 +25,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.joint_watch import frame_of
 from friction_comp.nodes.recorder import stamp_of
 from friction_comp.samples import Samples
@@ -31,6 +33,8 @@ from friction_comp.samples import Samples
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 # ns between the states that are shown, rows kept for each joint, s after which a word is old.
 _STEP, _KEPT, _OLD = 20_000_000, 3000, 5.0
+# s between questions to the compensator.
+_ASK = 2.0
 _COLUMNS = ('time', 'position', 'velocity', 'torque', 'load', 'command', 'direction',
             'reference_velocity')
 _LEVELS = {0: 'ok', 1: 'warning', 2: 'problem', 3: 'problem'}
@@ -44,7 +48,7 @@ class LiveFeed:
     joints : list of str
         The order of arrays on topics; that of the joint states where it is empty.
     models : sequence of FrictionModel
-        One for each joint, in that order, or none.
+        One for each joint, in that order; where there are none, those that the compensator uses.
     arguments : list of str
         ROS arguments.
     """
@@ -57,7 +61,8 @@ class LiveFeed:
             raise InputError(f'--model: one file per joint is needed, {len(joints)} for '
                              f'{", ".join(joints)}')
         self.joints, self._fixed = list(joints), bool(joints)
-        self._models = list(models)
+        self._models, self._given = list(models), bool(models)
+        self._found, self._asked = {}, 0.0
         self._rows, self._lock = {}, threading.Lock()
         self._held, self._status = {}, {}
         self._due, self._first, self._heard = 0, None, 0.0
@@ -76,6 +81,7 @@ class LiveFeed:
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _QOS)
         self._node.create_subscription(
             JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
+        self._compensator = self._node.create_client(GetParameters, 'compensator/get_parameters')
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._over = threading.Event()
@@ -86,6 +92,28 @@ class LiveFeed:
         with contextlib.suppress(ExternalShutdownException):
             while not self._over.is_set():
                 self._executor.spin_once(timeout_sec=0.1)
+                self._ask()
+
+    def _ask(self):
+        """Ask the compensator now and then which models it uses."""
+        now = time.monotonic()
+        if self._given or now < self._asked + _ASK or not self._compensator.service_is_ready():
+            return
+        self._asked = now
+        self._compensator.call_async(GetParameters.Request(
+            names=['joints', 'model_files'])).add_done_callback(self._on_models)
+
+    def _on_models(self, future):
+        if future.exception() is not None or future.result() is None:
+            return
+        joints, files = (value.string_array_value for value in future.result().values)
+        for joint, path in zip(joints, files):
+            if self._found.get(joint, ('', None))[0] != path:
+                model = None
+                # A model file on another machine cannot be shown here.
+                with contextlib.suppress(InputError):
+                    model = FrictionModel.load(path, joint)
+                self._found[joint] = path, model
 
     def _on_diagnostics(self, message):
         for status in message.status:
@@ -136,10 +164,16 @@ class LiveFeed:
         data = dict(zip(_COLUMNS, table.T))
         none = np.full(len(table), np.nan)
         data.update(current=none, predicted=none, residual=none)
-        number = self.joints.index(joint) if joint in self.joints else len(self._models)
-        if number < len(self._models) and len(table) > 10:
-            self._compare(data, self._models[number])
+        model = self._model(joint)
+        if model is not None and len(table) > 10:
+            self._compare(data, model)
         return data
+
+    def _model(self, joint):
+        if not self._given:
+            return self._found.get(joint, ('', None))[1]
+        number = self.joints.index(joint) if joint in self.joints else len(self._models)
+        return self._models[number] if number < len(self._models) else None
 
     @staticmethod
     def _compare(data, model):

@@ -13,7 +13,8 @@ from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 
 NANO = 1_000_000_000
-# A stamp this much older than the newest, ns, means that time began anew.
+# A stamp this much older than the newest of its topic, ns, means that time began anew. Between
+# topics such a difference says only that one was taken from its queue before the other.
 _BACK = NANO
 
 
@@ -42,11 +43,14 @@ class RecentPast:
         self._messages: deque[Message] = deque()
         self.size = 0
         self._newest = 0
+        self._newest_of: dict[str, int] = {}
 
     def add(self, message: Message) -> None:
         """Keep a message, and let go of those that are too old or too many."""
-        if message.stamp < self._newest - _BACK:
+        if message.stamp < self._newest_of.get(message.topic, 0) - _BACK:
             self.forget()
+        self._newest_of[message.topic] = max(
+            self._newest_of.get(message.topic, 0), message.stamp)
         self._newest = max(self._newest, message.stamp)
         self._messages.append(message)
         self.size += len(message.cdr)
@@ -58,6 +62,7 @@ class RecentPast:
     def forget(self) -> None:
         """Keep nothing."""
         self._messages.clear()
+        self._newest_of.clear()
         self.size = self._newest = 0
 
     @property

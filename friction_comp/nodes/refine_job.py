@@ -57,6 +57,12 @@ class Refined:
         found = self.report.get('verdict') or ''
         return str(found.get('verdict', '') if isinstance(found, dict) else found)
 
+    @property
+    def reasons(self) -> str:
+        """The verdict and why, in a line."""
+        why = '; '.join(str(line).rstrip('.') for line in self.report.get('reasons') or ())
+        return f'{self.verdict}: {why}' if why else self.verdict
+
     def refusal(self, old: FrictionModel) -> str:
         """Return why the model must not be loaded in place of an old one; empty if it may."""
         if self.verdict == 'record again':

@@ -261,7 +261,7 @@ class RefinementNode(Node):
         watch.use(start)
         found = ', '.join(result.effects) or 'no effect'
         said = (f'found {found}; error {1e3 * refined.before:.3g} mA before, '
-                f'{1e3 * refined.after:.3g} mA after')
+                f'{1e3 * refined.after:.3g} mA after; verdict: {refined.reasons}')
         why = refined.refusal(watch.residual.model)
         if not request.load:
             return said

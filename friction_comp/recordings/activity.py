@@ -23,7 +23,8 @@ class Activity:
     time : int
         Receive time in ns.
     state : str
-        Its lifecycle state, for instance 'active'; '' where it did not say.
+        Its lifecycle state, for instance 'active'; '' where it did not say; 'identification' while
+        that node moved the joint.
     law, model : str
         Compensation law and model file; '' where it did not say.
     """
@@ -56,15 +57,27 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]]) -> list[Activity]:
         except Exception:
             continue
         for status in message.status:
+            values = {item.key: item.value for item in status.values}
+            if 'identification' in status.name:
+                # It has a phase only while it moves a joint.
+                if 'phase' in values:
+                    _note(found, Activity(time, 'identification', '', ''))
+                elif found and found[-1].state == 'identification':
+                    _note(found, Activity(time, '', '', ''))
+                continue
             if 'compensator' not in f'{status.name} {status.hardware_id}':
                 continue
-            values = {item.key: item.value for item in status.values}
             model = next((values[key] for key in ('model_file', 'model_files', 'model')
                           if values.get(key, '').strip('[] ')), '')
             # One file a joint comes as a list: its brackets and quotes are no names.
             now = Activity(time, values.get('state', ''), values.get('law', ''),
                            re.sub(r"""['"\[\]]""", '', model))
-            if not found or (found[-1].state, found[-1].law, found[-1].model) != (
-                    now.state, now.law, now.model):
-                found.append(now)
+            _note(found, now)
     return found
+
+
+def _note(found: list[Activity], now: Activity) -> None:
+    """Add an activity that differs from the one before."""
+    if not found or (found[-1].state, found[-1].law, found[-1].model) != (
+            now.state, now.law, now.model):
+        found.append(now)

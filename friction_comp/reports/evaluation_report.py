@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # Comparisons that a page shows; report.json has all.
 _SHOWN = 24
+# Conditions that are shown large.
+_TILES = 5
 # Tables of conditions, and what they list as far as it is known.
 _TABLES = (
     ('What it took', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
@@ -64,7 +66,8 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
                        linewidth=1.0, label='shown to the person')
         for condition in conditions:
             colour = colours[condition.help]
-            label = f'{condition.help.label}, n = {condition.repetitions}'
+            label = f'{condition.help.label}, n = ' + ' + '.join(
+                str(c.repetitions) for c in evaluation.conditions if c.help == condition.help)
             band(above, condition.time, np.degrees(condition.position),
                  np.degrees(condition.position_std), colour, label)
             if evaluation.measured:
@@ -154,14 +157,15 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
         if not known:
             continue
         report.table(
-            ['condition', 'movement', *starts, *(_heading(name) for name in known)],
-            [[c.help.label, c.movement,
+            ['condition', '', *starts, *(_heading(name) for name in known)],
+            [[c.help.label, '+' if c.movement == 'positive' else '\u2212',
               *([c.repetitions, f'{c.false_starts} ({_percent(c.false_start_share)})']
                 if starts else []),
               *(_with_interval(c.figures.get(name)) for name in known)]
              for c in evaluation.conditions],
             f"{title}: mean over the repetitions of each one's own figure ± half its 95 % "
-            'confidence interval.')
+            'confidence interval, for movements in the positive (+) and negative (\u2212) '
+            'direction.')
         starts = []
     words = []
     if evaluation.measured:
@@ -293,9 +297,11 @@ def _verdict(evaluation: Evaluation) -> str:
     if compared is not None and change is not None and two is not None:
         before, after = compared
         verb = 'less' if change >= 0 else 'more'
+        other = '' if (two[0].law, two[0].model) == (two[1].law, two[1].model) else (
+            f' ({two[0].label}; with it: {two[1].label})')
         words = (f'With the direction announced (d = ±1) it took **{number(after)} N·m** to set '
                  f'the joint in motion instead of **{number(before)} N·m** without (d = 0): '
-                 f'**{abs(100 * change):.0f} % {verb}**')
+                 f'**{abs(100 * change):.0f} % {verb}**{other}')
         test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
                      and (c.first, c.second) == two), None)
         if test is None or test.probability is None:
@@ -307,8 +313,8 @@ def _verdict(evaluation: Evaluation) -> str:
         return ('**The back-driving torque was not measured.** What follows is what position, '
                 'current and reference tell: when the joint set out and how smoothly it went, not '
                 'what it cost the person.')
-    return ('No movement was recorded both with d = 0 and with d = ±1 under the same law and '
-            'model, so no such pair leads this page; all comparisons are below.')
+    return ('What the announced direction brings cannot be said: no movement was recorded both '
+            'with it (d = ±1) and without (d = 0, or no compensation). All comparisons are below.')
 
 
 def _trend_words(trend: Trend) -> str:
@@ -324,11 +330,15 @@ def _trend_words(trend: Trend) -> str:
 
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
-    compared = evaluation.compared('peak_torque')
-    if compared is None:
+    """Return the peak under each condition, from no help to most; and what the direction took."""
+    if not evaluation.measured:
         return []
-    tiles = [(f'{number(compared[0])} N·m', 'peak, direction not announced (d = 0)'),
-             (f'{number(compared[1])} N·m', 'peak, direction announced (d = ±1)')]
+    known = [one for one in dict.fromkeys(c.help for c in evaluation.conditions)
+             if one.announced >= 0]
+    tiles = [(f'{number(peak)} N·m', f'peak, {one.label}') for one in known
+             if np.isfinite(peak := evaluation.peak_of(one))][:_TILES]
+    if len(tiles) > 2:
+        return tiles
     for name, value in (('peak', evaluation.peak_reduction),
                         ('RMS torque', evaluation.rms_reduction)):
         if value is not None:

@@ -14,6 +14,11 @@ import signal
 from friction_comp.tools.common import Arguments, whole_number
 from friction_comp.tools.ros_domain import leased_domain
 
+SCENES = {
+    'loop': 'identify, compensate, evaluate, refine, compensate again',
+    'two_joints': 'an exercise of two joints that turn round on the way, from YAML',
+    'wear': 'a drive that changes while it runs: told, refined, loaded and judged live'}
+
 
 def main(argv: list[str] | None = None) -> int:
     """Run the demo.
@@ -37,9 +42,15 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
                         help='folder for models, recordings and the report (%(default)s)')
     parser.add_argument('--repetitions', metavar='N', type=whole_number(), default=3,
-                        help='movements each way in a trial (%(default)s)')
+                        help='movements each way in a trial, repetitions of the exercise '
+                        '(%(default)s)')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=1,
                         help="of the simulated joint's noise and scatter (%(default)s)")
+    parser.add_argument('--scene', choices=SCENES, default='loop',
+                        help='; '.join(f'{name}: {text}' for name, text in SCENES.items())
+                        + ' (%(default)s)')
+    parser.add_argument('--watch', action='store_true',
+                        help='with a live page on localhost (needs Bokeh)')
     parser.add_argument('--undeclared', metavar='FILE', type=Path,
                         help='what the simulated joint hides from the other nodes '
                         '(config/undeclared_example.yaml)')
@@ -49,11 +60,14 @@ def main(argv: list[str] | None = None) -> int:
         # Importing ROS 2 may start Python anew: nothing may have happened before.
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         from friction_comp.nodes.demo_client import DemoClient
-        from friction_comp.tools.demo_story import tell
+        from friction_comp.tools.demo_scenes import TwoJoints, Wear
+        from friction_comp.tools.demo_stage import tell
+        from friction_comp.tools.demo_story import Demo
 
+        scene = {'loop': Demo, 'two_joints': TwoJoints, 'wear': Wear}[arguments.scene]
         previous = signal.signal(signal.SIGTERM, _interrupt)
         try:
-            return tell(arguments, DemoClient)
+            return tell(arguments, DemoClient, scene)
         finally:
             signal.signal(signal.SIGTERM, previous)
 

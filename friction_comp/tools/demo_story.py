@@ -5,16 +5,12 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Callable
 from dataclasses import replace
 import math
-import os
 from pathlib import Path
-import shutil
 import time
 from typing import Any, TYPE_CHECKING
 
-from rich.console import Console
 from rich.table import Table
 
 from friction_comp.model.friction_model import FrictionModel
@@ -23,6 +19,7 @@ from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.demo_report import demo_report, EvaluatedTrial, residuals, table_rows
 from friction_comp.tools.common import progress, to_json
+from friction_comp.tools.demo_stage import Stage
 from friction_comp.tools.processes import Nodes
 
 if TYPE_CHECKING:
@@ -44,34 +41,7 @@ TRIALS = (
     ('refined', 'refined model, d = ±1', 'continuous', True))
 
 
-def tell(arguments: Namespace, client: Callable[..., DemoClient]) -> int:
-    """Run the whole demo in processes of its own and return the exit code.
-
-    Parameters
-    ----------
-    arguments : argparse.Namespace
-    client : callable
-        Makes the demo's part in ROS 2; handed in, so that ROS 2 is imported by the tool alone.
-    """
-    output = arguments.output.absolute()
-    _make_room(output)
-    os.environ['ROS_LOG_DIR'] = str(output / 'logs' / 'ros')
-    with Nodes(output / 'logs') as nodes, client(nodes.check) as ros:
-        Demo(arguments, nodes, ros).run()
-    return 0
-
-
-def _make_room(output: Path) -> None:
-    """Remove an earlier demo's results; what else is in the folder stays."""
-    for name in ('recordings', 'models', 'logs'):
-        shutil.rmtree(output / name, ignore_errors=True)
-    for name in ('report.html', 'report.json'):
-        (output / name).unlink(missing_ok=True)
-    for name in ('recordings', 'models'):
-        (output / name).mkdir(parents=True)
-
-
-class Demo:
+class Demo(Stage):
     """The story that the demo tells, step by step.
 
     Parameters
@@ -82,14 +52,10 @@ class Demo:
     """
 
     def __init__(self, arguments: Namespace, nodes: Nodes, ros: DemoClient) -> None:
-        self._arguments, self._nodes, self._ros = arguments, nodes, ros
-        self._output = arguments.output.absolute()
-        self._console = Console(highlight=False)
+        super().__init__(arguments, nodes, ros, [JOINT])
         self._true_model = package_file('config', 'armin_configuration_1.yaml')
         self._undeclared = (arguments.undeclared
                             or package_file('config', 'undeclared_example.yaml')).absolute()
-        self._began = time.monotonic()
-        self._speeds: list[tuple[float, float]] = []
 
     def run(self) -> None:
         """Run everything, from the first measurement to the report."""
@@ -103,30 +69,11 @@ class Demo:
         self._nodes.stop('compensator', 'identification', 'plant')
         self._conclude(trials, refined, model_file)
 
-    def _say(self, text: str) -> None:
-        minutes, seconds = divmod(round(time.monotonic() - self._began), 60)
-        self._console.print(f'[dim]{minutes}:{seconds:02d}[/dim]  {text}')
-
-    def _name(self, path: Path) -> str:
-        return os.path.relpath(path, self._output.parent)
-
-    def _common(self, *model_files: Path) -> dict[str, Any]:
-        return {'joints': [JOINT], 'model_files': [str(path) for path in model_files],
-                'use_sim_time': True, 'input_reliability': 'reliable',
-                # A plant in lockstep rests while the machine does something else.
-                'joint_state_timeout': 10.0}
-
     # Steps.
 
     def _identify(self) -> Path:
         self._say('starts a simulated joint that hides an effect, and identification')
-        plant = self._common(self._true_model)
-        for name in ('use_sim_time', 'input_reliability', 'joint_state_timeout'):
-            del plant[name]
-        self._nodes.start('plant', {
-            **plant, 'clock': 'lockstep', 'seed': self._arguments.seed,
-            'sample_time': SAMPLE_TIME, 'wrench_period': 4 * SAMPLE_TIME,
-            'undeclared_effect_files': [str(self._undeclared)]})
+        self._start_plant([self._true_model], [self._undeclared], SAMPLE_TIME)
         self._nodes.start('identification', {
             **self._common(self._true_model), 'output_folder': str(self._output / 'models')})
         self._record('identification')
@@ -151,15 +98,6 @@ class Demo:
         self._ros.set_parameter('plant', 'wait_for_reference', True)
         self._nodes.start('compensator', {**self._common(model_file), 'law': 'none'})
 
-    def _record(self, name: str) -> None:
-        self._nodes.start('recorder', {
-            'output': str(self._output / 'recordings' / name), 'use_sim_time': True,
-            'input_reliability': 'reliable'})
-        # Subscriptions to the command: the plant's and the recorder's.
-        # Identification has a publisher while it commands only.
-        self._ros.until_connected('current_command', 0, 2)
-        self._ros.until_connected('interaction_wrench', 1, 1)
-
     def _try(self, name: str, title: str, law: str, announced: bool) -> EvaluatedTrial:
         self._ros.set_parameter('compensator', 'law', law)
         self._nodes.start('exercise', {
@@ -168,18 +106,7 @@ class Demo:
             # The compensator and the recorder.
             'wait_for_listeners': 2, 'repetitions': self._arguments.repetitions, **MOVEMENT})
         self._record(name)
-        began = None
-        with progress(f'trial: {title}') as show:
-            while not self._nodes.ended('exercise'):
-                self._ros.wait(0.1)
-                at = self._ros.value('exercise', 'time [s]')
-                if at is not None:
-                    began = began or (float(at), time.monotonic())
-                    last = (float(at), time.monotonic())
-                    show(last[0] / float(self._ros.value('exercise', 'duration [s]')))
-        if began and last[0] > began[0]:
-            self._speeds.append((last[0] - began[0], last[1] - began[1]))
-        self._ros.forget('exercise')
+        self._follow(f'trial: {title}')
         self._nodes.stop('recorder')
         trial = EvaluatedTrial(name, title, read_recording(
             self._output / 'recordings' / name, JOINT, *self._drive())[0])

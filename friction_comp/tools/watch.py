@@ -53,7 +53,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('recording', metavar='RECORDING', type=Path, nargs='?',
                         help='recording to play; what runs without')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
-                        help='model file of each joint, for current and residual')
+                        help='model file of each joint, for current and residual; of what runs, '
+                        'those that the compensator uses where this is left out')
     parser.add_argument('--joint', metavar='NAME', nargs='+', default=[],
                         help='joints to show; all without')
     parser.add_argument('--port', type=whole_number(0), default=5006,

@@ -35,6 +35,10 @@ def kinds_for(data: FitData, terms: list[Term]) -> list[type[Effect]]:
             continue
         if present.count(kind) >= kind.most or kind.hard_to_tell(data.scene):
             continue
+        # A load that a person supplies is what friction asks for, so that whatever the model lacks
+        # goes with it.
+        if data.load_coefficient and 'load' in kind.needs:
+            continue
         if kind.carried and not any(other.gives_load for other in present):
             continue
         kinds.append(kind)
