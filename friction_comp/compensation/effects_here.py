@@ -42,7 +42,7 @@ class Asked(NamedTuple):
     backward: float
     carried: float
     shifts: tuple[float, float]
-    missing: list
+    missing: list[tuple[str, tuple[str, ...]]]
 
 
 class EffectsHere:
@@ -62,19 +62,21 @@ class EffectsHere:
         Where the breakaway currents were measured, positive and negative, rad.
     """
 
-    def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]):
+    def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]) -> None:
         pairs = [(effect, effect.live()) for effect in model.effects if not why_left_out(effect)]
         self.terms: list[tuple[Effect, LiveTerm]] = [
             (effect, term) for effect, term in pairs if term is not None]
         both = model.breakaway
-        self.places = None
-        if both is not None and None not in (both.positive_position, both.negative_position):
+        self.places: tuple[float, float] | None = None
+        if both is not None and both.positive_position is not None and (
+                both.negative_position is not None):
             self.places = (both.positive_position, both.negative_position)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.terms)
 
-    def ask(self, time: float, position: float, speed: float, signals: dict) -> Asked:
+    def ask(self, time: float, position: float, speed: float,
+            signals: dict[str, float | None]) -> Asked:
         """Return what the effects ask for, for the continuous law.
 
         Parameters
@@ -104,7 +106,8 @@ class EffectsHere:
                 shifts[side] += value
         return Asked(forward, backward, carried, (shifts[0], shifts[1]), missing)
 
-    def total(self, time: float, position: float, speed: float, signals: dict) -> Asked:
+    def total(self, time: float, position: float, speed: float,
+              signals: dict[str, float | None]) -> Asked:
         """Return the effects' sum as `carried`, for the laws that know no operator."""
         total, shifts, missing = 0.0, [0.0, 0.0], []
         for effect, term in self.terms:
@@ -118,7 +121,8 @@ class EffectsHere:
                 shifts[side] += value
         return Asked(0.0, 0.0, total, (shifts[0], shifts[1]), missing)
 
-    def _shift(self, effect, term, time, position, signals):
+    def _shift(self, effect: Effect, term: LiveTerm, time: float, position: float,
+               signals: dict[str, float | None]) -> tuple[float, float]:
         """Return how much more the joint bears here than where its breakaway was measured, A."""
         # Neither a term with a memory nor the arm can be asked what it would be elsewhere.
         if self.places is None or term.sees_history or _ARM & set(term.needs):
@@ -133,7 +137,8 @@ class EffectsHere:
             here, there = (term.both_sides(time, x, 0.0, **signals) for x in (position, place))
             # What does not change sign with the direction was borne at the place, too.
             shifts.append(0.5 * (here[0] - here[1] - there[0] + there[1]))
-        return tuple(value if math.isfinite(value) else 0.0 for value in shifts)
+        positive, negative = (value if math.isfinite(value) else 0.0 for value in shifts)
+        return positive, negative
 
     def largest(self, speed: float) -> tuple[float, float]:
         """Return the most that friction effects, and that other effects ask for, A.

@@ -11,6 +11,7 @@ the current is held for `bad_time`, then it is zero.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from numba import njit
 
@@ -26,7 +27,7 @@ ABSURD = 1e6
 
 
 @njit(cache=True)
-def begin(p, s, time, position):
+def begin(p: Any, s: Any, time: float, position: float) -> None:
     """Start from a place, at rest."""
     s.started = 1
     s.time, s.step = time, p.sample_time
@@ -36,7 +37,7 @@ def begin(p, s, time, position):
 
 
 @njit(cache=True)
-def settle(s, position):
+def settle(s: Any, position: float) -> None:
     """Forget the motion: the joint is here, the operator relaxed."""
     s.position = s.backlash_place = s.still_place = s.home = s.mark = position
     s.half_speed = s.speed = s.z = s.still_time = s.creeping = s.doubt = 0.0
@@ -44,7 +45,7 @@ def settle(s, position):
 
 
 @njit(cache=True)
-def observe(p, s, time, position, velocity, known):
+def observe(p: Any, s: Any, time: float, position: float, velocity: float, known: bool) -> bool:
     """Take in a sample and return whether a current can be decided on.
 
     Parameters
@@ -106,7 +107,7 @@ def observe(p, s, time, position, velocity, known):
 
 
 @njit(cache=True)
-def _compare(p, s, velocity):
+def _compare(p: Any, s: Any, velocity: float) -> None:
     """Note for how long the measured velocity has contradicted the encoder, s."""
     tolerance = 0.05 + 0.5 * abs(s.speed) + 3.0 * p.resolution / s.step
     if abs(velocity - s.speed) > tolerance:
@@ -116,13 +117,13 @@ def _compare(p, s, velocity):
 
 
 @njit(cache=True)
-def in_doubt(p, s):
+def in_doubt(p: Any, s: Any) -> bool:
     """Return whether the samples have been unbelievable for so long that the current is zero."""
     return s.doubt > p.bad_time or s.contradiction > p.rest_time
 
 
 @njit(cache=True)
-def soft_end(p, s, current):
+def soft_end(p: Any, s: Any, current: float) -> float:
     """Return the current in A, less where it pushes towards an end of the position range."""
     if p.soft_end > 0.0:
         room = p.highest - s.position if current > 0.0 else s.position - p.lowest

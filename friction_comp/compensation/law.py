@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 import math
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from friction_comp.compensation.records import CONTINUOUS, NONE, PARAMETERS, STA
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import FrictionModel
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 __all__ = ['CompensationLaw', 'GRAVITY', 'law_parameters', 'LAWS']
 
@@ -70,8 +74,9 @@ class CompensationLaw:
         If an argument is out of range.
     """
 
-    def __init__(self, models, law='continuous', breakaway_gain=0.9, current_limit=None,
-                 sample_time=1e-3, gravity='feed_forward'):
+    def __init__(self, models: Iterable[FrictionModel], law: str = 'continuous',
+                 breakaway_gain: float = 0.9, current_limit: ArrayLike | None = None,
+                 sample_time: float = 1e-3, gravity: str = 'feed_forward') -> None:
         self.models = list(models)
         if not self.models:
             raise InputError('the compensation law needs at least one model')
@@ -82,14 +87,14 @@ class CompensationLaw:
         limits: Any = [None] * self.joints
         if current_limit is not None:
             limits = np.broadcast_to(np.asarray(current_limit, dtype=float), self.joints)
-        self._options = [
+        self._options: list[dict[str, Any]] = [
             {'law': law, 'breakaway_gain': float(breakaway_gain), 'sample_time': sample_time,
              'current_limit': None if limit is None else float(limit)} for limit in limits]
         self._parameters = np.zeros(self.joints, PARAMETERS)
         self._states = np.zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
         self._effects = [EffectsHere(model, self._why_left_out) for model in self.models]
-        self._missing: list = [None] * self.joints
+        self._missing: list[list[tuple[str, tuple[str, ...]]] | None] = [None] * self.joints
         for j in range(self.joints):
             self._take_parameters(j)
         self._collect_never_applied()
@@ -101,19 +106,19 @@ class CompensationLaw:
         return self._parameters.copy()
 
     @property
-    def missing(self) -> list:
+    def missing(self) -> list[tuple[int, str, tuple[str, ...]]]:
         """Effects that the last sample could not feed back."""
         return [(j, *entry) for j, entries in enumerate(self._missing) for entry in entries or ()]
 
     @property
-    def left_out(self) -> list:
+    def left_out(self) -> list[tuple[int, str, str]]:
         """All effects that are not applied, with the reasons."""
         return self.never_applied + [
             (j, name, f'{" and ".join(signals)} unknown' if signals else 'value is not finite')
             for j, name, signals in self.missing]
 
     @property
-    def guards(self) -> dict:
+    def guards(self) -> dict[str, np.ndarray]:
         """What the guards of the continuous law did, per joint.
 
         ``taken back`` is the share of friction compensation that is withheld since the joint went
@@ -132,7 +137,9 @@ class CompensationLaw:
             'samples dropped': s['dropped'].astype(int),
             'in doubt': (s['doubt'] > p['bad_time']) | (s['contradiction'] > p['rest_time'])}
 
-    def update(self, time, position, velocity, direction, temperature=None, load=None):
+    def update(self, time: float, position: ArrayLike, velocity: ArrayLike | None,
+               direction: ArrayLike, temperature: ArrayLike | None = None,
+               load: ArrayLike | None = None) -> np.ndarray:
         """Return the current for one sample.
 
         Parameters
@@ -156,7 +163,7 @@ class CompensationLaw:
         """
         position = self._row(position, 'position')
         known = velocity is not None
-        velocity = self._row(velocity if known else 0.0, 'velocity')
+        velocity = self._row(0.0 if velocity is None else velocity, 'velocity')
         direction = self._row(direction, 'direction')
         kernel.observe_bank(self._parameters, self._states, float(time), position, velocity,
                             known, self._usable)
@@ -173,7 +180,7 @@ class CompensationLaw:
                       'breakaway': self._states['breakaway'].copy(), 'effects': carried}
         return current
 
-    def reset(self):
+    def reset(self) -> None:
         """Forget all history, as after a pause."""
         self._states[:] = np.zeros(1, STATE)
         self._effects = [EffectsHere(model, self._why_left_out) for model in self.models]
@@ -200,7 +207,8 @@ class CompensationLaw:
         self._missing[joint] = None
         self._collect_never_applied()
 
-    def retune(self, law: str, breakaway_gain: float, current_limit: Any = None) -> None:
+    def retune(self, law: str, breakaway_gain: float,
+               current_limit: ArrayLike | None = None) -> None:
         """Exchange what the law was made with while it runs; its history goes on.
 
         The current does not jump but to a lower limit, as with `set_model`.
@@ -230,7 +238,8 @@ class CompensationLaw:
         self._parameters[joint] = p
         self._states[joint]['changed'] = self._states[joint]['started']
 
-    def _ask(self, joint, time, signals):
+    def _ask(self, joint: int, time: float, signals: dict[str, float | None]
+             ) -> tuple[float, float, float]:
         """Return what the joint's effects ask for: forward, backward and carried, A."""
         p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
         ask = effects.ask if p['law'] == CONTINUOUS else effects.total
@@ -240,7 +249,7 @@ class CompensationLaw:
             set_breakaway(p, self.models[joint].breakaway, asked.shifts)
         return asked.forward, asked.backward, asked.carried
 
-    def _of_arm(self, joint, positions):
+    def _of_arm(self, joint: int, positions: np.ndarray) -> dict[str, float | None]:
         """Return what the arm asks of a joint at rest, None where other joints are not known."""
         signals: dict[str, float | None] = {'rigid_body': None, 'coupling': None}
         arm = self.models[joint].arm
@@ -248,7 +257,8 @@ class CompensationLaw:
             return signals
         known = {model.joint: place for place, model in zip(positions, self.models)}
         if all(name in known for name in arm.joints):
-            value = arm.at_rest([known[name] for name in arm.joints], self.models[joint].joint)
+            value = arm.at_rest(np.array([known[name] for name in arm.joints]),
+                                self.models[joint].joint)
             signals['coupling' if arm.tree is None else 'rigid_body'] = value
         return signals
 
@@ -257,17 +267,17 @@ class CompensationLaw:
             return "holding the limb is left to the robot's own controller"
         return effect.why_left_out()
 
-    def _collect_never_applied(self):
+    def _collect_never_applied(self) -> None:
         self.never_applied = [
             (j, effect.name, self._why_left_out(effect))
             for j, model in enumerate(self.models) for effect in model.effects
             if self._why_left_out(effect)]
 
-    def _clear_terms(self):
+    def _clear_terms(self) -> None:
         self.terms = {
             name: np.zeros(self.joints) for name in ('kinetic', 'breakaway', 'effects')}
 
-    def _row(self, values, name):
+    def _row(self, values: ArrayLike, name: str) -> np.ndarray:
         row = np.asarray(values, dtype=float)
         if row.shape == (self.joints,):
             return row
@@ -277,7 +287,7 @@ class CompensationLaw:
         return np.broadcast_to(row, self.joints).astype(float)
 
 
-def _entry(values, joint):
+def _entry(values: ArrayLike | None, joint: int) -> float | None:
     """Return one joint's finite value of an optional signal, else None."""
     if values is None:
         return None

@@ -8,8 +8,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from numba import njit
+import numpy as np
 
 from friction_comp.compensation.friction_operator import continuous_current
 from friction_comp.compensation.guards import observe
@@ -22,7 +24,7 @@ these."""
 
 
 @njit(cache=True)
-def printed_current(p, speed):
+def printed_current(p: Any, speed: float) -> float:
     """Return the kinetic term of the printed law in A.
 
     Eq. 6 as it is, but only in motion: the fit says nothing about standstill between the slowest
@@ -37,7 +39,7 @@ def printed_current(p, speed):
 
 
 @njit(cache=True)
-def paper_current(p, s, direction):
+def paper_current(p: Any, s: Any, direction: float) -> float:
     """Return the current of section 2.5 as printed; `kinetic` is the same with direction 0."""
     s.kinetic = printed_current(p, s.speed)
     s.breakaway = 0.0
@@ -50,7 +52,8 @@ def paper_current(p, s, direction):
 
 
 @njit(cache=True)
-def decide(p, s, direction, forward, backward, carried):
+def decide(p: Any, s: Any, direction: float, forward: float, backward: float, carried: float
+           ) -> float:
     """Return the motor current in A for the sample that `observe` took in.
 
     Parameters
@@ -81,14 +84,17 @@ def decide(p, s, direction, forward, backward, carried):
 
 
 @njit(cache=True)
-def observe_bank(p, s, time, position, velocity, known, usable):
+def observe_bank(p: np.ndarray, s: np.ndarray, time: float, position: np.ndarray,
+                 velocity: np.ndarray, known: bool, usable: np.ndarray) -> None:
     """Take in a sample of every joint; rows are joints."""
     for j in range(p.shape[0]):
         usable[j] = observe(p[j], s[j], time, position[j], velocity[j], known)
 
 
 @njit(cache=True)
-def decide_bank(p, s, usable, direction, forward, backward, carried, current):
+def decide_bank(p: np.ndarray, s: np.ndarray, usable: np.ndarray, direction: np.ndarray,
+                forward: np.ndarray, backward: np.ndarray, carried: np.ndarray,
+                current: np.ndarray) -> None:
     """Write every joint's current in A; 0 where the sample cannot be used."""
     for j in range(p.shape[0]):
         if usable[j]:

@@ -52,7 +52,7 @@ class CompensationLoop:
 
     def __init__(self, joints: list[str], law: Any, port: CommandPort, faults: Faults,
                  timeout: int, direction_timeout: float, rests: bool = False,
-                 clock: Callable[[], float] = time.monotonic):
+                 clock: Callable[[], float] = time.monotonic) -> None:
         self.law, self.port, self.faults = law, port, faults
         self.rests, self._clock = rests, clock
         self.states = JointStates(joints, timeout)
@@ -140,20 +140,20 @@ class CompensationLoop:
         if not self.direction.take_stamped(names, velocities, stamp or at, max(at, now)):
             self._refuse_direction()
 
-    def _refuse_direction(self):
+    def _refuse_direction(self) -> None:
         self.faults.seen(
             'direction', 'a direction of wrong length, value or time was counted as 0', WARN)
 
     # The current.
 
-    def _currents(self):
+    def _currents(self) -> Any:
         try:
             return self._compute()
         except Exception as error:
             self.faults.latch('law', f'an error in the law: {error!r}\n{traceback.format_exc()}')
             return self._zeros
 
-    def _compute(self):
+    def _compute(self) -> Any:
         states, law, stamp = self.states, self.law, self.states.stamp
         if states.restarted or states.gap:
             law.reset()
@@ -183,13 +183,13 @@ class CompensationLoop:
             return self._zeros
         return currents
 
-    def _tell_unusable(self):
+    def _tell_unusable(self) -> None:
         if self.states.missing:
             self.faults.seen('missing', f'joint_states lack {", ".join(self.states.missing)}')
         else:
             self.faults.seen('values', 'joint_states hold values that are not finite, or too few')
 
-    def _faded(self, currents, stamp):
+    def _faded(self, currents: Any, stamp: int) -> Any:
         if self._fade == 'begin':
             self._fade = np.asarray(self.port.last) - currents, stamp
         offset, since = self._fade
@@ -200,7 +200,7 @@ class CompensationLoop:
 
     # Watching.
 
-    def _on_silence(self):
+    def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
         drove = any(self.port.last)
         self.port.zero()
@@ -208,7 +208,7 @@ class CompensationLoop:
         self._silent_since = self._clock()
         self.faults.seen('silence', 'no joint_states, or none that are new', lasting=True)
 
-    def _hear_again(self):
+    def _hear_again(self) -> None:
         silence = self._clock() - self._silent_since
         self._silent_since = None
         self.faults.gone('silence')

@@ -31,8 +31,8 @@ class Diagnostics:
         What the node does, in a word or two.
     """
 
-    def __init__(self, node: Any, report: Callable[[], tuple], hardware: str = '',
-                 task: str = 'status'):
+    def __init__(self, node: Any, report: Callable[[], tuple[Any, ...]], hardware: str = '',
+                 task: str = 'status') -> None:
         self._node = node
         self._report = report
         self._status = DiagnosticStatus(
@@ -59,7 +59,7 @@ def per_joint(joints: Sequence[str], key: str, values: Iterable[float]) -> dict[
 class Rate:
     """Counts events and says how many a second there were since it was last asked."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.count = 0
         self._asked = (time.monotonic(), 0)
 

@@ -36,7 +36,7 @@ class _Streams:
     depends on what came before it over another makes the other subscription first.
     """
 
-    def __init__(self, node: Any, timers: list[Any], guard: GuardCondition):
+    def __init__(self, node: Any, timers: list[Any], guard: GuardCondition) -> None:
         self._node, self._timers, self._guard = node, timers, guard
         self._held = ExitStack()
         self._subscriptions: list[tuple[Any, Any, bool, Any, bool]] = []
@@ -85,7 +85,7 @@ class _Streams:
                 taken = self._take(number, begun)
         return begun
 
-    def _take(self, number, begun):
+    def _take(self, number: Any, begun: Any) -> bool:
         handle, kind, raw, callback, message_only = self._subscriptions[number]
         found = handle.take_message(kind, raw)
         if found is None:
@@ -94,7 +94,7 @@ class _Streams:
         return True
 
 
-def _add(result, begun):
+def _add(result: Any, begun: Any) -> None:
     if inspect.iscoroutine(result):
         begun.append(result)
 
@@ -104,15 +104,15 @@ class _Rest:
 
     subscriptions = ()
 
-    def __init__(self, node, fast):
+    def __init__(self, node: Any, fast: Any) -> None:
         self._node = node
         self._fast = set(fast)
 
     @property
-    def timers(self):
+    def timers(self) -> Any:
         return [timer for timer in self._node.timers if timer not in self._fast]
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         return getattr(self._node, name)
 
 
@@ -131,7 +131,7 @@ class StreamExecutor(Executor):
         and are then taken together, which is cheaper.
     """
 
-    def __init__(self, node):
+    def __init__(self, node: Any) -> None:
         self._changed: GuardCondition | None = None
         super().__init__()
         self._changed = GuardCondition(None, None, context=node.context)
@@ -142,19 +142,19 @@ class StreamExecutor(Executor):
         self._nap = getattr(node, 'nap', 0.0)
         self._due = 0.0
 
-    def wake(self):
+    def wake(self) -> None:
         """Take note that the node has got or lost something."""
         super().wake()
         if self._changed is not None:
             self._is_changed = True
             self._changed.trigger()
 
-    def shutdown(self, timeout_sec=None):
+    def shutdown(self, timeout_sec: Any = None) -> Any:
         """Let go of the node."""
         self._streams.close()
         return super().shutdown(timeout_sec)
 
-    def spin_once(self, timeout_sec=None):
+    def spin_once(self, timeout_sec: Any = None) -> None:
         """Take what has come, and look at the rest when it is time, or when not to wait."""
         left = max(0.0, self._due - time.monotonic())
         self._attend(left if timeout_sec is None else min(left, timeout_sec))
@@ -163,7 +163,7 @@ class StreamExecutor(Executor):
                 pass
             self._due = time.monotonic() + _BREATH
 
-    def _attend(self, seconds):
+    def _attend(self, seconds: Any) -> None:
         if self._is_changed:
             self._is_changed = False
             self._streams.renew()
@@ -172,7 +172,7 @@ class StreamExecutor(Executor):
         if self._nap:
             time.sleep(min(self._nap, seconds))
 
-    def _execute_rest(self):
+    def _execute_rest(self) -> bool:
         if not self.context.ok():
             raise ExternalShutdownException
         try:

@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 import math
 from time import monotonic
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -37,10 +39,10 @@ class ExerciseNode(Node):
     arrival, the compensator has the direction before these states in every run.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('exercise')
         self.finished = False
-        self.fast_timers = ()
+        self.fast_timers: Sequence[Any] = ()
         self._joints = declare_joints(self)
         qos = input_qos(self)
         self._movement = self._declare_movement()
@@ -68,8 +70,10 @@ class ExerciseNode(Node):
         if clock not in ('timer', 'ticks'):
             raise InputError(f'parameter clock: must be timer or ticks, not {clock!r}')
 
-        self._start = self._found = None
-        self._last = self._first = None
+        self._start: int | None = None
+        self._found: float | None = None
+        self._last: int | None = None
+        self._first: int | None = None
         self._ticking = clock == 'ticks'
         self._values = [0] * len(self._joints)
         self._columns = JointColumns(self._joints)
@@ -80,7 +84,7 @@ class ExerciseNode(Node):
         self._references = self.create_publisher(JointState, 'reference', RELIABLE)
         self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
         Diagnostics(self, self._report, ', '.join(self._joints), 'exercise')
-        self._origin = None
+        self._origin: np.ndarray | None = None
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
         if self._ticking:
@@ -91,7 +95,7 @@ class ExerciseNode(Node):
             self.fast_timers = [self.create_timer(
                 1.0 / rate, lambda: self._on_tick(self.get_clock().now().nanoseconds))]
 
-    def _declare_movement(self):
+    def _declare_movement(self) -> Any:
         default = ReferenceMovement()
         return ReferenceMovement(
             amplitude=declare(
@@ -118,7 +122,7 @@ class ExerciseNode(Node):
                 self, 'announce_direction', True,
                 "false keeps the direction at 0, the note's case 1", read_only=True))
 
-    def _declare_moving(self):
+    def _declare_moving(self) -> Any:
         names = declare(
             self, 'moving_joints', [], 'joints that move, the others are held; all when empty',
             read_only=True)
@@ -128,7 +132,7 @@ class ExerciseNode(Node):
             raise InputError(f'parameter moving_joints: {unknown} are not in parameter joints')
         return np.array([not names or joint in names for joint in self._joints], dtype=float)
 
-    def _on_joint_states(self, message):
+    def _on_joint_states(self, message: Any) -> None:
         if self._ticking and (
                 self._first is None or nanoseconds(message.header.stamp) < self._first):
             # What came before the first tick came by chance; a run must not depend on it.
@@ -138,7 +142,7 @@ class ExerciseNode(Node):
             return
         self._origin = position
 
-    def _on_tick(self, now):
+    def _on_tick(self, now: Any) -> None:
         if not self._listened_to():
             return
         if now == self._last:
@@ -165,7 +169,7 @@ class ExerciseNode(Node):
             self._reference.name = list(self._joints)
         self._show((now - self._start) / NANO)
 
-    def _listened_to(self):
+    def _listened_to(self) -> bool:
         """Tell whether all listeners are there, and had a moment to find out about it."""
         if self._start is not None or not self._listeners:
             return True
@@ -175,7 +179,7 @@ class ExerciseNode(Node):
         self._found = self._found or monotonic()
         return monotonic() - self._found > _MOMENT
 
-    def _show(self, time):
+    def _show(self, time: float) -> None:
         position, velocity, direction = self._at(time)
         values = direction.astype(int).tolist()
         self._values = values
@@ -189,13 +193,13 @@ class ExerciseNode(Node):
         if time >= self._duration and self._when_done == 'exit':
             self.finished = True
 
-    def _at(self, time):
+    def _at(self, time: float) -> Any:
         """Return position, velocity and direction of each joint, (J,)."""
         if self._script is not None:
             return self._script.at(time)
         return tuple(value * self._moving for value in self._movement.at(time))
 
-    def _report(self):
+    def _report(self) -> Any:
         if self._start is None:
             what = 'joint_states' if self._origin is None else '/clock'
             if not self._listened_to():
@@ -210,13 +214,13 @@ class ExerciseNode(Node):
             'direction': self._values}
         return OK, 'moving' if time < self._duration else 'done', values
 
-    def leave(self):
+    def leave(self) -> None:
         """Take the announcement back."""
         if self.context.ok() and any(self._values):
             self._direction.data = array('b', [0] * len(self._joints))
             self._directions.publish(self._direction)
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> Any:
     """Start the node and return its exit code."""
     return run('exercise', __doc__, ExerciseNode, argv)

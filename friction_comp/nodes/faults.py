@@ -38,7 +38,7 @@ class Faults:
     """
 
     def __init__(self, logger: Any, hold: float = 2.0,
-                 clock: Callable[[], float] = time.monotonic):
+                 clock: Callable[[], float] = time.monotonic) -> None:
         self._logger, self._hold, self._clock = logger, hold, clock
         self._faults: dict[str, _Fault] = {}
         self._latched: dict[str, str] = {}
@@ -125,7 +125,7 @@ class Faults:
             return level, '; '.join(
                 fault.text for fault in self._faults.values() if fault.level == level)
 
-    def _log(self, level, text):
+    def _log(self, level: Any, text: str) -> None:
         # One call each: rclpy keeps one severity for each place in the code.
         if level == ERROR:
             self._logger.error(text)

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
 
@@ -16,7 +17,7 @@ from friction_comp.nodes.parameters import declare
 DEFAULT_SPEEDS = [math.radians(v) for v in (4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80.0, 100.0)]
 
 
-def declare_defaults(node):
+def declare_defaults(node: Any) -> Any:
     """Declare what a goal's empty or zero fields stand for and return it as a dict."""
     speeds = node.declare_parameter(
         'default_speeds', DEFAULT_SPEEDS, ParameterDescriptor(
@@ -37,7 +38,7 @@ def declare_defaults(node):
             1, 100_000, read_only=True)}
 
 
-def make_goal(request, joints, drives, defaults):
+def make_goal(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
     """Turn a goal message into (number of the joint, IdentificationGoal).
 
     Parameters
@@ -65,12 +66,12 @@ def make_goal(request, joints, drives, defaults):
     return number, goal
 
 
-def len_or_value(value):
+def len_or_value(value: Any) -> Any:
     """Return a number as it is, of a sequence its length."""
     return value if isinstance(value, (int, float)) else len(value)
 
 
-def fill_result(message, result):
+def fill_result(message: Any, result: Any) -> None:
     """Copy an IdentificationResult into an IdentifyFriction.Result."""
     message.speeds = [float(value) for value in result.speeds]
     message.currents = [float(value) for value in result.currents]

@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 import time
 import traceback
+from typing import Any
 
 from friction_comp_interfaces.action import IdentifyFriction
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -47,7 +48,7 @@ class IdentificationNode(Node):
     finished = False
     fast_timers = ()
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('identification')
         self._joints = declare_joints(self)
         models = load_models(declare(
@@ -72,8 +73,10 @@ class IdentificationNode(Node):
         self._rate = Rate()
         self._heard = self._fresh = -math.inf
         self._busy = self._silent = False
-        self._run = None
-        self._done = None
+        self._run: IdentificationRun | None = None
+        self._done: Future | None = None
+        self._started: int | None = None
+        self._shown: float | None = None
         self._last_end = ''
         self._refused = ''
         _warm_up(self._drives[0])
@@ -87,7 +90,7 @@ class IdentificationNode(Node):
 
     # The action.
 
-    def _on_goal(self, request):
+    def _on_goal(self, request: Any) -> Any:
         try:
             if self._busy:
                 raise InputError('another goal is running')
@@ -102,7 +105,7 @@ class IdentificationNode(Node):
         self._busy = True
         return GoalResponse.ACCEPT
 
-    def _check_states(self, number):
+    def _check_states(self, number: Any) -> None:
         if time.monotonic() - self._heard > _RECENT:
             raise InputError('there are no joint_states')
         if time.monotonic() - self._fresh > _RECENT:
@@ -110,18 +113,18 @@ class IdentificationNode(Node):
         if self._joints[number] in self._states.missing:
             raise InputError(f'joint_states lack {self._joints[number]}')
 
-    def _check_surroundings(self):
+    def _check_surroundings(self) -> None:
         """Raise InputError where the joint must not be driven, or to no purpose."""
         others = self._port.others()
         if others:
             raise InputError(f'{", ".join(others)} may command the motor: deactivate it first')
         check_folder(self.get_parameter('output_folder').value)
 
-    def _on_cancel(self, goal_handle):
+    def _on_cancel(self, goal_handle: Any) -> Any:
         self._end('canceled', 'cancelled on request')
         return CancelResponse.ACCEPT
 
-    async def _execute(self, goal_handle):
+    async def _execute(self, goal_handle: Any) -> Any:
         result = IdentifyFriction.Result()
         try:
             self._number, goal = make_goal(
@@ -157,7 +160,7 @@ class IdentificationNode(Node):
             goal_handle.abort()
         return result
 
-    def _finish(self, run, joint, result):
+    def _finish(self, run: Any, joint: int, result: Any) -> None:
         """Fit, write the model file, and fill the result in."""
         outcome = run.result()
         path = Path(self.get_parameter('output_folder').value) / f'{joint}.yaml'
@@ -167,7 +170,7 @@ class IdentificationNode(Node):
         result.model_file = str(path)
         result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
-    def _end(self, end, message):
+    def _end(self, end: Any, message: Any) -> None:
         """End the run, if one is on: currents first, words later."""
         if self._run is None:
             return
@@ -179,11 +182,11 @@ class IdentificationNode(Node):
 
     # Topics.
 
-    def _on_temperature(self, message):
+    def _on_temperature(self, message: Any) -> None:
         self._temperature.take(
             message.header.frame_id, message.temperature, nanoseconds(message.header.stamp))
 
-    def _on_joint_states(self, message, info):
+    def _on_joint_states(self, message: Any, info: Any) -> None:
         self._rate.tick()
         now = self.get_clock().now().nanoseconds
         simulated = self.get_clock().ros_time_is_active
@@ -214,7 +217,7 @@ class IdentificationNode(Node):
             self.get_logger().error(traceback.format_exc())
             self._end('aborted', 'an error in the node, see its log')
 
-    def _measure(self, ticket):
+    def _measure(self, ticket: Any) -> None:
         """Answer one joint state."""
         states, number = self._states, self._number
         drive = self._drives[number]
@@ -231,7 +234,7 @@ class IdentificationNode(Node):
                 f'joint_states hold no finite position and effort of {self._joints[number]}')
         temperature = self._temperature.before(states.stamp)
         current = self._run.update(
-            at, *sample,
+            at, sample[0], sample[1], sample[2],
             None if temperature is None else float(temperature[number]))
         commands = [0.0] * len(self._joints)
         commands[number] = 0.0 if self._run.finished else current
@@ -240,7 +243,7 @@ class IdentificationNode(Node):
         if self._run.finished:
             self._end('done', '')
 
-    def _feed_back(self, at, sample):
+    def _feed_back(self, at: Any, sample: Any) -> None:
         now = time.monotonic()
         if self._shown is not None and now - self._shown < self._feedback_period:
             return
@@ -251,12 +254,12 @@ class IdentificationNode(Node):
             velocity=sample[1], current=sample[2])
         self._goal_handle.publish_feedback(feedback)
 
-    def _on_silence(self):
+    def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
         self._port.zero()
         self._silent = True
 
-    def _look(self):
+    def _look(self) -> None:
         """End a goal that nobody stands behind."""
         if self._run is None:
             return
@@ -274,7 +277,7 @@ class IdentificationNode(Node):
         elif others:
             self._end('aborted', f'{", ".join(others)} may command the motor too')
 
-    def _report(self):
+    def _report(self) -> Any:
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'last goal': self._last_end, 'last refusal': self._refused,
                   'listeners to current_command': self._port.listeners}
@@ -290,18 +293,18 @@ class IdentificationNode(Node):
             return WARN, 'no joint_states yet', values
         return OK, 'ready', values
 
-    def let_go(self):
+    def let_go(self) -> None:
         """Command zero current at once and for good; may be called from any thread."""
         self._port.zero(for_good=True)
 
-    def leave(self):
+    def leave(self) -> None:
         """End a running goal with zero current."""
         self._end('aborted', 'the node was stopped')
         self._port.wait()
         self._watchdog.close()
 
 
-def _warm_up(drive):
+def _warm_up(drive: Any) -> None:
     """Have what a goal runs compiled, and its modules read, before the first one comes."""
     goal = IdentificationGoal(
         speeds=(0.4, 0.8), ramp_slope=drive.current_limit / 10.0, ramp_period=1.0)
@@ -311,6 +314,6 @@ def _warm_up(drive):
     identification.abort()
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> Any:
     """Start the node and return its exit code."""
     return run('identification', __doc__, IdentificationNode, argv)

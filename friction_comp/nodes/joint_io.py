@@ -11,6 +11,7 @@ import threading
 import time
 from typing import Any
 
+import numpy as np
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
@@ -78,7 +79,7 @@ class CommandPort:
         Number of values so far that were not finite.
     """
 
-    def __init__(self, node: Any, limits: Sequence[float]):
+    def __init__(self, node: Any, limits: Sequence[float]) -> None:
         self._node = node
         self._topic = node.resolve_topic_name('current_command')
         self.limits = list(limits)
@@ -92,7 +93,7 @@ class CommandPort:
         self._answered = 0
 
     @staticmethod
-    def _make(label, size):
+    def _make(label: Any, size: Any) -> Any:
         message = Float64MultiArray(data=array('d', bytes(8 * size)))
         message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=size)]
         return message
@@ -134,7 +135,7 @@ class CommandPort:
         """
         return sent > self._answered + _CROSSING
 
-    def answer(self, currents: Sequence[float], ticket: int) -> bool:
+    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int) -> bool:
         """Publish currents in A, one a joint, unless zero was commanded since the ticket.
 
         A value that is not finite goes out as zero, one beyond the limit as the limit.

@@ -43,7 +43,7 @@ class JointColumns:
     joints : list of str
     """
 
-    def __init__(self, joints: Sequence[str]):
+    def __init__(self, joints: Sequence[str]) -> None:
         self._joints = list(joints)
         self._names: list[str] | None = None
         self._columns: list[int] | None = None
@@ -62,7 +62,7 @@ class JointColumns:
                 self._pick(message.velocity) if len(message.velocity) else None,
                 self._pick(message.effort))
 
-    def _find(self, names):
+    def _find(self, names: Any) -> None:
         places = {name: k for k, name in enumerate(names)}
         columns = [places.get(name, -1) for name in self._joints]
         # As they stand, the most frequent case, needs no picking.
@@ -70,7 +70,7 @@ class JointColumns:
         self.missing = [name for name in self._joints if name not in places]
         self._names, self._count = names, len(names)
 
-    def _pick(self, values):
+    def _pick(self, values: Any) -> Any:
         if len(values) != self._count:
             return np.full(len(self._joints), np.nan)
         if self._columns is None:
@@ -113,7 +113,7 @@ class JointStates:
         Number of states so far that were late.
     """
 
-    def __init__(self, joints: Sequence[str], timeout: int):
+    def __init__(self, joints: Sequence[str], timeout: int) -> None:
         self._joints, self._timeout = list(joints), timeout
         self._columns = JointColumns(joints)
         self.passed_over = 0
@@ -126,9 +126,9 @@ class JointStates:
         self.position = self.effort = np.full(size, np.nan)
         self.velocity: np.ndarray | None = None
         self.missing = list(self._joints)
-        self._last: dict[tuple, int] = {}
+        self._last: dict[tuple[str, ...], int] = {}
         self._named: list[str] | None = None
-        self._key: tuple = ()
+        self._key: tuple[str, ...] = ()
         self._whole = 0
         self._round = np.full((3, size), np.nan)
         self._heard = [0] * size
@@ -193,7 +193,8 @@ class JointStates:
         self.velocity = _known(velocity, position)
         return NEW
 
-    def _merge(self, stamp, position, velocity, effort, restarted):
+    def _merge(self, stamp: int, position: np.ndarray, velocity: np.ndarray | None,
+               effort: np.ndarray | None, restarted: bool) -> tuple[Any, ...] | None:
         """Add some joints to the round; return the round when it is complete, else None."""
         if restarted:
             self._heard = [0] * len(self._joints)
@@ -229,7 +230,7 @@ def are_finite(values: np.ndarray) -> bool:
     return all(map(math.isfinite, values.tolist()))
 
 
-def _known(velocity, position):
+def _known(velocity: np.ndarray, position: np.ndarray) -> Any:
     """Return the velocity where it is known for every joint with a position, else None."""
     if velocity is None:
         return None

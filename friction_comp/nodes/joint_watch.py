@@ -40,7 +40,7 @@ class LiveSignals:
         N·m/A at each joint.
     """
 
-    def __init__(self, joints: list[str], torque_per_current: list[float]):
+    def __init__(self, joints: list[str], torque_per_current: list[float]) -> None:
         self._joints, self._gains = joints, torque_per_current
         self._due = self._last = 0
         self._held: dict[tuple[str, str], tuple[int, bytes]] = {}
@@ -64,22 +64,22 @@ class LiveSignals:
                 continue
             place = message.name.index(joint)
 
-            def value(values, place=place):
+            def value(values: Any, place: Any = place) -> Any:
                 return values[place] if len(values) > place else math.nan
             self._rows[number].append([
                 stamp * 1e-9, value(message.position), value(message.velocity),
                 value(message.effort) / self._gains[number],
                 self._load(joint, stamp), self._temperature(joint, stamp)])
 
-    def _load(self, joint, stamp):
+    def _load(self, joint: str, stamp: int) -> Any:
         found = self._fresh('interaction_wrench', joint, stamp, WrenchStamped, _LOAD_AGE)
         return math.nan if found is None else found.wrench.torque.z
 
-    def _temperature(self, joint, stamp):
+    def _temperature(self, joint: str, stamp: int) -> Any:
         found = self._fresh('motor_temperature', joint, stamp, Temperature, _HEAT_AGE)
         return math.nan if found is None else found.temperature
 
-    def _fresh(self, topic, joint, stamp, kind, age) -> Any:
+    def _fresh(self, topic: str, joint: str, stamp: int, kind: Any, age: Any) -> Any:
         held = self._held.get((topic, joint))
         if held is None or abs(stamp - held[0]) > age:
             return None
@@ -100,7 +100,7 @@ class JointWatch:
         As for `ResidualWatch`.
     """
 
-    def __init__(self, tolerance: float):
+    def __init__(self, tolerance: float) -> None:
         self._tolerance = tolerance
         self.file = ''
         self.residual: LiveResidual | None = None

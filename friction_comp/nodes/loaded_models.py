@@ -22,7 +22,7 @@ _PATIENCE = 20.0
 class _Turn:
     """Awaited, gives the executor its turn."""
 
-    def __await__(self) -> Generator:
+    def __await__(self) -> Generator[None, None, None]:
         yield
 
 
@@ -41,7 +41,7 @@ class LoadedModels:
         Name of its node.
     """
 
-    def __init__(self, node: Node, compensator: str):
+    def __init__(self, node: Node, compensator: str) -> None:
         self.compensator = compensator
         # How often models were exchanged: what was asked before the last time is out of date.
         self.exchanges = 0
@@ -89,7 +89,7 @@ class LoadedModels:
         self.exchanges += 1
         return before
 
-    async def _answer(self, future) -> Any:
+    async def _answer(self, future: Any) -> Any:
         end = time.monotonic() + _PATIENCE
         while not future.done():
             if time.monotonic() > end:

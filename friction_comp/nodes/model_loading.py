@@ -39,14 +39,14 @@ class Loading:
     """
 
     def __init__(self, files: Sequence[str], load: Callable[[Sequence[str]], Any],
-                 patience: float = PATIENCE):
+                 patience: float = PATIENCE) -> None:
         self.files = tuple(files)
         self._load, self._end = load, time.monotonic() + patience
         self._patience = patience
         self._found: tuple[Any, InputError | None] | None = None
         threading.Thread(target=self._run, name='model loading', daemon=True).start()
 
-    def _run(self):
+    def _run(self) -> None:
         try:
             self._found = self._load(self.files), None
         except InputError as error:
@@ -110,7 +110,7 @@ def warm_up(law: CompensationLaw, joints: int) -> None:
 class _Turn:
     """Awaited, gives the executor its turn."""
 
-    def __await__(self) -> Generator:
+    def __await__(self) -> Generator[None, None, None]:
         yield
 
 
@@ -124,7 +124,7 @@ class PatientParameterService(ParameterService):
         or None where there is nothing to load.
     """
 
-    def __init__(self, node: Any):
+    def __init__(self, node: Any) -> None:
         before = set(node.services)
         super().__init__(node)
         # Of the node's own group nothing else would run while a service waits.
@@ -134,15 +134,15 @@ class PatientParameterService(ParameterService):
             group.add_entity(service)
         self._group = group
 
-    async def _set_parameters_callback(self, request, response):
+    async def _set_parameters_callback(self, request: Any, response: Any) -> Any:
         await self._prepared(request)
         return super()._set_parameters_callback(request, response)
 
-    async def _set_parameters_atomically_callback(self, request, response):
+    async def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
         await self._prepared(request)
         return super()._set_parameters_atomically_callback(request, response)
 
-    async def _prepared(self, request):
+    async def _prepared(self, request: Any) -> None:
         loading = self._get_node().prepare(
             [Parameter.from_parameter_msg(message) for message in request.parameters])
         while loading is not None and not loading.done:

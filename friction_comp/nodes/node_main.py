@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import traceback
-from typing import Any
+from typing import Any, NoReturn
 
 import rclpy
 from rclpy.exceptions import ROSInterruptException
@@ -34,7 +34,7 @@ _SWITCH_INTERVAL = 5e-4
 
 
 class _Parser(argparse.ArgumentParser):
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
         raise InputError(message)
 
 
@@ -109,7 +109,7 @@ class _Signals:
     of the signal through a pipe that the interpreter writes to without waiting for anything.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.caught: list[int] = []
         self._tell: Callable[[], None] | None = None
         self._came = False
@@ -121,13 +121,13 @@ class _Signals:
         threading.Thread(
             target=self._listen, args=(end,), name='signals', daemon=True).start()
 
-    def tell(self, whom):
+    def tell(self, whom: Any) -> None:
         """Call a function, from another thread, when a signal comes, or now if one came."""
         self._tell = whom
         if self._came and whom is not None:
             whom()
 
-    def _listen(self, end):
+    def _listen(self, end: Any) -> None:
         while True:
             if set(os.read(end, 16)) & set(SIGNALS):
                 self._came = True
@@ -135,7 +135,7 @@ class _Signals:
                     self._tell()
 
 
-def _spin(executor, node, caught):
+def _spin(executor: Any, node: Any, caught: Any) -> Any:
     try:
         while not caught and not node.finished:
             executor.spin_once()

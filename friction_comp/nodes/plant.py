@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -128,7 +129,7 @@ class PlantNode(Node):
         self._overruns = 0
         self.fast_timers = [self.create_timer(sample_time, self._on_time, clock=self._steady)]
 
-    def _load_undeclared(self):
+    def _load_undeclared(self) -> Any:
         files = declare(
             self, 'undeclared_effect_files', [],
             "per joint, a file with an effect that no model knows of, or ''", read_only=True)
@@ -140,7 +141,7 @@ class PlantNode(Node):
                 f'not {len(files)}')
         return [Undeclared.from_file(path) if path else None for path in files]
 
-    def _make_messages(self):
+    def _make_messages(self) -> None:
         self._state_message = JointState(name=list(self._joints))
         self._wrench_messages = [WrenchStamped() for _ in self._joints]
         self._heat_messages = [Temperature() for _ in self._joints]
@@ -152,11 +153,11 @@ class PlantNode(Node):
     # What both clocks share.
 
     @property
-    def _stamp(self):
+    def _stamp(self) -> Any:
         """Stamp of the present state in ns."""
         return self._origin + self._samples * self._sample
 
-    def _step(self):
+    def _step(self) -> None:
         time = (self._stamp - self._origin) / NANO
         position, velocity = self._hold.at(time)
         active = None if position is None else np.isfinite(position) & np.isfinite(velocity)
@@ -164,7 +165,7 @@ class PlantNode(Node):
         self._samples += 1
         self._rate.tick()
 
-    def _publish(self):
+    def _publish(self) -> None:
         """Publish what the sensors show: joint states last, since a command answers them."""
         state, stamp = self._plant.state, self._stamp
         if self._samples % self._wrench_every == 0:
@@ -184,14 +185,14 @@ class PlantNode(Node):
         message.effort = array('d', (state.current * self._torque_per_current).tobytes())
         self._states.publish(message)
 
-    def _take_command(self, message):
+    def _take_command(self, message: Any) -> None:
         values = np.array(message.data)
         if values.shape != self._command.shape or not np.isfinite(values).all():
             self._bad_commands += 1
             values = np.zeros_like(self._command)
         self._command = values
 
-    def _on_reference(self, message):
+    def _on_reference(self, message: Any) -> None:
         stamp = nanoseconds(message.header.stamp)
         position, velocity, _ = self._columns.read(message)
         if velocity is not None and message.name:
@@ -201,7 +202,7 @@ class PlantNode(Node):
             self._reference_stamp = stamp
             self._advance()
 
-    def _on_command(self, message):
+    def _on_command(self, message: Any) -> None:
         if self._lockstep:
             unasked = any(part.label == UNASKED for part in message.layout.dim)
             if self._shown and not self._answered and not unasked:
@@ -214,7 +215,7 @@ class PlantNode(Node):
 
     # Lockstep.
 
-    def _advance(self):
+    def _advance(self) -> None:
         """Go as far as what has come allows."""
         while True:
             if not self._shown:
@@ -233,13 +234,13 @@ class PlantNode(Node):
             self._looks = 0
             self._step()
 
-    def _tick(self):
+    def _tick(self) -> None:
         """Publish the present tick; again, where someone had not heard of it."""
         since = self._samples % self._clock_every
         set_stamp(self._clock_message.clock, self._stamp - since * self._sample)
         self._ticks.publish(self._clock_message)
 
-    def _look(self):
+    def _look(self) -> None:
         """Ask again for what does not come: endpoints find each other in their own time."""
         self._advance()
         self._looks += 1
@@ -254,7 +255,7 @@ class PlantNode(Node):
 
     # Real time.
 
-    def _on_time(self):
+    def _on_time(self) -> None:
         now = self._steady.now().nanoseconds
         due = (now - self._started) // self._sample
         if due - self._samples > _LARGEST_LAG:
@@ -269,7 +270,7 @@ class PlantNode(Node):
             self._step()
             self._publish()
 
-    def _report(self):
+    def _report(self) -> Any:
         state = self._plant.state
         values = {
             'clock': 'lockstep' if self._lockstep else 'real_time',
@@ -285,10 +286,10 @@ class PlantNode(Node):
             return WARN, 'commands of wrong length or not finite were taken as zero', values
         return OK, 'running', values
 
-    def leave(self):
+    def leave(self) -> None:
         """Nothing is left behind: the simulated motor ends with its node."""
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> Any:
     """Start the node and return its exit code."""
     return run('plant', __doc__, PlantNode, argv)

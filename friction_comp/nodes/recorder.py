@@ -207,8 +207,8 @@ class RecorderNode(Node):
             for topic in self._topics.values():
                 topic.drain()
             self._date(all_of_them=True)
-            for topic, _, name, _ in TOPICS:
-                self._writer.add_topic(self._topics[topic].name, name)
+            for key, _, name, _ in TOPICS:
+                self._writer.add_topic(self._topics[key].name, name)
             if self._lost():
                 self._writer.custom_data['messages_lost'] = self._lost()
             self._writer.close()

@@ -26,7 +26,7 @@ class Direction:
         s of silence after which d is 0.
     """
 
-    def __init__(self, joints: Sequence[str], timeout: float):
+    def __init__(self, joints: Sequence[str], timeout: float) -> None:
         self.timeout = timeout
         self.refused = 0
         self._numbers = {joint: number for number, joint in enumerate(joints)}
@@ -82,7 +82,8 @@ class Direction:
                    for _, value in mine], min(stamp, now) if ahead else stamp)
         return good
 
-    def _set(self, numbers, values, time):
+    def _set(self, numbers: Sequence[int], values: Sequence[float] | np.ndarray,
+             time: int) -> None:
         mixed, times = self._values.copy(), list(self._times)
         for number, value in zip(numbers, values):
             if times[number] is None or time >= times[number]:
@@ -122,7 +123,7 @@ class MotorTemperature:
     joints : list of str
     """
 
-    def __init__(self, joints: Sequence[str]):
+    def __init__(self, joints: Sequence[str]) -> None:
         self._numbers = {joint: number for number, joint in enumerate(joints)}
         self.forget()
 
@@ -130,7 +131,7 @@ class MotorTemperature:
         """Know nothing until the next reading."""
         self._values = np.full(len(self._numbers), np.nan)
         self._times = [0] * len(self._numbers)
-        self._coming = []
+        self._coming: list[tuple[int, int, float]] = []
 
     def take(self, joint: str, value: float, time: int) -> None:
         """Take a reading in degrees Celsius with its stamp in ns."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
@@ -66,10 +67,12 @@ def observe(seconds: float, arguments: list[str],
 
 
 class _Look:
-    def __init__(self, node, executor, seconds, progress):
+    def __init__(self, node: Any, executor: Any, seconds: Any, progress: Any) -> None:
         self._node, self._executor = node, executor
         self._seconds, self._progress = seconds, progress
-        self._states, self._load, self._commands = [], {}, []
+        self._states: list[Any] = []
+        self._load: dict[str, Any] = {}
+        self._commands: list[Any] = []
         self.seen = Observation(seconds, names={
             name: node.resolve_topic_name(name) for name in TYPES})
         for kind, topic, take in (
@@ -82,24 +85,24 @@ class _Look:
                 (Clock, '/clock', self._on_clock)):
             node.create_subscription(kind, topic, take, _QOS)
 
-    def _on_state(self, message):
+    def _on_state(self, message: Any) -> None:
         self._states.append((time.time(), message))
 
-    def _on_command(self, message):
+    def _on_command(self, message: Any) -> None:
         self._commands.append(list(message.data))
 
-    def _on_wrench(self, message):
+    def _on_wrench(self, message: Any) -> None:
         self._load.setdefault(message.header.frame_id, []).append(
             (time.time(), message.wrench.torque.z))
 
-    def _on_diagnostics(self, message):
+    def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             self.seen.diagnostics[status.name] = ord(status.level), status.message
 
-    def _on_clock(self, message):
+    def _on_clock(self, message: Any) -> None:
         self.seen.clock = True
 
-    def result(self):
+    def result(self) -> Any:
         """Look, and return what was seen."""
         begin = time.monotonic()
         while (passed := time.monotonic() - begin) < self._seconds:
@@ -120,7 +123,7 @@ class _Look:
             seen.parameters[name] = self._parameters(name)
         return seen
 
-    def _see_topics(self):
+    def _see_topics(self) -> None:
         wanted = {*TYPES.values()}
         for name, types in self._node.get_topic_names_and_types():
             if not wanted & set(types):
@@ -131,14 +134,14 @@ class _Look:
                 self._ends(self._node.get_subscriptions_info_by_topic(name)))
 
     @staticmethod
-    def _ends(infos):
+    def _ends(infos: Any) -> Any:
         return [Endpoint(
             f'{info.node_namespace.rstrip("/")}/{info.node_name}',
             info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
             info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
             for info in infos if info.node_name != NAME]
 
-    def _parameters(self, name):
+    def _parameters(self, name: str) -> Any:
         """Return a node's parameters; empty where it does not tell them."""
         listed = self._call(ListParameters, f'{name}/list_parameters', ListParameters.Request())
         names = list(listed.result.names)[:_MOST] if listed else []
@@ -148,7 +151,7 @@ class _Look:
             return {}
         return dict(zip(names, map(parameter_value_to_python, values.values)))
 
-    def _call(self, kind, name, request):
+    def _call(self, kind: Any, name: str, request: Any) -> Any:
         client = self._node.create_client(kind, name)
         try:
             end = time.monotonic() + _PATIENCE
@@ -166,7 +169,7 @@ class _Look:
             self._node.destroy_client(client)
 
 
-def _states_of(messages):
+def _states_of(messages: Any) -> Any:
     """Return joint states as arrays; None where none came."""
     if not messages:
         return None

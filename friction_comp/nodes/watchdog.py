@@ -38,7 +38,7 @@ class Watchdog:
     """
 
     def __init__(self, timeout: float, alarm: Callable[[], None],
-                 clock: Callable[[], float] = time.monotonic):
+                 clock: Callable[[], float] = time.monotonic) -> None:
         self._patience = timeout - min(_EARLY * timeout, _EARLIEST)
         self._alarm, self._clock = alarm, clock
         self._fed: float | None = None
@@ -91,11 +91,11 @@ class Watchdog:
             self._alarm()
         return None
 
-    def _wake(self):
+    def _wake(self) -> None:
         if self._ends is not None:
             os.write(self._ends[1], b'.')
 
-    def _run(self):
+    def _run(self) -> None:
         # Waits with `select`: unlike those of threading, its timeouts never follow a clock that
         # is set.
         while not self._closed:
