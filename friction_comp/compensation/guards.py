@@ -4,7 +4,7 @@
 
 The continuous law computes from positions alone: a velocity that is wrong cannot mislead it. A
 position that the joint cannot have reached is dropped; after a few samples that agree with each
-other, at the latest, they are believed, and the operator starts anew from there. While in doubt
+other, at the latest, they are believed, and the operator starts again from there. While in doubt
 the current is held for `bad_time`, then it is zero.
 """
 

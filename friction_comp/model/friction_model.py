@@ -101,7 +101,7 @@ class FrictionModel:
     arm : Arm, optional
         The rest of the arm, for effects of other joints.
     differentiation : dict
-        How velocity and acceleration are to be had of position when the model is applied to a
+        How velocity and acceleration are derived from position when the model is applied to a
         recording; written by refinement, empty otherwise.
     simulation : dict
         What only the simulated plant reads; never used by identification or compensation.

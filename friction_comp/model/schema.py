@@ -3,7 +3,7 @@
 """What a model must be before a motor is given its currents.
 
 A model file that can be read may still hold a slip of the pen: 99.5 A where 0.0995 A was meant,
-the file of another joint, a coefficient too few. What a model says is therefore held against
+the file of another joint, a coefficient too few. What a model says is therefore checked against
 itself, over the motion that it was identified on: its friction, its breakaway currents and its
 effects must be of one size, and below the drive's limit.
 """

@@ -44,7 +44,7 @@ class LiveResidual:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Start over."""
         self.watch.forget()
         self._rows = np.empty((0, WIDTH))
         self._done = -np.inf
@@ -64,7 +64,7 @@ class LiveResidual:
         if not len(rows):
             return
         if len(self._rows) and rows[0, 0] < self._rows[-1, 0]:
-            # Time began anew: another run.
+            # Time started over: another run.
             self.forget()
         if self._origin is None:
             self._origin = rows[0, 0]

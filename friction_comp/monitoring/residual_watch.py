@@ -105,7 +105,7 @@ class ResidualWatch:
         self._warned = False
 
     def forget(self) -> None:
-        """Begin anew, as with another model."""
+        """Start over, as with another model."""
         self._blocks = np.empty((0, 8))
         self._warned = False
 

@@ -24,7 +24,7 @@ from friction_comp.nodes.watchdog import Watchdog
 _FADE = 0.05
 # A current this near has faded, A.
 _FADED = 1e-7
-# Silence of the driver after which it may have been started anew, and count from another place, s.
+# Silence of the driver after which it may have been restarted, and count from another place, s.
 GONE = 1.0
 # Real s that a compensator must have been alone for another commander to be a newcomer.
 ALONE = 3.0
@@ -214,7 +214,7 @@ class CompensationLoop:
         self.faults.gone('silence')
         if self._drove and silence > GONE and not self.rests:
             self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
-                              'motor was driven: the driver may have been started anew')
+                              'motor was driven: the driver may have been restarted')
 
     def look_around(self, others: Sequence[str]) -> None:
         """Take note of who else has a publisher of the command; to be called often.

@@ -246,7 +246,7 @@ class CompensatorNode(LifecycleNode):
         return super().on_shutdown(state)
 
     def on_error(self, state):
-        """Command zero current; the node can be configured anew."""
+        """Command zero current; the node can be configured again."""
         self._disconnect()
         self._went('unconfigured', 'an error in a transition')
         return TransitionCallbackReturn.SUCCESS

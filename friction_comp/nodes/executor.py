@@ -29,7 +29,7 @@ _NANO = 1_000_000_000
 class _Streams:
     """What is waited for with every message: the subscriptions and fast timers of a node.
 
-    The wait set is made once, and anew only when the node has got or lost a subscription.
+    The wait set is made once, and again only when the node has got or lost a subscription.
 
     Subscriptions come in the order in which the node made them. Before a message is taken from
     one, all that has arrived for those before it has been taken: a node whose answer to one topic
@@ -119,7 +119,7 @@ class _Rest:
 class StreamExecutor(Executor):
     """Waits for messages alone, and looks at services, actions and timers fifty times a second.
 
-    rclpy builds its wait set anew for every callback, from all that a node has: parameter and
+    rclpy builds its wait set again for every callback, from all that a node has: parameter and
     lifecycle services, an action server's five sockets, events, timers. Here a message waits for
     none of that.
 

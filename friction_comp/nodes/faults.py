@@ -46,7 +46,7 @@ class Faults:
         self.count = 0
 
     def seen(self, cause: str, text: str, level: bytes = ERROR, lasting: bool = False) -> None:
-        """Tell of a fault.
+        """Report a fault.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class Faults:
             self._logger.info(f'ended after {fault.seen - fault.begun:.3g} s: {fault.text}')
 
     def clear(self) -> None:
-        """Forget everything, as when the node begins anew."""
+        """Forget everything, as when the node starts over."""
         with self._lock:
             self._faults.clear()
             self._latched.clear()

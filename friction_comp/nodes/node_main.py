@@ -103,7 +103,7 @@ def run(name: str, description: str, make_node: Callable[[], Any],
 
 
 class _Signals:
-    """Catches signals, and tells of them at once.
+    """Catches signals, and reports them at once.
 
     Python's own handlers wait until the main thread comes back from what it does. A thread hears
     of the signal through a pipe that the interpreter writes to without waiting for anything.

@@ -28,7 +28,7 @@ from friction_comp.simulation.person import ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
 
 # Real time between looks at a plant in lockstep that waits. What it waits for is asked for again
-# at the second look in vain: in between, everything that had arrived has been taken in.
+# at the second look without an answer: in between, everything that had arrived has been taken in.
 _LOOK = 0.1
 # Simulated time begins here: in ROS a stamp of zero means that there is none.
 _BEGINNING = NANO

@@ -13,7 +13,7 @@ from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 
 NANO = 1_000_000_000
-# A stamp this much older than the newest of its topic, ns, means that time began anew. Between
+# A stamp this much older than the newest of its topic, ns, means that time started over. Between
 # topics such a difference says only that one was taken from its queue before the other.
 _BACK = NANO
 

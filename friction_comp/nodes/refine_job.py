@@ -127,7 +127,7 @@ class RefineJob:
 
     def _begin(self):
         self.share, self.step = 0.05, 'reading'
-        # The environment's own Python may have been started anew for ROS: that holds for it too.
+        # The environment's own Python may have been restarted for ROS: that holds for it too.
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'friction_comp', 'refine', str(self._recording),
              '--model', str(self._model_file), '--joint', self._joint,

@@ -25,7 +25,7 @@ _EARLY, _EARLIEST = 0.1, 0.005
 class Watchdog:
     """Calls for help when it is not fed for as long as a timeout.
 
-    It begins with the first feeding, calls once, and begins anew with the next feeding.
+    It begins with the first feeding, calls once, and starts over with the next feeding.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
     ----------
     question : Question
     settings : dict
-        How velocity is had of position.
+        How velocity is derived from position.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def unfiltered(raw: Samples) -> Samples:
 
 def moving(samples: Samples, clipped: np.ndarray, slowest: float,
            settings: dict[str, Any]) -> np.ndarray:
-    """Return which samples tell of friction, shape (N,).
+    """Return which samples show friction, shape (N,).
 
     Raises
     ------

@@ -145,7 +145,7 @@ def _waypoints(steps: list[Any], joints: list[str], unit: float,
     if 'hold' not in steps[0]:
         raise InputError('steps[1] must be a hold: a movement from rest has to be announced')
     if 'hold' not in steps[-1]:
-        # The joints come to rest before the exercise ends or begins anew.
+        # The joints come to rest before the exercise ends or starts over.
         times.append(times[-1] + _step('steps[1]', steps[0], joints, positions[-1], unit)[0])
         positions.append(positions[-1])
     if count > 1 and np.abs(positions[-1]).max() > _SAME:

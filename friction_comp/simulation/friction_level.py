@@ -4,8 +4,8 @@
 
 ``g(ω) = max(|f̂(ω)|, g0 + (P - g0)·(1 - e)) + (g_b - g0)·e    with e = exp(-|ω|/ω_s)``
 
-with f̂ of Eq. 6 and its plateau P, the breakaway level g_b drawn anew whenever the joint sticks
-anew, and ``g0 = min(mean g_b, P)``. The printed sigmoid passes through zero near standstill, true
+with f̂ of Eq. 6 and its plateau P, the breakaway level g_b drawn again whenever the joint sticks
+again, and ``g0 = min(mean g_b, P)``. The printed sigmoid passes through zero near standstill, true
 friction does not: it starts at the breakaway level and is Eq. 11 itself once the transition is
 over.
 """
@@ -27,7 +27,7 @@ LEAST_LEVEL = 0.05
 
 @njit(cache=True)
 def draw_levels(p: Record, s: Record, random: np.ndarray) -> None:
-    """Draw the breakaway levels that hold until the joint sticks anew."""
+    """Draw the breakaway levels that hold until the joint sticks again."""
     scatter = min(4.0, max(-4.0, normal(random)))
     s.level_positive = max(0.1 * p.break_positive, p.break_positive + p.std_positive * scatter)
     scatter = min(4.0, max(-4.0, normal(random)))

@@ -36,7 +36,7 @@ from friction_comp.simulation.undeclared import undeclared_torque
 
 SUBSTEPS = 16
 SETTLING = 0.005
-"""A joint that has not slid for so long sticks anew, s."""
+"""A joint that has not slid for so long sticks again, s."""
 
 
 @njit(cache=True)

@@ -27,7 +27,7 @@ from friction_comp.simulation.undeclared import undeclared_torque
 
 SUBSTEPS = 8
 SETTLING = 0.0005
-"""A joint that has not slipped for so long sticks anew, s."""
+"""A joint that has not slipped for so long sticks again, s."""
 RENEWAL = 3.0
 """After sliding for so many of its own deflections the bristle stands on new ground."""
 

@@ -57,7 +57,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     # A domain of its own, on this machine only: no other robot is disturbed.
     with leased_domain() as domain:
-        # Importing ROS 2 may start Python anew: nothing may have happened before.
+        # Importing ROS 2 may start Python again: nothing may have happened before.
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         from friction_comp.nodes.demo_client import DemoClient
         from friction_comp.tools.demo_scenes import TwoJoints, Wear

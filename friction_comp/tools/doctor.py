@@ -115,7 +115,7 @@ def _interfaces() -> Iterator[Finding]:
         wanted = ['friction_comp_interfaces']
     if wanted:
         yield Finding(PROBLEM, 'actions', f'no {", ".join(wanted)}',
-                      'build the package anew: make setup, or colcon build')
+                      'build the package again: make setup, or colcon build')
     else:
         yield Finding(OK, 'actions', 'IdentifyFriction, RefineModel')
 

@@ -27,7 +27,7 @@ class Arm:
     coupling : Coupling, optional
         Terms found without a URDF; gives the samples' `coupling`.
     differentiation : dict
-        How velocity and acceleration of all joints are had of a recording.
+        How velocity and acceleration of all joints are derived from a recording.
     """
 
     tree: Tree | None = None

@@ -208,12 +208,12 @@ class Fit:
         return signs
 
     def refresh(self) -> None:
-        """Compute all columns anew and solve."""
+        """Compute all columns again and solve."""
         self.fill()
         self.solve()
 
     def fill(self) -> None:
-        """Compute all columns anew."""
+        """Compute all columns again."""
         self.samples = self.data.samples
         for term in self.terms:
             self.samples = term.kind.seen_by(self.samples, term.constants)

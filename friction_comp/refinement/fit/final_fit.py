@@ -148,7 +148,7 @@ def to_model(fit: Fit, samples: Samples | None, usable: np.ndarray | None, drive
         Full set of samples to fit the coefficients to once more, the constants kept.
     drive : Drive
     settings : dict
-        How velocity was had of position.
+        How velocity was derived from position.
     """
     if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
         whole = Measured(samples, usable, 0.0, fit.data.scene, fit.data.load_coefficient)

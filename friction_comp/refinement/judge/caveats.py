@@ -52,7 +52,7 @@ def warnings(samples: Samples, scene: Scene) -> list[str]:
     """Return one sentence for everything that the recordings cannot show.
 
     What an effect says cannot be seen is not named either, so that no warning stands beside the
-    very effect that it speaks of.
+    very effect that it refers to.
 
     Parameters
     ----------

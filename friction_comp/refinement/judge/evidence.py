@@ -37,7 +37,7 @@ def advantage(data: FitData, old: np.ndarray, new: np.ndarray) -> tuple[float, f
     """Compare two held-out residuals.
 
     The losses' difference is summed over stretches several times as long as the better model's
-    residual stays correlated. Were the new effect a fancy, the differences would be as often
+    residual stays correlated. If the new effect were chance, the differences would be as often
     negative as positive: Student's t over stretches, and their signs flipped at random.
 
     Returns

@@ -51,7 +51,7 @@ class Outcome:
     unit : str
         Of the current.
     settings : dict
-        How velocity was had of position.
+        How velocity was derived from position.
     """
 
     raw: Samples

@@ -30,7 +30,7 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
     usable : ndarray of bool, shape (N,)
         Samples that may be fitted.
     settings : dict
-        How velocity and acceleration are had of position.
+        How velocity and acceleration are derived from position.
 
     Returns
     -------

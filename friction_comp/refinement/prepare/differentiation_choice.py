@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How velocity and acceleration are best had of a recording: which signal, which bandwidth."""
+"""How velocity and acceleration are best derived: from which signal, at which bandwidth."""
 
 from __future__ import annotations
 

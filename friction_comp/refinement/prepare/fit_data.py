@@ -134,7 +134,7 @@ def sticking_speed(samples: Samples) -> float:
 
 
 def in_motion(samples: Samples, slowest: float, settings: dict[str, Any]) -> np.ndarray:
-    """Return which samples tell of friction: the joint moves, and has moved for a moment.
+    """Return which samples show friction: the joint moves, and has moved for a moment.
 
     Beside standstill, the smoothing of the positions blends rest and motion over about the
     inverse of its bandwidth. Those samples are left out as well, unless so much of the recording
@@ -161,7 +161,7 @@ def beside_gaps(samples: Samples, settings: dict[str, Any]) -> np.ndarray:
     ----------
     samples : Samples
     settings : dict
-        How velocity is had of position.
+        How velocity is derived from position.
     """
     mark = np.zeros(len(samples), dtype=bool)
     bandwidth = settings.get('bandwidth')

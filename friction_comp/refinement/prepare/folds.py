@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is held out: runs or stretches of samples dealt to two folds, whatever file they are in."""
+"""What is held out: runs or stretches of samples in two folds, whatever file they are in."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LEAST_HALF = 0.25
 
 @dataclass(frozen=True)
 class Folds:
-    """How samples were dealt.
+    """How samples were divided.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def split(samples: Samples, usable: np.ndarray, residual: np.ndarray, run: np.nd
 
 
 def _whole_runs(samples: Samples, usable: np.ndarray, run: np.ndarray) -> np.ndarray | None:
-    """Return folds of whole runs, the larger ones dealt first; None where halves are too uneven."""
+    """Return folds of whole runs, larger ones placed first; None where halves are uneven."""
     numbers, sums, where = np.unique(run), [0, 0], {}
     if len(numbers) < 2:
         return None

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Samples made ready for choosing effects: thinned, with a scene, dealt to folds."""
+"""Samples made ready for choosing effects: thinned, with a scene, divided into folds."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class Step:
     held_out_rmse : float
         A.
     evidence : dict
-        Against the final model without it, everything else fitted anew.
+        Against the final model without it, everything else fitted again.
     rivals : list of (type, float)
         What explains nearly the same, and the correlation.
     """
@@ -131,7 +131,7 @@ def chance_of(kind: type[Effect], number: int) -> float:
 
 def adjust_constants(data: FitData, residual: np.ndarray, trial: CandidateFit,
                      thorough: bool = False) -> None:
-    """Adjust all constants of a trial together and count its advantage anew."""
+    """Adjust all constants of a trial together and count its advantage again."""
     adjust = optimizer.gauss_newton_restarted if thorough else optimizer.gauss_newton
     trial.fits = [adjust(fit) for fit in trial.fits]
     trial.residual = held_out_residual(data, trial.fits)

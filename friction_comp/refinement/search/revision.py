@@ -85,7 +85,7 @@ def settle(data: FitData, chosen: Chosen, report: Report | None = None) -> Chose
 
 
 def refitted(fits: Sequence[Fit], place: int) -> list[Fit]:
-    """Return fits without one term, everything else fitted anew."""
+    """Return fits without one term, everything else fitted again."""
     return [optimizer.gauss_newton_restarted(fit.without(place)) for fit in fits]
 
 
@@ -112,7 +112,7 @@ def prune(data: FitData, chosen: Chosen) -> bool:
     """Take back effects without evidence, or without sense, in the whole; tell whether any was.
 
     The order in which effects came may have needed a stand-in for one that came later. Every
-    effect is left out in turn, the others fitted anew, and stays out where held-out data do not
+    effect is left out in turn, the others fitted again, and stays out where held-out data do not
     miss it.
     """
     least, any_gone = least_advantage(data), False
