@@ -6,7 +6,7 @@
 #   make setup   only the environment in .venv/, which the others make by themselves
 #   make lint    only the checks of style and types
 #   make docs    the documentation as pages, build/docs/index.html
-#   make bench   what the package takes, in time
+#   make bench   what the package takes, in time: some minutes; make bench-full runs every table, for hours
 #   make clean   removes the environment and all builds
 #
 # Needs Python 3.10 or later with venv, and a C++ compiler. Where a ROS 2 installation is sourced,
@@ -39,7 +39,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport LD_LIBRARY_PATH
 endif
 
-.PHONY: demo test setup lint docs bench clean
+.PHONY: demo test setup lint docs bench bench-full clean
 .DELETE_ON_ERROR:
 
 setup: $(VENV)/installed
@@ -63,6 +63,10 @@ docs: setup
 	@echo build/docs/index.html
 
 bench: setup
+	@set -e; for file in bench/speed.py bench/many_recordings.py bench/watch_cost.py; do \
+		echo "$$file"; $(BIN)/python "$$file"; done
+
+bench-full: setup
 	@set -e; for file in bench/*.py; do echo "$$file"; $(BIN)/python "$$file"; done
 
 clean:

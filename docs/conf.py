@@ -32,3 +32,4 @@ suppress_warnings = ['myst.xref_missing']
 
 # Written from the classes before anything is read.
 effect_pages.write_pages(HERE / 'effects')
+effect_pages.write_thresholds(HERE / 'effects' / 'thresholds.inc')

@@ -12,6 +12,7 @@ import numpy as np
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.scene import Scene
+from friction_comp.refinement.thresholds import table
 from friction_comp.samples import Samples
 
 # What a recording has to hold for effects of a variable to be found and told apart.
@@ -126,3 +127,8 @@ def motion(axis):
         rigid_body=5.0 * ramp, coupling=ramp)
 
 
+def write_thresholds(path: Path) -> None:
+    """Write the table of what refinement asks for, from where refinement takes it."""
+    lines = ['| name | value | unit | why |', '|---|---|---|---|']
+    lines += [f'| `{name}` | {value:g} | {unit} | {why} |' for name, value, unit, why in table()]
+    path.write_text('\n'.join(lines) + '\n', encoding='utf-8')

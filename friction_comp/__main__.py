@@ -34,7 +34,7 @@ TOOLS = {
     'predict': "writes a model's current for a recording beside the measured one",
 }
 USAGE = '\n'.join([
-    'usage: python3 -m friction_comp [--help] [--version] NAME [ARGUMENT ...]',
+    'usage: python3 -m friction_comp [--help] [--version] [--completion] NAME [ARGUMENT ...]',
     '',
     'nodes (they take ROS arguments after --ros-args):',
     *(f'  {name:<15} {text}' for name, text in NODES.items()),
@@ -42,6 +42,16 @@ USAGE = '\n'.join([
     'tools (each tells its arguments with --help):',
     *(f'  {name:<15} {text}' for name, text in TOOLS.items()),
 ])
+COMPLETION = f"""_friction_comp() {{
+  local word=${{COMP_WORDS[COMP_CWORD]}}
+  if [ "$COMP_CWORD" = 1 ]; then
+    COMPREPLY=($(compgen -W '{' '.join((*NODES, *TOOLS))}' -- "$word"))
+  elif [ "${{word#-}}" != "$word" ]; then
+    local options=$("$1" "${{COMP_WORDS[1]}}" --help | grep -o -- '--[a-z-]*' | sort -u)
+    COMPREPLY=($(compgen -W "$options" -- "$word"))
+  fi
+}}
+complete -o default -F _friction_comp friction_comp"""
 NODE_USAGE = """usage: python3 -m friction_comp {name} [--help] [--ros-args ...]
 
 {text}
@@ -123,6 +133,9 @@ def main(argv: list[str] | None = None) -> int:
     first = argv[0] if argv else None
     if first in ('-h', '--help'):
         print(USAGE)
+        return 0
+    if first == '--completion':
+        print(COMPLETION)
         return 0
     if first == '--version':
         print(f'friction_comp {__version__}')

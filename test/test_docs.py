@@ -14,6 +14,7 @@ import yaml
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.scene import VARIABLES
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.note.published import EXPERIMENTS
 
 DOCS = Path(__file__).resolve().parent.parent / 'docs'
 
@@ -39,6 +40,21 @@ def test_every_effect_has_a_page_that_says_how_to_record_for_it(pages, tmp_path)
         for picture in re.findall(r'\]\((\w+\.svg)\)', page):
             assert '<svg' in (tmp_path / picture).read_text(encoding='utf-8')
     assert len(list(tmp_path.glob('*.svg'))) > len(EFFECTS) / 2
+
+
+def test_what_is_said_of_the_note_follows_from_its_own_numbers():
+    spec = importlib.util.spec_from_file_location('note_figures', DOCS / 'note_figures.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    page = (DOCS / 'note_errors.md').read_text(encoding='utf-8')
+    told = re.findall(r'^\| (configuration .+) \|$', page, re.MULTILINE)
+    assert told == [' | '.join(cells) for cells in module.tables()]
+    for words in module.sentences():
+        assert words.split()[0] in page
+        assert words.partition(' ')[2] in page
+    published = {e.number: e for e in EXPERIMENTS}
+    assert list(module.BREAKAWAY) == [published[k].breakaway for k in (1, 2, 3)]
+    assert list(module.PEAK) == [published[k].peak_kinetic for k in (1, 2, 3)]
 
 
 def test_the_yaml_of_the_own_robot_loads():

@@ -70,6 +70,13 @@ def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp
     assert one['after'] == json.loads((out / 'day_0' / 'report.json').read_text())['after']
 
 
+def test_a_program_gets_the_report_on_standard_output(tmp_path, capsys):
+    write_samples(tmp_path / 't', trial([1.0] * 4, directions=[1, -1] * 2))
+    assert run('evaluate', [str(tmp_path / 't'), '--output', str(tmp_path / 'o'), '--json']) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(
+        (tmp_path / 'o' / 'report.json').read_text())
+
+
 def test_nothing_to_be_used_is_an_error(tmp_path, capsys):
     (tmp_path / 'a.mcap').write_bytes(b'no recording')
     (tmp_path / 'b.mcap').write_bytes(b'nor this')

@@ -66,6 +66,21 @@ print(*sys.modules)
     assert not set(SLOW) & set(run(code).split())
 
 
+def test_bash_completes_names_and_options(tmp_path):
+    script = tmp_path / 'try.sh'
+    script.write_text(f"""
+friction_comp() {{ {sys.executable} -m friction_comp "$@"; }}
+eval "$(friction_comp --completion)"
+complete_it() {{ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=()
+  _friction_comp friction_comp; echo "${{COMPREPLY[@]}}"; }}
+complete_it friction_comp re
+complete_it friction_comp refine --ea
+""", encoding='utf-8')
+    done = subprocess.run(['bash', str(script)], cwd=ROOT, capture_output=True, text=True,
+                          check=False)
+    assert done.stdout.splitlines() == ['recorder refinement reproduce refine', '--each']
+
+
 def test_nothing_is_compiled_by_an_import(tmp_path):
     rooms = [path for path in (ROOT / 'friction_comp').rglob('*.py')
              if path.stem != '__main__' and 'nodes' not in path.parts]

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the README tells people to type is there to be typed."""
 
+import importlib.util
+import json
 from pathlib import Path
 import re
 from xml.dom import minidom
@@ -47,6 +49,18 @@ def test_files_and_targets_that_are_named_exist():
     makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
     for target in re.findall(r'make (demo|test|setup)\b', README):
         assert re.search(rf'^{target}:', makefile, re.MULTILINE)
+
+
+@pytest.mark.parametrize('name', ['demo', 'reproduce'])
+def test_quoted_tables_are_what_is_stored_of_their_command(name):
+    spec = importlib.util.spec_from_file_location(
+        'quote_figures', ROOT / 'docs' / 'quote_figures.py')
+    quote = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(quote)
+    numbers = json.loads((ROOT / 'docs' / 'figures' / f'{name}.json').read_text(encoding='utf-8'))
+    assert quote.quoted(README, name) == quote.KINDS[name][1](numbers)
+    # The command stands beside the table.
+    assert f'`{numbers["command"]}' in README.partition(f'<!-- {name} -->')[0][-700:]
 
 
 def test_the_figure_is_sound():

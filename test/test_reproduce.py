@@ -3,6 +3,7 @@
 """The note's experiments in small."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,9 @@ from friction_comp.__main__ import run
 from friction_comp.note.condition_runs import run_trial
 from friction_comp.note.identify import identify_breakaway
 from friction_comp.note.published import EXPERIMENTS
+
+QUOTED = json.loads((Path(__file__).resolve().parent.parent / 'docs' / 'figures'
+                     / 'reproduce.json').read_text(encoding='utf-8'))
 
 
 @pytest.mark.parametrize('experiment', EXPERIMENTS, ids=lambda e: f'configuration {e.number}')
@@ -55,6 +59,12 @@ def test_whole_tool(tmp_path):
         assert peaks['paper'] < peaks['kinetic']
         assert peaks['kinetic'] < peaks['none']
         assert found['false_starts'] == {'paper': 0, 'continuous': 0}
+        # What README quotes is still so: docs/quote_figures.py writes it anew.
+        quoted = QUOTED['configurations'][str(experiment.number)]
+        for name, value in quoted['peak_torque'].items():
+            assert peaks[name] == pytest.approx(value, rel=0.02, abs=0.01), name
+        for name, value in quoted['peak_reduction'].items():
+            assert reductions[name] == pytest.approx(value, abs=0.02), name
 
 
 def test_bad_arguments_leave_nothing(tmp_path, capsys):

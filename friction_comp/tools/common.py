@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 from argparse import Namespace
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 import json
 import os
@@ -34,10 +34,13 @@ class Arguments(argparse.ArgumentParser):
     with `ros2 run` from a launch file.
     """
 
-    def __init__(self, name: str, description: str, **options: Any) -> None:
+    def __init__(self, name: str, description: str, examples: Sequence[str] = (),
+                 **options: Any) -> None:
+        lines = [f'  python3 -m friction_comp {name} {example}' for example in examples]
         super().__init__(
             prog=f'python3 -m friction_comp {name}', description=description,
-            allow_abbrev=False, **options)
+            allow_abbrev=False, epilog='\n'.join(['examples:', *lines]) if lines else None,
+            formatter_class=argparse.RawDescriptionHelpFormatter, **options)
         self._name = name
 
     def error(self, message: str) -> NoReturn:
@@ -73,6 +76,12 @@ class Arguments(argparse.ArgumentParser):
             help='k_t in N·m/A: current is effort / (k_t · n)')
         self.add_argument('--gear-ratio', metavar='N', type=positive, help='n, motor turns per '
                           'joint turn')
+        return self
+
+    def add_json(self) -> Arguments:
+        """Add --json."""
+        self.add_argument('--json', action='store_true',
+                          help='print the content of report.json instead of words')
         return self
 
     def add_output(self,

@@ -38,7 +38,7 @@ def main(argv: list[str] | None = None) -> int:
     InputError
         If an argument cannot be used, or a node fails.
     """
-    parser = Arguments('demo', __doc__)
+    parser = Arguments('demo', __doc__, ('--watch', '--scene two_joints', '--scene wear --watch'))
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
                         help='folder for models, recordings and the report (%(default)s)')
     parser.add_argument('--repetitions', metavar='N', type=whole_number(), default=3,

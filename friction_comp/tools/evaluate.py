@@ -30,7 +30,10 @@ def main(argv: list[str] | None = None) -> int:
     InputError
         If no recording can be used.
     """
-    parser = Arguments('evaluate', __doc__).add_recordings().add_output()
+    parser = Arguments('evaluate', __doc__, (
+        'trial_without trial_with --output evaluation',
+        'sessions --model elbow.yaml --jobs 2 --output weeks')
+    ).add_recordings().add_output().add_json()
     parser.add_argument(
         '--model', metavar='FILE', type=Path,
         help='model file: tells, also without a torque sensor, what current the movements asked '
@@ -62,6 +65,9 @@ def main(argv: list[str] | None = None) -> int:
             (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
             (folder / 'repetitions.csv').write_text(table.getvalue(), encoding='utf-8')
             evaluation_report(evaluations, names).save(folder / 'report.html')
+    if arguments.json:
+        print(to_json(content), end='')
+        return 0
     for evaluation in evaluations:
         if len(evaluations) > 1:
             print(f'{evaluation.joint}:')

@@ -37,7 +37,11 @@ def main(argv: list[str] | None = None) -> int:
     InputError
         If recordings, model or output cannot be used.
     """
-    parser = Arguments('refine', __doc__).add_recordings().add_drive().add_output()
+    parser = Arguments('refine', __doc__, (
+        'trial --model elbow.yaml --output refined',
+        'trial --torque-constant 0.119 --gear-ratio 100 --output refined',
+        'sessions --each --model elbow.yaml --output refined_sessions')
+    ).add_recordings().add_drive().add_output().add_json()
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help="model to start from; without it the note's sigmoid is fitted first")
     parser.add_argument('--urdf', metavar='FILE', type=Path,
@@ -96,6 +100,9 @@ def main(argv: list[str] | None = None) -> int:
             (folder / 'report.json').write_text(to_json(result.report), encoding='utf-8')
             refinement_report(result, names).save(folder / 'report.html')
             result.model.save(folder / 'model.yaml')
+    if arguments.json:
+        print(to_json(result.report), end='')
+        return 0
     print_summary(result.report)
     print(arguments.output / 'report.html')
     return 0

@@ -69,6 +69,9 @@ def refine_whole_arm(arguments: Namespace) -> int:
                                'urdf': str(arguments.urdf), **limits[name]}
         with output_folder(arguments.output) as folder:
             _write(folder, result, names, arguments.joint)
+    if arguments.json:
+        print((arguments.output / 'report.json').read_text(encoding='utf-8'), end='')
+        return 0
     _print(result)
     print(arguments.output / 'report.html')
     return 0

@@ -96,6 +96,9 @@ def refine_each(arguments: Namespace) -> int:
             with output_folder(arguments.output) as folder:
                 (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
                 each_report(content).save(folder / 'report.html')
+    if arguments.json:
+        print(to_json(content), end='')
+        return 130 if interrupted else 0
     _print(content)
     if rows:
         print(arguments.output / 'report.html')

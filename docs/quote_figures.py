@@ -1,0 +1,138 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Keeps the figures that the README quotes: taken from what a command wrote, and from nowhere else.
+
+    make demo && python3 docs/quote_figures.py demo friction_comp_demo/report.json
+    python3 -m friction_comp reproduce --output reproduction --cycles 200
+    python3 docs/quote_figures.py reproduce reproduction/results.json
+
+stores the few numbers in docs/figures/ and writes the README's table anew. Tests compare the README
+with what is stored, and what is stored with the experiments themselves.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+import json
+from pathlib import Path
+import re
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+STORED = ROOT / 'docs' / 'figures'
+_CONFIGURATIONS = ('1', '2', '3')
+
+
+def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
+    """Return what is quoted of a demo's report.json."""
+    return {'command': 'make demo', 'trials': {
+        trial['name']: [trial['peak_torque'], trial['rms_torque']] for trial in report['trials']},
+        'residual': [report['residual']['before'], report['residual']['after']]}
+
+
+def demo_table(numbers: dict[str, Any]) -> list[str]:
+    """Return the README's table of the demo."""
+    lines = ['| | peak, N·m | RMS, N·m | current error, mA |', '|---|---|---|---|']
+    errors = dict(zip(('compensated', 'refined'), numbers['residual']))
+    for name, title in (('none', 'no compensation'), ('kinetic', 'kinetic friction only, d = 0'),
+                        ('compensated', 'identified model, d = ±1'),
+                        ('refined', 'refined model, d = ±1')):
+        peak, rms = numbers['trials'][name]
+        error = f'{1e3 * errors[name]:#.3g}' if name in errors else ''
+        lines.append(f'| {title} | {peak:#.3g} | {rms:#.3g} | {error} |'.replace('|  |', '| |'))
+    return lines
+
+
+def reproduce_numbers(results: dict[str, Any]) -> dict[str, Any]:
+    """Return what is quoted of the tool reproduce's results.json."""
+    kept = {}
+    for number in _CONFIGURATIONS:
+        found = results['configurations'][number]
+        breakaway = found['breakaway']
+        kept[number] = {
+            'breakaway': [0.5 * (breakaway['positive_mean'] - breakaway['negative_mean']),
+                          0.5 * (breakaway['positive_std'] + breakaway['negative_std'])],
+            **{name: found[name] for name in ('peak_torque', 'peak_reduction', 'false_starts')}}
+    return {'command': 'python3 -m friction_comp reproduce --output reproduction --cycles 200',
+            'configurations': kept}
+
+
+def reproduce_table(numbers: dict[str, Any]) -> list[str]:
+    """Return the README's table of the note's experiments."""
+    every = [numbers['configurations'][number] for number in _CONFIGURATIONS]
+
+    def row(title: str, cell: Callable[[dict[str, Any]], str], note: tuple[str, ...] = ()) -> str:
+        cells = [cell(one) for one in every]
+        if note:
+            cells = [f'{text} ({own})' for text, own in zip(cells, note)]
+        return f'| {title} | {" | ".join(cells)} |'
+
+    def torque(name: str) -> Callable[[dict[str, Any]], str]:
+        return lambda one: f'{one["peak_torque"][name]:.2f}'
+
+    def friction_part(one: dict[str, Any]) -> str:
+        peak = one['peak_torque']
+        share = (peak['none'] - peak['continuous']) / (peak['none'] - peak['inertia'])
+        return f'{100 * share:.0f} %'
+    return [
+        '| | configuration 1 | configuration 2 | configuration 3 |', '|---|---|---|---|',
+        row('breakaway current, mA', lambda one: '{:.1f} ± {:.1f}'.format(
+            *(1e3 * value for value in one['breakaway'])),
+            ('99.5 ± 3.4', '137.7 ± 4.3', '335.7 ± 17.2')),
+        row('peak torque to start, N·m: no compensation', torque('none')),
+        row('kinetic only, d = 0', torque('kinetic'), ('0.98', '1.28', '6.02')),
+        row("the note's law, d = ±1", torque('paper'), ('0.39', '0.44', '1.21')),
+        row('continuous law, d = ±1', torque('continuous')),
+        row('the same joint without friction', torque('inertia')),
+        row("reduction of the peak against d = 0: the note's law",
+            lambda one: f'{100 * one["peak_reduction"]["paper"]:.0f} %', ('60 %', '65 %', '80 %')),
+        row('continuous law', lambda one: f'{100 * one["peak_reduction"]["continuous"]:.0f} %'),
+        row("continuous law: friction's part of the peak without compensation taken away",
+            friction_part),
+        row("false starts in an hour, breakaway 10 % too large: note's / continuous law",
+            lambda one: '{paper} / {continuous}'.format(**one['false_starts']))]
+
+
+KINDS = {'demo': (demo_numbers, demo_table), 'reproduce': (reproduce_numbers, reproduce_table)}
+
+
+def quoted(text: str, name: str) -> list[str]:
+    """Return the table of that name in the README's text.
+
+    Raises
+    ------
+    SystemExit
+        If it is not there.
+    """
+    found = re.search(_pattern(name), text, re.DOTALL)
+    if not found:
+        raise SystemExit(f'README.md: no table between <!-- {name} --> and <!-- end -->')
+    return found[1].splitlines()
+
+
+def _pattern(name: str) -> str:
+    return rf'(?<=<!-- {name} -->\n)(.*?)(?=\n<!-- end -->)'
+
+
+def main() -> None:
+    """Store the figures and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('name', choices=KINDS)
+    parser.add_argument('result', type=Path, help='the JSON file that the command wrote')
+    arguments = parser.parse_args()
+    numbers_of, table_of = KINDS[arguments.name]
+    numbers = numbers_of(json.loads(arguments.result.read_text(encoding='utf-8')))
+    readme = ROOT / 'README.md'
+    text = readme.read_text(encoding='utf-8')
+    quoted(text, arguments.name)
+    STORED.mkdir(exist_ok=True)
+    (STORED / f'{arguments.name}.json').write_text(
+        json.dumps(numbers, indent=1, ensure_ascii=False) + '\n', encoding='utf-8')
+    table = '\n'.join(table_of(numbers))
+    readme.write_text(re.sub(_pattern(arguments.name), lambda _: table, text, flags=re.DOTALL),
+                      encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
