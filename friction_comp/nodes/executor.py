@@ -133,7 +133,7 @@ class StreamExecutor(Executor):
 
     def __init__(self, node: Any) -> None:
         self._changed: GuardCondition | None = None
-        super().__init__()
+        super().__init__(context=node.context)
         self._changed = GuardCondition(None, None, context=node.context)
         self._is_changed = True
         self.add_node(node)

@@ -1,0 +1,131 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The executor of all nodes: what comes first, what comes later, and what may change meanwhile."""
+
+import time
+
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from ros_system import own_domain, PATIENCE, probe_node, RELIABLE
+from std_msgs.msg import Int32
+from std_srvs.srv import Trigger
+
+from friction_comp.nodes.executor import StreamExecutor
+
+
+class Listener(Node):
+    """Notes what it hears, in order."""
+
+    def __init__(self, context, nap):
+        super().__init__('listener', context=context)
+        self.heard, self.fast_timers, self.nap = [], [], nap
+        for topic in ('first', 'second'):
+            self.create_subscription(
+                Int32, topic, lambda m, topic=topic: self.hear(topic, m), RELIABLE)
+        self.create_service(Trigger, 'ask', self.answer)
+
+    def hear(self, topic, message):
+        self.heard.append((topic, message.data))
+
+    def answer(self, _, response):
+        response.message = 'heard'
+        return response
+
+
+@pytest.fixture(params=[0.0, 0.005], ids=['at once', 'in handfuls'])
+def room(request):
+    with own_domain(), probe_node() as probe:
+        context = Context()
+        rclpy.init(context=context)
+        node = Listener(context, request.param)
+        executor = StreamExecutor(node)
+        probe.talk(Int32, 'first', RELIABLE)
+        probe.talk(Int32, 'second', RELIABLE)
+        for publisher in probe._published.values():
+            probe.matched(publisher)
+        try:
+            yield probe, node, executor
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+            rclpy.try_shutdown(context=context)
+
+
+def until(executor, condition):
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        executor.spin_once(0.05)
+
+
+def test_what_came_over_an_earlier_subscription_is_taken_first(room):
+    probe, node, executor = room
+    for k in range(20):
+        node.heard.clear()
+        for topic, number in (('second', k), ('first', k), ('first', k + 1)):
+            probe._published[topic].publish(Int32(data=number))
+        # All of it has arrived before the node looks.
+        assert all(one.wait_for_all_acked(rclpy.duration.Duration(seconds=PATIENCE))
+                   for one in probe._published.values())
+        until(executor, lambda: len(node.heard) == 3)
+        assert node.heard == [('first', k), ('first', k + 1), ('second', k)]
+
+
+def test_subscriptions_may_come_and_go_in_a_callback(room):
+    probe, node, executor = room
+    added = []
+
+    def change(message):
+        node.heard.append(('third', message.data))
+        node.destroy_subscription(added.pop())
+    third = probe.talk(Int32, 'third', RELIABLE)
+    for k in range(3):
+        added.append(node.create_subscription(Int32, 'third', change, RELIABLE))
+        until(executor, lambda: third.get_subscription_count() == 1)
+        third.publish(Int32(data=k))
+        until(executor, lambda k=k: ('third', k) in node.heard)
+        until(executor, lambda: third.get_subscription_count() == 0)
+    probe._published['second'].publish(Int32(data=7))
+    until(executor, lambda: ('second', 7) in node.heard)
+
+
+def test_services_and_callbacks_that_wait_go_on_beside_the_messages(room):
+    probe, node, executor = room
+    client = probe.create_client(Trigger, 'ask')
+    end = time.monotonic() + PATIENCE
+    while not client.service_is_ready():
+        assert time.monotonic() < end
+        probe.spin_for(0.02)
+    future, k = client.call_async(Trigger.Request()), 0
+    while not future.done():
+        assert time.monotonic() < end
+        k += 1
+        probe._published['first'].publish(Int32(data=k))
+        executor.spin_once(0.001)
+        probe.spin_for(0.0)
+        probe._executor_.spin_once(timeout_sec=0.001)
+    assert future.result().message == 'heard'
+    until(executor, lambda: ('first', k) in node.heard)
+
+    async def later(message):
+        node.heard.append(('later', message.data))
+    node.create_subscription(Int32, 'first', later, RELIABLE)
+    until(executor, lambda: probe._published['first'].get_subscription_count() == 2)
+    probe._published['first'].publish(Int32(data=-1))
+    until(executor, lambda: ('later', -1) in node.heard)
+
+
+def test_an_error_in_a_callback_ends_the_spinning(room):
+    probe, node, executor = room
+
+    def fail(*_):
+        raise ZeroDivisionError('as if')
+    node.hear = fail
+    probe._published['first'].publish(Int32(data=1))
+    with pytest.raises(ZeroDivisionError):
+        until(executor, lambda: False)

@@ -1,0 +1,59 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS domain of one's own: nobody gets it while it is held, whoever else uses the machine."""
+
+from contextlib import ExitStack
+import os
+import signal
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.tools import ros_domain
+from friction_comp.tools.ros_domain import domains_in_use, leased_domain
+
+HOLD = """
+import sys
+from friction_comp.tools.ros_domain import leased_domain
+with leased_domain() as number:
+    print(number, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_whoever_holds_one_has_it_alone_and_a_killed_process_gives_it_back(monkeypatch):
+    monkeypatch.setattr(ros_domain, '_DOMAINS', range(95, 98))
+    free = set(ros_domain._DOMAINS) - domains_in_use()
+    with ExitStack() as stack:
+        held = []
+        with pytest.raises(InputError, match='in use'):
+            while True:
+                held.append(stack.enter_context(leased_domain()))
+        assert len(held) == len(set(held)) <= len(free)
+    other = subprocess.Popen(
+        [sys.executable, '-c', HOLD.replace(
+            'with', 'from friction_comp.tools import ros_domain\n'
+            'ros_domain._DOMAINS = range(95, 98)\nwith')],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
+    number = int(other.stdout.readline())
+    try:
+        assert ros_domain._lock(number) is None
+    finally:
+        other.send_signal(signal.SIGKILL)
+        other.communicate()
+    lock = ros_domain._lock(number)
+    assert lock is not None
+    os.close(lock)
+
+
+@pytest.mark.skipif(not ros_domain._SOCKETS[0].exists(), reason='needs /proc')
+def test_one_that_somebody_uses_without_asking_is_known_by_its_sockets():
+    # Of the first participant in domain 99, for unicast discovery.
+    port = 7400 + 250 * 99 + 10
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(('127.0.0.1', port))
+        assert 99 in domains_in_use()
