@@ -8,7 +8,7 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.model.differentiation import differentiate
 from friction_comp.refinement import refine
-from friction_comp.refinement.fit.effect_sum import solve
+from friction_comp.refinement.fit.robust_regression import solve
 from friction_comp.refinement.judge.evidence import ranks_tail
 from friction_comp.refinement.judge.residual_dependence import inseparable
 from friction_comp.refinement.prepare.differentiation_choice import velocity_against_position

@@ -15,8 +15,8 @@ from friction_comp.model.effects import EFFECTS, Scene
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
-from friction_comp.refinement.fit.effect_sum import solve
 from friction_comp.refinement.fit.harmonics import exact_families, family_of
+from friction_comp.refinement.fit.robust_regression import solve
 from friction_comp.refinement.prepare.folds import runs_of, split
 from friction_comp.refinement.thresholds import table
 from friction_comp.refinement.units import in_unit

@@ -15,7 +15,8 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.fit import gauss_newton as optimizer
-from friction_comp.refinement.fit.effect_sum import huber_loss, Term
+from friction_comp.refinement.fit.effect_sum import Term
+from friction_comp.refinement.fit.robust_regression import huber_loss
 from friction_comp.refinement.prepare.fit_data import Measured
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.refinement.fit.effect_sum import huber_loss, side_by_side, solve
+from friction_comp.refinement.fit.robust_regression import huber_loss, side_by_side, solve
 
 if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit

@@ -11,7 +11,8 @@ import math
 import numpy as np
 
 from friction_comp.model.effects import Effect
-from friction_comp.refinement.fit.effect_sum import Fit, huber_loss
+from friction_comp.refinement.fit.effect_sum import Fit
+from friction_comp.refinement.fit.robust_regression import huber_loss
 
 # Multiples of a base up to this are looked for: teeth, poles, slots and twice as many.
 _MOST_MULTIPLE = 12

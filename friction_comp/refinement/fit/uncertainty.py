@@ -17,7 +17,7 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.fit.effect_sum import huber_weights, robust_scale
+from friction_comp.refinement.fit.robust_regression import huber_weights, robust_scale
 from friction_comp.refinement.prepare.correlation import stretches
 from friction_comp.refinement.prepare.fit_data import FitData
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from friction_comp.refinement.fit.effect_sum import huber_loss, robust_scale
+from friction_comp.refinement.fit.robust_regression import huber_loss, robust_scale
 from friction_comp.refinement.prepare.correlation import stretches
 
 if TYPE_CHECKING:

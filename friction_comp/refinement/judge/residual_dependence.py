@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
-from friction_comp.refinement.fit.effect_sum import robust_scale
+from friction_comp.refinement.fit.robust_regression import robust_scale
 from friction_comp.refinement.prepare.correlation import stretch_length
 from friction_comp.refinement.search.spectrum import position_spectrum
 from friction_comp.series import lag1_autocorrelation, quantile_edges

@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.refinement.fit.effect_sum import robust_scale
+from friction_comp.refinement.fit.robust_regression import robust_scale
 from friction_comp.refinement.judge.residual_dependence import (
     fallback,
     LEAST_STRENGTH,

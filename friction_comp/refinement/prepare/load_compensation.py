@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.plain_drive import plain_drive_columns
-from friction_comp.refinement.fit.effect_sum import solve
+from friction_comp.refinement.fit.robust_regression import solve
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive

@@ -10,7 +10,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.refinement.fit import gauss_newton as optimizer
-from friction_comp.refinement.fit.effect_sum import Fit, huber_loss, robust_scale, Term
+from friction_comp.refinement.fit.effect_sum import Fit, Term
+from friction_comp.refinement.fit.robust_regression import huber_loss, robust_scale
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual
 from friction_comp.refinement.judge.physics import objection
 from friction_comp.refinement.search.candidates import best_forms, best_term

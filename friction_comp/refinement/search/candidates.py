@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.fit.effect_sum import solve, Term
+from friction_comp.refinement.fit.effect_sum import Term
 from friction_comp.refinement.fit.final_fit import mechanical_load
+from friction_comp.refinement.fit.robust_regression import solve
 from friction_comp.refinement.search.spectrum import highest_frequency, peaks, position_spectrum
 
 if TYPE_CHECKING:

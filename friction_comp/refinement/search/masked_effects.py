@@ -8,7 +8,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.refinement.fit.effect_sum import robust_scale, Term
+from friction_comp.refinement.fit.effect_sum import Term
+from friction_comp.refinement.fit.robust_regression import robust_scale
 from friction_comp.refinement.judge.evidence import held_out_residual
 from friction_comp.refinement.judge.physics import objection
 from friction_comp.refinement.judge.scores import noise_floor

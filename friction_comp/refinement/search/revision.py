@@ -10,7 +10,8 @@ from typing import Any
 
 from friction_comp.model.effects import Effect
 from friction_comp.refinement.fit import gauss_newton as optimizer
-from friction_comp.refinement.fit.effect_sum import Fit, robust_scale
+from friction_comp.refinement.fit.effect_sum import Fit
+from friction_comp.refinement.fit.robust_regression import robust_scale
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
 from friction_comp.refinement.judge.physics import bound, objection, sound
 from friction_comp.refinement.prepare.fit_data import FitData
