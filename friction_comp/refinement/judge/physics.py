@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from friction_comp.model.effects import RESISTS
@@ -26,6 +28,8 @@ def objection(fit: Fit, place: int) -> str:
     scene = fit.data.scene
     if not term.kind.plausible(own, term.constants, scene):
         return 'its sign or its constants are none that a drive can have'
+    if term.kind.spectral and _again(fit, place):
+        return 'the range that was moved does not tell its frequency from that of another'
     if np.size(own) and not np.any(own):
         return 'it could only take part with a sign that no drive has'
     signal = float(np.max(np.abs(fit.target[fit.index])))
@@ -36,6 +40,19 @@ def objection(fit: Fit, place: int) -> str:
     if term.kind.role == RESISTS and len(own) and not passive(fit):
         return 'friction would push the joint along at some speed'
     return ''
+
+
+def _again(fit: Fit, place: int) -> bool:
+    """Tell whether a ripple of the same kind is nearer than the range of position resolves.
+
+    Two such lines are one whose size changes along the way, and nothing to be read as gears.
+    """
+    term, scene = fit.terms[place], fit.data.scene
+    resolved = 2.0 * math.pi / max(scene.span, 1e-9)
+    name = term.kind.spectral
+    return any(other.kind is term.kind and number != place and
+               abs(other.constants[name] - term.constants[name]) < resolved
+               for number, other in enumerate(fit.terms))
 
 
 def bound(fit: Fit, place: int) -> str:

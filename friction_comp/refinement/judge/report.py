@@ -19,6 +19,7 @@ from friction_comp.refinement.judge.residual_dependence import ResidualDependenc
 from friction_comp.refinement.judge.residual_verdict import clipping
 from friction_comp.refinement.judge.scores import noise_floor, scores, words_of
 from friction_comp.refinement.judge.verdict import verdict_of
+from friction_comp.refinement.prepare.coupling_choice import moved_beside
 from friction_comp.refinement.prepare.differentiation_choice import velocity_against_position
 from friction_comp.refinement.prepare.fit_data import FitData
 from friction_comp.refinement.search.candidate_fit import Step
@@ -165,5 +166,11 @@ def _warnings(o: Outcome, clip: ResidualDependence | None) -> list[str]:
     found += warnings(o.samples, o.data.scene)
     if clip:
         found.append(in_unit(clip.note[0].upper() + clip.note[1:] + '.', o.unit))
+    beside = moved_beside(o.raw)
+    if beside:
+        found.append(
+            f'Other joints moved too ({", ".join(beside)}), and nothing certain was found of what '
+            'their weight and acceleration ask of this one: what is named gravity, spring, inertia '
+            'or left unexplained may be theirs.')
     at_odds = velocity_against_position(o.raw)
     return [*found, at_odds] if at_odds else found

@@ -94,5 +94,8 @@ def _by_what_is_open(found: Verdict, report: dict[str, Any], coarse: str) -> Non
     if coarse:
         found.lower(IN_PART, coarse, 'record the motor-side encoder, or move over a wider range')
     for line in report['warnings']:
+        if line.startswith('Other joints moved') and (
+                report['after']['held_out_rmse'] > TRUST_NOISE * report['noise_floor']):
+            found.lower(IN_PART, line, 'move this joint alone, or give a URDF of the arm (--urdf)')
         if 'one direction' in line or 'Speed hardly' in line:
             found.lower(IN_PART, line, 'move in both directions, at speeds from slow to fast')

@@ -39,14 +39,10 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
     Arm or None
         What a model needs to compute it.
     """
-    known = samples.rigid_body is not None or samples.coupling is not None
-    if samples.arm is None or known:
+    beside = moved_beside(samples)
+    if not beside:
         return samples, None
-    span = np.ptp(samples.arm.position, axis=0)
-    names = [name for name, moved in zip(samples.arm.joints, span)
-             if moved > _LEAST or name == samples.joint]
-    if len(names) < 2 or samples.joint not in names:
-        return samples, None
+    names = [name for name in samples.arm.joints if name in beside or name == samples.joint]
     if samples.arm.velocity is None:
         settings = {**settings, 'source': 'position'}
     motion = moving_states(samples, names, settings)
@@ -58,6 +54,22 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
         return samples, None
     return (samples.with_(coupling=found.current(names, *motion)),
             Arm(coupling=found, differentiation=dict(settings)))
+
+
+def moved_beside(samples: Samples) -> list[str]:
+    """Return the other joints that moved, where no links say what they ask of this one.
+
+    Parameters
+    ----------
+    samples : Samples
+        As recorded.
+    """
+    known = samples.rigid_body is not None or samples.coupling is not None
+    if samples.arm is None or known or samples.joint not in samples.arm.joints:
+        return []
+    span = np.ptp(samples.arm.position, axis=0)
+    return [name for name, moved in zip(samples.arm.joints, span)
+            if moved > _LEAST and name != samples.joint]
 
 
 def say_so(report: dict[str, Any], arm: Arm) -> None:
