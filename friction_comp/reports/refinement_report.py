@@ -9,6 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.refinement.prepare.folds import runs_of
 from friction_comp.refinement.search.spectrum import highest_frequency, position_spectrum
 from friction_comp.refinement.units import in_unit
 from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
@@ -61,10 +62,13 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
                 'time. The dashed line is the noise from sample to sample.')
     page.heading('What is left, before and after')
+    spoken = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
+                        ('acceleration', 'acceleration (rad/s²)'), ('load', 'load (N·m)'),
                         ('time', 'time since the start (s)'),
                         ('temperature', 'motor temperature (°C)')):
-        if getattr(result.samples, name) is not None:
+        wanted = name != 'acceleration' or name in spoken
+        if wanted and getattr(result.samples, name) is not None:
             page.figure(residual_figure(result, name, label),
                         f'Residual over {name}: measured minus predicted current of data not '
                         'fitted. The lines are averages over ranges, positive direction and '
@@ -133,9 +137,9 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
                 if key in ('name', 'coefficients') or interval[key] in ([value, value],
                                                                       [None, None]):
                     continue
-                rows.append([name, key.replace('_', ' '), value, between(interval[key])])
+                rows.append([name, key.replace('_', ' '), number(value), between(interval[key])])
             for place, value in enumerate(values['coefficients']):
-                rows.append([name, f'coefficient {place + 1}', value,
+                rows.append([name, f'coefficient {place + 1}', number(value),
                              between(interval['coefficients'][place])])
     return rows
 
@@ -170,14 +174,19 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     x = getattr(result.samples, name)[rows]
     samples: Any = result.samples
     side = samples.velocity[rows] > 0
+    # Between two runs nothing was measured, and no line is drawn.
+    run = runs_of(samples)[rows]
+    if name != 'time' or np.any(np.diff(run[np.argsort(x, kind='stable')]) < 0):
+        run = np.zeros(len(x), dtype=int)
     for axes, residual, title in zip(both, (result.before, result.after), ('before', 'after')):
         y = residual[rows]
         scatter(axes, x, y, 'grey')
         for mask, colour, words in ((side, 'blue', 'positive'), (~side, 'orange', 'negative')):
             if mask.sum() > 20 and name != 'velocity':
-                axes.plot(*averages(x[mask], y[mask]), color=COLOURS[colour], label=words)
+                axes.plot(*averages(x[mask], y[mask], run[mask]), color=COLOURS[colour],
+                          label=words)
         if name == 'velocity':
-            axes.plot(*averages(x, y), color=COLOURS['blue'])
+            axes.plot(*averages(x, y, run), color=COLOURS['blue'])
         axes.set_title(title)
         axes.set_xlabel(label)
     limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
@@ -188,28 +197,37 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     return figure
 
 
-def averages(x: np.ndarray, y: np.ndarray, number: int = 40) -> tuple[np.ndarray, np.ndarray]:
+def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
+             number: int = 40) -> tuple[np.ndarray, np.ndarray]:
     """Return the middles of ranges with as many samples each, and the averages in them.
 
-    Where no sample lies between two ranges for more than a tenth of the whole, as between two
-    recordings, there is a NaN, so that no line is drawn across.
+    Where no sample lies between two ranges for more than a tenth of the whole, and between two
+    runs, there is a NaN, so that no line is drawn across.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (N,)
+    run : ndarray of int, shape (N,)
+        All the same where runs do not follow one another along x.
+    number : int
+        Of ranges, about.
     """
     order = np.argsort(x, kind='stable')
     pieces = [piece for piece in np.array_split(order, number) if len(piece)]
     wide = 0.1 * float(np.ptp(x))
     middles: list[float] = []
     means: list[float] = []
-    last = -np.inf
+    last, before = -np.inf, None
     for piece in pieces:
         own = x[piece]
-        cuts = np.nonzero(np.diff(own) > wide)[0] + 1
+        cuts = np.nonzero((np.diff(own) > wide) | (np.diff(run[piece]) != 0))[0] + 1
         for part in np.split(piece, cuts):
-            if middles and np.min(x[part]) - last > max(wide, 1e-300):
+            if middles and (np.min(x[part]) - last > max(wide, 1e-300) or run[part[0]] != before):
                 middles.append(np.nan)
                 means.append(np.nan)
             middles.append(x[part].mean())
             means.append(y[part].mean())
-            last = np.max(x[part])
+            last, before = np.max(x[part]), run[part[-1]]
     return np.array(middles), np.array(means)
 
 
