@@ -13,6 +13,7 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate
+from friction_comp.model.effects import Effect
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.asymmetry import carve_out, named_asymmetry
@@ -20,7 +21,7 @@ from friction_comp.refinement.fit.effect_sum import first_fit, Fit, Term
 from friction_comp.refinement.fit.final_fit import final_fit, mechanical_load, to_model
 from friction_comp.refinement.fit.harmonics import with_exact_multiples
 from friction_comp.refinement.judge.control import Control, control_of
-from friction_comp.refinement.judge.evidence import held_out_residual
+from friction_comp.refinement.judge.evidence import advantage, held_out_residual
 from friction_comp.refinement.judge.residual_dependence import ResidualDependence
 from friction_comp.refinement.judge.residual_verdict import (
     clipped_rms,
@@ -33,7 +34,7 @@ from friction_comp.refinement.prepare.differentiation_choice import lagging
 from friction_comp.refinement.prepare.fit_data import FitData, Measured
 from friction_comp.refinement.prepare.load_compensation import carried_by_a_person
 from friction_comp.refinement.prepare.prepared import finer, prepare
-from friction_comp.refinement.search.candidate_fit import Step
+from friction_comp.refinement.search.candidate_fit import mean_loss, Step
 from friction_comp.refinement.search.revision import (
     evidence_of,
     in_order,
@@ -43,7 +44,14 @@ from friction_comp.refinement.search.revision import (
     search,
 )
 from friction_comp.refinement.search.stepwise import Chosen
-from friction_comp.refinement.thresholds import CLEARLY_ABOVE_NOISE, LARGE, STAND_IN
+from friction_comp.refinement.thresholds import (
+    ALPHA,
+    CLEARLY_ABOVE_NOISE,
+    LARGE,
+    LEAST_SHARE,
+    SAME_LAG,
+    STAND_IN,
+)
 from friction_comp.samples import Samples
 
 
@@ -63,6 +71,8 @@ class Question:
     unit : str
         Of the current.
     progress : callable or None
+    without : tuple of type
+        Effects that are not tried.
     """
 
     raw: Samples
@@ -71,6 +81,7 @@ class Question:
     drive: Drive
     unit: str
     progress: Callable[[float, str], None] | None
+    without: tuple[type[Effect], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,7 +143,7 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
                        'no effect of the drive can be told')
         product = None
     else:
-        found, product = search(data, bases, progress)
+        found, product = search(data, bases, progress, question.without)
     rough = to_model(found.fits[0], None, None, drive, settings)
     floor = noise_floor(samples, usable, samples.current - rough.current(samples))
     every = finer(data, samples, usable)
@@ -238,3 +249,34 @@ def without_stand_ins(data: FitData, found: Chosen) -> bool:
             break
         found.fits, any_gone = poorer, True
     return any_gone
+
+
+def lag_shows(question: Question, found: Choice, settings: dict[str, Any]) -> bool:
+    """Tell whether a lag that was found shows at another bandwidth too, and is the same there.
+
+    Parameters
+    ----------
+    question : Question
+    found : Choice
+        With a lag among its steps.
+    settings : dict
+        Another way of differentiating.
+    """
+    samples = differentiate(question.raw, settings)
+    slowest = recordings.sticking_speed(samples)
+    usable = moving(samples, question.clipped, slowest, settings)
+    data = prepare(samples, usable, question.drive, slowest, found.data.load_coefficient)
+    place = next(number for number, term in enumerate(found.steps[-1].fits[0].terms)
+                 if term.kind.reshapes)
+    fits = [optimizer.gauss_newton(Fit(data, data.fit_rows(fold), old.steepness, old.terms))
+            for fold, old in enumerate(found.steps[-1].fits)]
+    poorer = [optimizer.gauss_newton(fit.without(place)) for fit in fits]
+    without = held_out_residual(data, poorer)
+    gain, _, p_value = advantage(data, without, held_out_residual(data, fits))
+    for fit, old in zip(fits, found.steps[-1].fits):
+        ratio = fit.terms[place].constants['lag'] / old.terms[place].constants['lag']
+        if not 1.0 / SAME_LAG < ratio < SAME_LAG:
+            return False
+    kind, own = fits[0].terms[place].kind, fits[0].terms[place].constants
+    worth = kind.worth(LEAST_SHARE, own, data.scene)
+    return p_value < ALPHA and gain >= worth * mean_loss(data, without)

@@ -15,25 +15,22 @@ from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import Scene
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.choice import Choice, choose, Question
+from friction_comp.refinement.choice import Choice, choose, lag_shows, Question
 from friction_comp.refinement.fit.effect_sum import Fit
 from friction_comp.refinement.fit.final_fit import final_fit, to_model, with_load
-from friction_comp.refinement.judge.evidence import rms
+from friction_comp.refinement.judge.evidence import held_out_residual, rms
 from friction_comp.refinement.judge.report import Outcome, report_of
 from friction_comp.refinement.prepare import fit_data as recordings
 from friction_comp.refinement.prepare.coupling_choice import say_so, with_other_joints
 from friction_comp.refinement.prepare.differentiation_choice import (
     choose_differentiation,
     sharpest,
-    smoothest,
 )
 from friction_comp.refinement.prepare.prepared import fold_of_all
 from friction_comp.samples import Samples
 
 # A second pass over more samples than this would take too long.
 _TWICE = 200_000
-# Errors that differ by less are as good as each other.
-_AS_GOOD = 1.005
 
 
 @dataclass
@@ -111,7 +108,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     better = sharpest(found.model, raw, found.usable, settings)
     if better != settings and len(raw) < _TWICE:
         found = choose(question, better)
-    found = _without_blur(question, found)
+    found = _with_lag_that_holds(question, found)
     # Samples near standstill do not decide which effects there are; what the model is worth beside
     # rest and at reversals does depend on how sharply the two are told apart.
     settings = sharpest(
@@ -123,29 +120,30 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     return result
 
 
-def _without_blur(question: Question, found: Choice) -> Choice:
-    """Return a choice without lag where smoother velocities leave no call for it.
+def _with_lag_that_holds(question: Question, found: Choice) -> Choice:
+    """Return a choice without lag, unless it shows at a smoother velocity or nothing else will do.
 
-    A lag smooths, and so lowers the noise of velocities that were not smoothed enough: then it is
-    no property of the drive.
+    A zero-phase filter delays nothing: a lag of the drive is the same whatever the bandwidth. What
+    makes up for noise or blur of one way of differentiating, or for the shape of another effect,
+    comes and goes with it. Such a lag has to be worth its place beside the best that does without.
     """
-    raw = question.raw
-    smoothing = [effect for effect in found.model.effects if effect.smooths]
-    if not smoothing or len(raw) >= _TWICE:
+    lags = tuple({step.kind for step in found.steps if step.kind.reshapes})
+    if not lags or len(question.raw) >= _TWICE:
         return found
     settings = found.model.differentiation
-    plain = replace(found.model, effects=[
-        effect for effect in found.model.effects if effect not in smoothing])
-    smoother = smoothest(plain, raw, found.usable, settings)
-    if smoother == settings:
+    choices = [choice for choice in recordings.bandwidths(question.raw)
+               if choice['source'] == settings['source'] and choice['bandwidth']
+               and choice['bandwidth'] < (settings['bandwidth'] or np.inf)]
+    if not choices or lag_shows(question, found, max(
+            choices, key=lambda choice: choice['bandwidth'])):
         return found
-    other = choose(question, smoother)
-    if any(step.kind.reshapes for step in other.steps):
-        return found
-    both = found.usable & other.usable
-    errors = [rms((raw.current - choice.model.current(
-        differentiate(raw, choice.model.differentiation)))[both]) for choice in (found, other)]
-    return other if errors[1] < _AS_GOOD * errors[0] else found
+    other = choose(replace(question, without=(*question.without, *lags)), settings)
+    worth = max(step.kind.worth(0.0, step.fits[0].terms[-1].constants, found.data.scene)
+                for step in found.steps if step.kind.reshapes)
+    errors = [rms(held_out_residual(choice.data, choice.steps[-1].fits if choice.steps else
+                                    choice.bases)[choice.data.usable])
+              for choice in (found, other)]
+    return found if errors[0] ** 2 < (1.0 - worth) * errors[1] ** 2 else other
 
 
 def _result(question: Question, found: Choice, settings: dict[str, Any]) -> RefineResult:

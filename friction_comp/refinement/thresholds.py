@@ -48,6 +48,9 @@ EXCHANGE = Threshold(
 IN_DOUBT = Threshold(
     0.3, 'of the loss', 'what explains more than this cannot be made up for by other constants')
 
+SAME_LAG = Threshold(
+    1.5, 'times', 'a lag of the drive does not change with how velocity is had of position')
+
 # Physics.
 LARGEST = Threshold(
     3.0, 'times the largest current', 'an effect larger than this cancels another one of its size')

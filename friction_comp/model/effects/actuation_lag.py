@@ -96,11 +96,6 @@ class ActuationLag(Effect):
             return cls.recorded_as(values, samples, constants)
         return earlier(values, samples, constants['lag'])
 
-    @property
-    def smooths(self) -> bool:  # type: ignore[override] # the others say so for all of a kind
-        """Whether the recorded current is behind a low pass, which lowers its noise as well."""
-        return self.values['first_order'] > 0.0
-
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """A low pass has a time constant above zero; nothing in a drive takes longer than this."""

@@ -69,8 +69,6 @@ class Effect(ABC):
         The column that is Coulomb friction by another way of turning round.
     not_fed_back : str
         Why the compensator must not apply the effect; empty where it may.
-    smooths : bool
-        Whether it lowers the noise of the current as well.
     weight : bool
         Whether it holds the limb up, which the robot's own controller may do already.
     flexible : bool
@@ -110,7 +108,6 @@ class Effect(ABC):
     gives_load = False
     carried = False
     fades_at_rest = False
-    smooths: bool = False
     _positive = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width',
                  'distance', 'time_constant', 'speed')
 

@@ -96,27 +96,6 @@ def sharpest(model: FrictionModel, samples: Samples, rows: np.ndarray, settings:
     return best[2] if best[0] < 0.97 * present[0] else settings
 
 
-def smoothest(model: Any, samples: Any, rows: Any, settings: Any) -> Any:
-    """Return the settings of lower bandwidth by which a model predicts best, the present if none.
-
-    Parameters
-    ----------
-    model, samples, rows, settings
-        As for `sharpest`.
-    """
-    samples, rows = excerpt(samples, rows)
-    present = settings.get('bandwidth') or np.inf
-    best, least = settings, np.inf
-    for choice in recordings.bandwidths(samples):
-        if (choice['bandwidth'] or np.inf) >= present or choice['source'] != settings['source']:
-            continue
-        moving = differentiate(samples, choice)
-        error = rms((samples.current - model.current(moving))[rows])
-        if error < least:
-            best, least = choice, error
-    return best
-
-
 def velocity_against_position(samples: Samples) -> str | None:
     """Return a sentence where recorded velocity is not the slope of position, else None.
 

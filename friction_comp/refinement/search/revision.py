@@ -36,8 +36,8 @@ from friction_comp.refinement.thresholds import (
 )
 
 
-def search(data: FitData, bases: Sequence[Fit], report: Report | None = None
-           ) -> tuple[Chosen, type[Effect] | None]:
+def search(data: FitData, bases: Sequence[Fit], report: Report | None = None,
+           without: tuple[type[Effect], ...] = ()) -> tuple[Chosen, type[Effect] | None]:
     """Return the effects that the data call for, and a product that none of them can replace.
 
     The search adds the best effect again and again, then takes back and exchanges. An effect that
@@ -52,12 +52,16 @@ def search(data: FitData, bases: Sequence[Fit], report: Report | None = None
         The model before, fitted once for each fold.
     report : callable, optional
         Called with a share of the work done and a word on it.
+    without : tuple of type
+        Effects that are not tried.
     """
     first = len(bases[0].terms)
-    chosen = settle(data, grow(data, Chosen(list(bases), first), report=report), report)
+    empty = Chosen(list(bases), first, without=without)
+    chosen = settle(
+        data, grow(data, replace(empty, granted={}, rivals={}), report=report), report)
     flexible = {kind for kind in chosen.kinds if kind.flexible}
     if flexible:
-        plain = grow(data, Chosen(list(bases), first), tuple(flexible), report)
+        plain = grow(data, replace(empty, granted={}, rivals={}), tuple(flexible), report)
         plain = settle(data, grow(data, plain, report=report), report)
         chosen = simpler_if_as_good(data, chosen, plain)
     if chosen.product is None:
@@ -162,7 +166,7 @@ def _replacement(data: FitData, chosen: Chosen, place: int) -> CandidateFit | No
     best = None
     gains = {kind: sum(best_gain(fit, kind) for fit in poorer)
              for kind in kinds_for(data, poorer[0].terms)
-             if kind is not old.kind and not kind.reshapes}
+             if kind is not old.kind and not kind.reshapes and kind not in chosen.without}
     likely = sorted((kind for kind in gains if gains[kind] > limit), key=lambda kind: -gains[kind])
     for kind in likely[:int(ADJUSTED)]:
         trial = try_kind(data, poorer, residual, kind)
@@ -186,7 +190,7 @@ def _beside_product(data: FitData, bases: Sequence[Fit], chosen: Chosen, report:
     if trial is None:
         return chosen, None
     place = chosen.first
-    beside = grow(data, Chosen(trial.fits, place + 1), report=report)
+    beside = grow(data, Chosen(trial.fits, place + 1, without=chosen.without), report=report)
     prune(data, beside)
     poorer = [fit.without(place) for fit in beside.fits]
     nameless = held_out_residual(data, beside.fits)

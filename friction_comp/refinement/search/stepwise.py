@@ -55,6 +55,8 @@ class Chosen:
         A product of variables that explained more than every effect with a name.
     stopped : str
         Why no more was added.
+    without : tuple of type
+        Effects that are never tried.
     """
 
     fits: list[Fit]
@@ -63,6 +65,7 @@ class Chosen:
     rivals: dict[type[Effect], list[tuple[type[Effect], float]]] = field(default_factory=dict)
     product: type[Effect] | None = None
     stopped: str = ''
+    without: tuple[type[Effect], ...] = ()
 
     @property
     def kinds(self) -> list[type[Effect]]:
@@ -105,7 +108,8 @@ def grow(data: FitData, chosen: Chosen, without: Sequence[type[Effect]] = (),
     while len(chosen.kinds) < MOST_EFFECTS:
         residual = held_out_residual(data, chosen.fits)
         loss = mean_loss(data, residual)
-        kinds = [kind for kind in kinds_for(data, chosen.fits[0].terms) if kind not in without]
+        kinds = [kind for kind in kinds_for(data, chosen.fits[0].terms)
+                 if kind not in (*without, *chosen.without)]
         done = len(chosen.kinds)
         trials = []
         for number, kind in enumerate(kinds):
