@@ -102,7 +102,7 @@ def test_continuous_law_never_starts_an_untouched_joint(number):
     _, extremes, _ = closed_loops(
         np.tile(joint_parameters(model), runs), random_states(21, runs),
         np.tile(law_parameters(wrong), runs),
-        (0.0 * direction, 0.0 * direction, direction), np.arange(runs) % 2, active=False, every=0)
+        (0.0 * direction, 0.0 * direction, direction), np.arange(runs) % 2, released=0, every=0)
     assert np.degrees(np.abs(extremes)).max() < 0.33
 
 

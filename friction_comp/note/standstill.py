@@ -93,7 +93,7 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
         np.tile(parameters, standstills), random_states((seed, 2), standstills),
         np.tile(law_row, standstills),
         (np.zeros_like(direction), np.zeros_like(direction), direction),
-        np.arange(standstills) % 2, active=False, sample_time=SAMPLE_TIME, every=0)
+        np.arange(standstills) % 2, released=0, sample_time=SAMPLE_TIME, every=0)
     farthest = np.abs(extremes).max(axis=1)
     return Standstill(int(np.sum(farthest > FALSE_START)), float(farthest.max()), standstills,
                       standstills * each)

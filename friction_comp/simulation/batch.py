@@ -94,7 +94,7 @@ def _all_runs(p: np.ndarray, random: np.ndarray, law: np.ndarray, s: np.ndarray,
 def closed_loops(
         parameters: np.ndarray, random: np.ndarray, laws: np.ndarray,
         reference: Sequence[np.ndarray], which: Sequence[int] | np.ndarray | None = None,
-        active: bool = True, count: int | None = None, sample_time: float = 1e-3, every: int = 1,
+        count: int | None = None, sample_time: float = 1e-3, every: int = 1,
         *, released: int | None = None, speed: float = 0.0,
         disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED,
         model: FrictionModel | None = None
@@ -114,8 +114,6 @@ def closed_loops(
         they begin again after L samples.
     which : ndarray of int, shape (R,), optional
         The movement of each run; the first for all when omitted.
-    active : bool
-        Whether the person holds the joint.
     count : int, optional
         Samples to run; L when omitted.
     sample_time : float
@@ -123,7 +121,7 @@ def closed_loops(
     every : int
         Log every n-th sample; 0 logs nothing.
     released : int, optional
-        Sample at which the person lets go; never when omitted.
+        Sample at which the person lets go; never when omitted. With 0 nobody holds the joint.
     speed : float
         Of the joint at the beginning, rad/s.
     disturbance : ndarray, shape (L,) or (D, L), optional
@@ -154,7 +152,7 @@ def closed_loops(
     log = np.zeros((runs, -(-count // every) if every else 0, len(columns)))
     extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
     effects, memory = compiled_effects(model), np.zeros((runs, memory_size(model)))
-    held = (count if released is None else int(released)) if active else 0
+    held = count if released is None else int(released)
     _all_runs(np.ascontiguousarray(parameters), random.copy(), laws.copy(),
               np.zeros(runs, JOINT_STATE), own, np.zeros(runs, MEASURED), effects, memory,
               np.zeros(runs, ASKED), movements, chosen, added, float(speed), held, count,
