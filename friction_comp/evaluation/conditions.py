@@ -37,6 +37,8 @@ __all__ = ['Condition', 'Evaluation', 'evaluate', 'evaluate_repetitions', 'repet
 
 # Repetitions that last much longer or shorter than the usual one, by this share, are odd.
 _ODD = 0.25
+# s by which sums of sample times may be off.
+_ROUNDING = 1e-9
 
 
 def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
@@ -243,7 +245,8 @@ def _of_average(kept: list[Repetition], time: np.ndarray, torque: np.ndarray,
     """Return where the averaged torque peaks, its RMS and its mean at constant velocity."""
     slowing = np.median([r.movement.constant_end - r.movement.begin for r in kept])
     steady = np.median([r.movement.constant_begin - r.movement.begin for r in kept])
-    counted = (time >= -PEAK_LEAD) & (time <= slowing)
+    # Samples at the ends count, however their times were rounded.
+    counted = (time >= -PEAK_LEAD - _ROUNDING) & (time <= slowing + _ROUNDING)
     peak = int(np.argmax(np.where(counted, np.nan_to_num(np.abs(mean), nan=-1.0), -1.0)))
     moving, constant = time >= 0.0, (time <= slowing) & (time >= steady)
     known = np.isfinite(torque).all(axis=1)
