@@ -36,6 +36,7 @@ def publish(seconds, joints):
     """Publish all topics at 1 kHz for some seconds; what was late is caught up with."""
     from geometry_msgs.msg import WrenchStamped
     import rclpy
+    from rclpy.duration import Duration
     from rclpy.qos import QoSProfile, ReliabilityPolicy
     from sensor_msgs.msg import JointState, Temperature
     from std_msgs.msg import Float64MultiArray, Int8MultiArray
@@ -66,7 +67,9 @@ def publish(seconds, joints):
                 publishers[topic].publish(message)
             sent += 1
         time.sleep(5e-4)
-    time.sleep(2.0)
+    # A publisher that goes takes with it what its readers do not have yet.
+    for publisher in publishers.values():
+        assert publisher.wait_for_all_acked(Duration(seconds=120))
 
 
 def record(folder, seconds, joints, domain):
