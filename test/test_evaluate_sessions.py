@@ -225,7 +225,7 @@ def test_a_stream_finds_the_same_movements_as_the_whole(tmp_path):
             assert b.figures['rms_torque'] == pytest.approx(a.figures['rms_torque'], rel=1e-3)
 
 
-def record_with_diagnostics(path, samples, changes):
+def record_with_diagnostics(path, samples, changes, change=lambda message: None):
     """Write samples with what a compensator says of itself once a second."""
     write_samples(path.parent / 'draft', samples)
     kind = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -246,8 +246,10 @@ def record_with_diagnostics(path, samples, changes):
                     0, 'arm/compensator: compensation', 'compensating', '', items)
                 header = types['std_msgs/msg/Header'](
                     types['builtin_interfaces/msg/Time'](second, 0), '')
+                message = types[kind](header, [status])
+                change(message)
                 recording.write('/diagnostics', kind, when, bytes(STORE.serialize_cdr(
-                    types[kind](header, [status]), kind)))
+                    message, kind)))
 
 
 def test_what_the_compensator_said_decides_the_condition(tmp_path):
@@ -257,6 +259,19 @@ def test_what_the_compensator_said_decides_the_condition(tmp_path):
         evaluation, = evaluate_recordings([tmp_path / 'r'], seconds=seconds)
         assert {(c.help.law, c.help.model, c.repetitions) for c in evaluation.conditions} == {
             ('paper', 'old.yaml', 2), ('continuous', 'new.yaml', 2)}
+
+
+def test_what_identification_moved_is_left_out(tmp_path):
+    def phase(message):
+        status = message.status[0]
+        status.name, status.message = 'arm/identification: identification', 'identifies elbow'
+        status.values = [STORE.types['diagnostic_msgs/msg/KeyValue']('phase', 'velocities')]
+    record_with_diagnostics(tmp_path / 'moved', both([1.0] * 4), [(0, ('', ''))], phase)
+    write_samples(tmp_path / 'pushed', both([0.4] * 4))
+    evaluation, = evaluate_recordings([tmp_path / 'moved', tmp_path / 'pushed'])
+    assert {c.help.law for c in evaluation.conditions} == {''}
+    assert sum(c.repetitions for c in evaluation.conditions) == 4
+    assert any('made by identification' in note for note in evaluation.notes)
 
 
 def test_one_bad_recording_alone_is_an_error(tmp_path):

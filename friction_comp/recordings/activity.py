@@ -12,6 +12,8 @@ from typing import Any
 from rosbags.typesys import get_typestore, Stores
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+# Nodes that command, in whose diagnostics activity is.
+HEARD = (b'compensator', b'identification')
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.recordings import cdr
-from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics
+from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics, HEARD
 from friction_comp.recordings.storage import (
     belongs_to_folder,
     is_storage,
@@ -250,7 +250,7 @@ class Scanner:
             for number, (topic, kind, receive, raw) in enumerate(
                     self._storage.messages(self._wanted)):
                 if kind == DIAGNOSTICS:
-                    if b'compensator' in raw:
+                    if any(node in raw for node in HEARD):
                         self._diagnostics.append((receive, raw))
                     continue
                 store = self.stores.get(topic)

@@ -32,7 +32,7 @@ _TILES = 5
 _TABLES = (
     ('What it took', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
                       'residual_current')),
-    ('How it went', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness', 'log_jerk',
+    ('How it went', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
                      'rms_current')),
 )
 _MARKERS = 'osD^vPX*'
@@ -185,8 +185,7 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
         words.append('The residual current is what the model says the movement asks for beyond '
                      'what was commanded, RMS: it is as good as the model.')
     words.append('Smoothness is the spectral arc length of the speed: a single bell-shaped '
-                 'movement has about \u22121.4, hesitations take it down. The log dimensionless '
-                 'jerk is the larger, the smoother.')
+                 'movement has about \u22121.4, hesitations take it down.')
     report.text(' '.join(words))
 
 
@@ -306,6 +305,12 @@ def _verdict(evaluation: Evaluation) -> str:
                      and (c.first, c.second) == two), None)
         if test is None or test.probability is None:
             return words + ', of too few repetitions to rule out chance.'
+        span = test.difference
+        if not test.sure and span.low is not None and span.high is not None and (
+                span.low * span.high > 0):
+            return words + (f'; the difference is {_with_interval(span)} N·m (95 %), in '
+                            f'{test.pairs} pairs, too few for a test of all conditions to be sure '
+                            f'({_probability(test)}).')
         if not test.sure:
             return words + f', which may be chance ({_probability(test)}, {test.pairs} pairs).'
         return words + f', more than chance ({_probability(test)}, {test.pairs} pairs).'
