@@ -75,14 +75,17 @@ def test_asymmetry_shows_in_the_true_model():
         assert model['lookup_table']['currents'][-1] > -model['lookup_table']['currents'][0]
 
 
-def test_sliding_takes_the_steady_friction():
+@pytest.mark.parametrize('side', [-1, 1])
+@pytest.mark.parametrize('asymmetry', [-0.1, 0.0, 0.1])
+def test_sliding_takes_the_steady_friction_of_its_direction(asymmetry, side):
     gears = plain_gears(draws=2)
+    gears['asymmetry'] = asymmetry
     speed = 0.3
-    plant = Plant(gears, drivers(gears, speed, 0.1, np.inf), EVEN)
+    plant = Plant(gears, drivers(gears, side * speed, 0.1, np.inf), EVEN)
     rows = push(plant, lambda time: np.zeros(len(gears)), 1.5, ('person', 'motor_velocity'))
-    assert rows['motor_velocity'][-200:].mean(axis=0) == pytest.approx(speed, rel=0.01)
-    torque = rows['person'][-200:].mean(axis=0)
-    expected = [steady_friction(gear, speed) * gear['torque_per_current'] for gear in gears]
+    assert rows['motor_velocity'][-200:].mean(axis=0) == pytest.approx(side * speed, rel=0.01)
+    torque = side * rows['person'][-200:].mean(axis=0)
+    expected = [steady_friction(gear, speed, side) * gear['torque_per_current'] for gear in gears]
     assert torque == pytest.approx(expected, rel=0.02)
 
 

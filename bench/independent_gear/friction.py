@@ -37,7 +37,7 @@ def level(p, s, v, shaft):
         if x < 30.0:
             value += (p.static - p.coulomb) * math.exp(-(x ** p.stribeck_exponent))
     if v != 0.0:
-        value *= 1.0 + math.copysign(p.asymmetry, v)
+        value *= 1.0 + (p.asymmetry if v > 0.0 else -p.asymmetry)
     if s.slid < RENEWED * p.renewal:
         value *= 1.0 + s.breakaway_factor * math.exp(-s.slid / p.renewal)
     if p.ripple != 0.0:
