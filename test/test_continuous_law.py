@@ -194,3 +194,45 @@ def test_without_a_direction_a_joint_at_rest_gets_nothing():
             current = law.update(
                 1e-3 * k, [3e-4 * min(k, 500)], [0.3 if k < 500 else 0.0], [direction])[0]
         assert current == pytest.approx(0.0, abs=1e-9)
+
+
+def drive_along(law, places, direction=1, begin=0):
+    """Return the currents of a joint that goes from place to place, a sample each, rad."""
+    return np.array([law.update(1e-3 * (begin + k), [x], None, [direction])[0]
+                     for k, x in enumerate(places)])
+
+
+def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
+    """So that an announcement that comes with the push is of use."""
+    law = CompensationLaw([small_model()])
+    drive_along(law, np.zeros(500), direction=0)
+    current = drive_along(law, np.zeros(170), begin=500)
+    assert current[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
+
+
+def slip(law, places):
+    """Let a joint give way under its preload and go on along the places, from the last one."""
+    drive_along(law, np.zeros(500), direction=0)
+    preloading = np.concatenate((np.zeros(90), np.linspace(0.0, 1e-3, 30)))
+    drive_along(law, preloading, begin=500)
+    assert law.guards['slips'][0] == 1
+    return drive_along(law, 1e-3 + np.asarray(places), begin=500 + len(preloading))
+
+
+def test_what_a_joint_did_not_bear_does_not_come_back_by_creep():
+    """It stops, and then creeps along by half of what the operator needs to turn over."""
+    law = CompensationLaw([small_model()])
+    rest = np.zeros(600)
+    assert slip(law, rest)[-1] == pytest.approx(0.85 * 0.9 * LEVEL, rel=0.02)
+    creep = 1e-3 + np.linspace(0.0, 2.4e-4, 1200)
+    current = drive_along(law, creep, begin=1220)
+    assert current.max() <= 0.85 * 0.9 * LEVEL * 1.02
+
+
+def test_who_pushes_on_gets_back_what_a_slip_had_taken():
+    law = CompensationLaw([small_model()])
+    time = np.arange(250) * 1e-3
+    current = slip(law, 0.03 * time + 0.5 * 0.8 * time ** 2)
+    assert current.min() < 0.7 * LEVEL
+    assert current[-1] == pytest.approx(0.9 * LEVEL, rel=0.02)
+    assert law.guards['slips'][0] == 0

@@ -56,10 +56,34 @@ def _slipped(p, s, aim, home):
     s.mode = FREE
     s.still_time, s.still_place = 0.0, s.position
     s.creeping = -math.inf
+    s.probe_time, s.probe_place, s.probe_half = 0.0, s.position, math.nan
     if (s.position - home) * aim > 0.0:
         s.borne = max(LEAST_BORNE, LOWERED * s.borne)
         s.caution = 1
         s.home = home
+
+
+@njit(cache=True)
+def probe(p, s):
+    """Find out who moves the joint: under less than it takes to slide, only a person speeds it up.
+
+    Where it is faster in the second half of the probe than in the first, and faster than
+    presliding is, the slip was none; otherwise it is left to come to rest.
+    """
+    s.probe_time += s.step
+    if math.isnan(s.probe_half):
+        if s.probe_time >= 0.5 * p.probe_time:
+            s.probe_half = s.position
+        return
+    if s.probe_time < p.probe_time:
+        return
+    first, second = s.probe_half - s.probe_place, s.position - s.probe_half
+    if first * second > 0.0 and abs(second) > max(abs(first), 0.5 * p.slow * p.probe_time):
+        s.caution = 0
+        s.pushed = 1
+        s.slips -= 1.0
+        s.borne = min(1.0, s.borne / LOWERED)
+    s.probe_time, s.probe_place, s.probe_half = 0.0, s.position, math.nan
 
 
 @njit(cache=True)
@@ -70,7 +94,9 @@ def lead(p, s, direction):
     farther than its presliding, the current falls by a quarter until it rests, and the next
     preload is lower. Once it holds, displacement decides again.
     """
-    aim = direction * s.borne
+    aim = direction
+    if s.caution == 1:
+        probe(p, s)
     if s.mode == LEADING:
         if abs(s.position - s.mark) > p.slip:
             if abs(s.ramp) > SURELY_BORNE:
@@ -78,22 +104,23 @@ def lead(p, s, direction):
             else:
                 s.mode = FREE
             return
-        s.ramp = approach(s.ramp, aim, s.step / p.lead_time)
+        # A gear that gives fast under the preload would swing beyond it.
+        if abs(s.speed) < p.lead_speed:
+            s.ramp = approach(s.ramp, aim, s.step / p.lead_time)
         s.z = s.ramp
         s.backlash_place = s.home = s.position
         if s.ramp != aim:
             s.still_time = 0.0
-        elif s.still_time >= p.rest_time:
+        elif s.still_time >= p.bear_time:
             s.mode = HELD
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
             gone = s.position - s.home
-            if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
+            if s.starting == 1 and s.pushed == 0 and s.caution == 0 and gone * aim > 0.0 and (
                     p.slip < abs(gone) < p.moved_way):
                 s.borne = max(LEAST_BORNE, LOWERED * s.borne)
-                aim = direction * s.borne
             s.home = s.mark = s.position
-        s.starting, s.creeping = 1, 0.0
+        s.starting, s.pushed, s.creeping = 1, 0, 0.0
         if s.caution == 1:
             s.z *= p.caution_share
             s.caution = 0
@@ -106,7 +133,7 @@ def lead(p, s, direction):
     else:
         s.mode = FREE
         gone = s.position - s.home
-        if abs(gone) < p.slip:
+        if abs(gone) < p.slip and s.pushed == 0:
             s.creeping += s.step
             if s.creeping > p.creep_time and s.z * aim > 0.0 and gone * aim > 0.0:
                 _slipped(p, s, aim, s.home)
@@ -154,7 +181,15 @@ def amplitude(p, s, positive, speed, more):
     if s.starting == 1:
         start = max(0.0, min(1.0, 2.0 - abs(s.position - s.home) / p.start_way))
         near += start * max(0.0, p.gain * mean - near)
+    if s.caution == 1:
+        near = min(near, p.slow_share * sliding)
+    # Displacement never raises it above what the joint bore at this rest.
+    near *= s.borne
     rises = math.tanh(0.5 * p.steepness * speed) * min(1.0, speed / p.slow)
+    if s.borne < 1.0:
+        # Nor does speed, until it has left its place of rest: a gear that gives within presliding
+        # is fast, too.
+        rises *= 1.0 - start
     return near + (p.share * (sliding + p.viscous * speed) - near) * rises, start
 
 

@@ -44,10 +44,14 @@ UNBELIEVABLE = 3.0
 BOUND = 1.25
 # s within which the current may turn from full friction one way to full friction the other.
 TURN_TIME = 0.02
-# Preload rises no faster than half a presliding distance would need at this speed, rad/s, since
-# friction falls with speed.
-LEAD_SPEED = 0.002
-SHORTEST_LEAD = 0.2
+# s over which the preload rises, while the joint is slower than this, rad/s: a gear that gives much
+# would swing beyond it.
+LEAD_TIME = 0.1
+LEAD_SPEED = 0.01
+# s at rest after which the joint has borne its preload, and within which a person shows who pushes
+# a joint that slipped.
+BEAR_TIME = 0.03
+PROBE_TIME = 0.06
 # Farther than this nobody has been pushed by accident, rad.
 MOVED = math.radians(1.0)
 SOFT_END = math.radians(5.0)
@@ -139,7 +143,7 @@ def _set_distances(p, model):
     p['slip'] = 0.75 * distance + 4.0 * count
     p['still_way'] = distance / 16.0 + 1.5 * count
     p['start_way'], p['moved_way'] = 3.0 * distance, max(MOVED, 8.0 * distance)
-    p['lead_time'] = max(SHORTEST_LEAD, 0.5 * presliding / LEAD_SPEED)
+    p['lead_time'], p['lead_speed'] = LEAD_TIME, LEAD_SPEED
     if model.position_limits is not None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
@@ -149,6 +153,7 @@ def _set_distances(p, model):
 def _set_times(p):
     p['filter_time'] = 0.004
     p['rest_time'], p['creep_time'] = 0.15, 1.0
+    p['bear_time'], p['probe_time'] = BEAR_TIME, PROBE_TIME
     p['trust_time'], p['recovery_time'] = 0.5, 30.0
     p['bad_time'] = 0.02
 

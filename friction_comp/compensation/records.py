@@ -32,9 +32,10 @@ PARAMETERS = _record(
     # Distances in rad.
     'distance backlash slip still_way start_way moved_way resolution lowest highest soft_end '
     # Times in s.
-    'filter_time rest_time lead_time creep_time trust_time recovery_time bad_time sample_time '
+    'filter_time rest_time bear_time probe_time lead_time creep_time trust_time recovery_time '
+    'bad_time sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
-    'slow fade_from fade_to fastest dead_speed limit slope',
+    'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
     'law',
     # Speeds in rad/s, and what Eq. 6 has there beyond the look-up table, A, per direction.
     'knots excess_positive excess_negative')
@@ -46,12 +47,12 @@ STATE = _record(
     # The operator: z in -1..1, place of the backlash in rad.
     'z backlash_place '
     # Rest: since when and where it stands, where it rested, where leading began; s and rad.
-    'still_time still_place home mark ramp creeping '
+    'still_time still_place home mark ramp creeping probe_time probe_place probe_half '
     # What the guards took back: shares 0..1, s of doubt.
     'borne trust doubt contradiction '
     # Output in A and its parts.
     'current kinetic breakaway bump '
     # Counts for inspection.
     'dropped slips overspeed',
-    'started agreed mode starting caution changed')
+    'started agreed mode starting caution pushed changed')
 """State of one joint; zeros before the first sample."""
