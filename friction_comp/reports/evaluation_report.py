@@ -82,7 +82,7 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
     handles = {label: handle for ax in axes[0] for handle, label in zip(
         *ax.get_legend_handles_labels())}
     figure.legend(handles.values(), handles.keys(), loc='outside lower center',
-                  ncols=2 if len(handles) > 3 else max(len(handles), 1))
+                  ncols=min(2, max(len(handles), 1)))
     return figure
 
 

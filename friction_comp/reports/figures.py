@@ -104,9 +104,9 @@ def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour
     axes.plot(x, mean, color=COLOURS[colour], label=label)
 
 
-def thin(x: np.ndarray, *curves: np.ndarray, points: int = 1500) -> tuple[np.ndarray, ...]:
+def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndarray, ...]:
     """Return curves thinned out evenly where they hold more points than a page can show."""
-    step = max(len(x) // points, 1)
+    step = max(-(-len(x) // points), 1)
     return tuple(np.asarray(values)[::step] for values in (x, *curves))
 
 
