@@ -261,6 +261,15 @@ def test_what_the_compensator_said_decides_the_condition(tmp_path):
             ('paper', 'old.yaml', 2), ('continuous', 'new.yaml', 2)}
 
 
+def test_each_joint_has_its_own_model_of_several():
+    both_files = Activity(0, 'active', 'paper', 'a.yaml, b.yaml', 'shoulder, elbow')
+    assert both_files.of('elbow').model == 'b.yaml'
+    assert both_files.of('shoulder').model == 'a.yaml'
+    assert both_files.of('wrist') == both_files
+    alone = Activity(0, 'active', 'paper', 'a.yaml')
+    assert alone.of('elbow') == alone
+
+
 def test_what_identification_moved_is_left_out(tmp_path):
     def phase(message):
         status = message.status[0]

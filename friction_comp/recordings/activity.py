@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import re
 from typing import Any
 
@@ -29,12 +29,22 @@ class Activity:
         that node moved the joint.
     law, model : str
         Compensation law and model file; '' where it did not say.
+    joints : str
+        The joints that the files of `model` belong to, in their order; '' where it did not say.
     """
 
     time: int
     state: str
     law: str
     model: str
+    joints: str = ''
+
+    def of(self, joint: str) -> Activity:
+        """Return the same with the model file of one joint, where several are named."""
+        joints, models = self.joints.split(', '), self.model.split(', ')
+        if joint not in joints or len(joints) != len(models):
+            return self
+        return replace(self, model=models[joints.index(joint)])
 
 
 def from_diagnostics(messages: Sequence[tuple[int, bytes]]) -> list[Activity]:
@@ -73,7 +83,7 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]]) -> list[Activity]:
                           if values.get(key, '').strip('[] ')), '')
             # One file a joint comes as a list: its brackets and quotes are no names.
             now = Activity(time, values.get('state', ''), values.get('law', ''),
-                           re.sub(r"""['"\[\]]""", '', model))
+                           re.sub(r"""['"\[\]]""", '', model), status.hardware_id)
             _note(found, now)
     return found
 

@@ -296,7 +296,7 @@ def to_samples(scan: Scan, joint: str | None,
     info.rows = order
     clocks.note_gaps(info.stamps[order], info.notes)
     base = TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
-    info.activity = [(base.moment(activity.time) - info.start, activity)
+    info.activity = [(base.moment(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
     time = info.stamps[order]
     samples = Samples(
