@@ -50,7 +50,7 @@ LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
 # s at rest after which the joint has borne its preload, and within which a person shows who pushes
 # a joint that slipped.
-BEAR_TIME = 0.03
+BEAR_TIME = 0.06
 PROBE_TIME = 0.06
 # Farther than this nobody has been pushed by accident, rad.
 MOVED = math.radians(1.0)
