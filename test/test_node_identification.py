@@ -101,7 +101,9 @@ def test_trouble_on_the_way_leaves_zero_current_and_no_file(room, end):
         handle = future[-1].result()
         outcome = handle.get_result_async()
         # A joint that does not move is pushed ever harder.
-        driver.drive(lambda: driver.commands and abs(driver.commands[-1].data[0]) > 0.005)
+        driver.drive(lambda: any(abs(m.data[0]) > 0.005 for m in driver.commands[-100:])
+                     or outcome.done())
+        assert not outcome.done(), outcome.result().result.message
         if end == 'not finite':
             driver.position = float('nan')
             driver.drive(outcome.done)
