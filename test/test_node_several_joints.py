@@ -64,6 +64,9 @@ def record(folder, law):
         probe.status_of('recorder', lambda status: all(
             int(value_of(status, topic)) for topic in (
                 'joint_states', 'reference', 'interaction_wrench')))
+        # Said once a second, and recorded by now.
+        for _ in range(2):
+            probe.status_of('compensator', lambda status: status.message == 'inactive')
         assert probe.transition('compensator', 'activate')
         assert exercise.wait(60.0) == 0
         # What the plant said on the way may still wait to be heard.
