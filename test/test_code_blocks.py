@@ -25,6 +25,8 @@ PAGES = [path for path in (
     *sorted((ROOT / 'msg_docs').glob('*.md'))) if path.exists()]
 # Tools that are run as the page has them; the others take minutes, and their arguments are read.
 RUN = ('evaluate', 'refine', 'predict')
+# But for an arm, which is made and refined with its URDF in test_whole_arm, and for a cluster.
+READ = {'--urdf', '--scheduler'}
 
 
 def blocks(language):
@@ -83,7 +85,9 @@ def workplace(tmp_path_factory):
         trial('trial_without', 0)
         trial('another_trial', 1)
         model = trial('trial_with', 1)
-        for path in ('models/elbow.yaml', 'refined/model.yaml'):
+        for day, direction in (('monday', 0), ('tuesday', 1)):
+            trial(f'sessions/{day}', direction)
+        for path in ('elbow.yaml', 'models/elbow.yaml', 'refined/model.yaml'):
             model.save(path)
         yield folder
 
@@ -142,8 +146,9 @@ def test_commands(command, workplace, monkeypatch):
         check_node(arguments)
         return
     assert name in TOOLS
-    # An arm's recording is made, and refined with its URDF, in test_whole_arm.
-    if name in RUN and '--urdf' not in arguments:
+    if name in RUN and not READ & set(arguments):
+        if '--jobs' in arguments:
+            pytest.importorskip('distributed', reason='Dask is not in this environment')
         assert main([name, *arguments]) == 0
         assert (workplace / arguments[arguments.index('--output') + 1]).exists()
         return

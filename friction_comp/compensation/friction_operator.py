@@ -174,7 +174,9 @@ def amplitude(p, s, positive, speed, more):
     else:
         plateau, mean, std = -p.lower, p.break_negative, p.std_negative
         excess = interpolated(speed, p.knots, p.excess_negative)
-    sliding = max(0.0, plateau + more - excess)
+    settled = math.tanh(0.5 * p.steepness * speed)
+    # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
+    sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)) - excess)
     near = p.slow_share * max(0.0, min(sliding, mean - std))
     # Until it has left its place of rest the joint holds with breakaway friction.
     start = 0.0
@@ -185,7 +187,7 @@ def amplitude(p, s, positive, speed, more):
         near = min(near, p.slow_share * sliding)
     # Displacement never raises it above what the joint bore at this rest.
     near *= s.borne
-    rises = math.tanh(0.5 * p.steepness * speed) * min(1.0, speed / p.slow)
+    rises = settled * min(1.0, speed / p.slow)
     if s.borne < 1.0:
         # Nor does speed, until it has left its place of rest: a gear that gives within presliding
         # is fast, too.

@@ -326,12 +326,11 @@ def _trend_words(trend: Trend) -> str:
     assert trend.per_week is not None
     name, unit = FIGURES[trend.figure]
     rises = trend.per_week.mean > 0
-    verb = 'rises' if rises else 'falls'
     # Smoothness is the only figure of which more is better.
     judged = 'better' if rises == (trend.figure == 'smoothness') else 'worse'
-    return (f'Over {len(trend.days)} days, {name} with {trend.help.label} **{verb} by '
-            f'{number(abs(trend.per_week.mean))} {unit} a week**, for the {judged} '
-            f'({_p(trend.probability or 0.0)}).')
+    return (f'Over {len(trend.days)} days, {name} with {trend.help.label} '
+            f'**{"rises" if rises else "falls"} by {number(abs(trend.per_week.mean))} {unit} '
+            f'a week**, for the {judged} ({_p(trend.probability or 0.0)}).')
 
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
