@@ -96,6 +96,6 @@ $(VENV)/installed: $(VENV)/requirements $(SOURCES)
 	@rm -rf build/lib* build/bdist*
 # Compiled functions are cached beside the module, and the cache does not see that a function they
 # call in another module has changed.
-	@find $(VENV)/lib -path '*/friction_comp/*' -name '*.nb[ic]' -delete
+	@find $(VENV)/lib friction_comp -path '*friction_comp/*' -name '*.nb[ic]' -delete
 	@$(PIP) install --no-build-isolation .
 	@touch $@
