@@ -11,8 +11,10 @@ presliding, the law gives over any path at most what the gear takes, and a bound
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from numba import njit
+import numpy as np
 
 from friction_comp.compensation.guards import in_doubt, soft_end
 from friction_comp.compensation.records import FREE, HELD, LEADING
@@ -26,13 +28,13 @@ LOWERED = 0.85
 
 
 @njit(cache=True)
-def approach(value, aim, most):
+def approach(value: float, aim: float, most: float) -> float:
     """Return `value` moved towards `aim` by at most `most`."""
     return value + min(most, max(-most, aim - value))
 
 
 @njit(cache=True)
-def follow(p, s):
+def follow(p: Any, s: Any) -> None:
     """Drive the operator by the displacement of this sample, and notice rest."""
     place = min(s.position + p.backlash, max(s.position - p.backlash, s.backlash_place))
     if s.mode != LEADING:
@@ -50,7 +52,7 @@ def follow(p, s):
 
 
 @njit(cache=True)
-def _slipped(p, s, aim, home):
+def _slipped(p: Any, s: Any, aim: float, home: float) -> None:
     """Take back what the joint did not bear: it moved under the preload with nobody pushing."""
     s.slips += 1.0
     s.mode = FREE
@@ -64,7 +66,7 @@ def _slipped(p, s, aim, home):
 
 
 @njit(cache=True)
-def probe(p, s):
+def probe(p: Any, s: Any) -> None:
     """Find out who moves the joint: under less than it takes to slide, only a person speeds it up.
 
     Where it is faster in the second half of the probe than in the first, and faster than
@@ -87,7 +89,7 @@ def probe(p, s):
 
 
 @njit(cache=True)
-def lead(p, s, direction):
+def lead(p: Any, s: Any, direction: float) -> None:
     """Lead the operator of a joint at rest to the announced direction, and watch that it holds.
 
     Before anybody pushes, the joint shows whether it bears the preload of this rest: if it moves
@@ -140,7 +142,7 @@ def lead(p, s, direction):
 
 
 @njit(cache=True)
-def interpolated(at, knots, values):
+def interpolated(at: float, knots: np.ndarray, values: np.ndarray) -> float:
     """Return the value at a place, linear between the knots, level beyond their ends."""
     if at <= knots[0]:
         return values[0]
@@ -152,7 +154,7 @@ def interpolated(at, knots, values):
 
 
 @njit(cache=True)
-def amplitude(p, s, positive, speed, more):
+def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tuple[float, float]:
     """Return A in A: the share of friction that is fed forward in one direction of sliding.
 
     Parameters
@@ -196,7 +198,7 @@ def amplitude(p, s, positive, speed, more):
 
 
 @njit(cache=True)
-def trusted(p, s, speed):
+def trusted(p: Any, s: Any, speed: float) -> float:
     """Return the share that is left beyond the identified speeds, and keep the account of it.
 
     Beyond the speeds that identification has seen the law fades. A joint that gets there is
@@ -213,7 +215,8 @@ def trusted(p, s, speed):
 
 
 @njit(cache=True)
-def continuous_current(p, s, direction, forward, backward, carried):
+def continuous_current(p: Any, s: Any, direction: float, forward: float, backward: float,
+                       carried: float) -> float:
     """Return the current of the continuous law in A.
 
     Parameters

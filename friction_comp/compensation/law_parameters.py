@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -134,7 +135,7 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
     p['std_negative'] = SCATTER_MARGIN * breakaway.negative_std
 
 
-def _set_distances(p, model):
+def _set_distances(p: Any, model: FrictionModel) -> None:
     count = model.drive.position_resolution or DEFAULT_RESOLUTION
     presliding = DEFAULT_PRESLIDING if model.presliding is None else model.presliding.distance
     distance = LONGER * presliding + 2.0 * count
@@ -150,7 +151,7 @@ def _set_distances(p, model):
     p['caution_share'], p['least_trust'] = 0.75, 0.5
 
 
-def _set_times(p):
+def _set_times(p: Any) -> None:
     p['filter_time'] = 0.004
     p['rest_time'], p['creep_time'] = 0.15, 1.0
     p['bear_time'], p['probe_time'] = BEAR_TIME, PROBE_TIME
@@ -158,7 +159,7 @@ def _set_times(p):
     p['bad_time'] = 0.02
 
 
-def _set_speeds(p, model):
+def _set_speeds(p: Any, model: FrictionModel) -> None:
     slowest, fastest = DEFAULT_SLOWEST, DEFAULT_FASTEST
     speeds = np.abs((model.lookup_table or {}).get('speeds') or [])
     if len(speeds) and 0.0 < speeds.max() < math.inf:
@@ -171,7 +172,7 @@ def _set_speeds(p, model):
     p['slope'] = 2.0 * sliding / TURN_TIME
 
 
-def _set_excess(p, model):
+def _set_excess(p: Any, model: FrictionModel) -> None:
     """Note where Eq. 6 exceeds the table that it was fitted to: friction itself is in the table."""
     p['knots'] = np.geomspace(1.0, 2.0, KNOTS) * p['fade_from']
     table = model.lookup_table or {}
