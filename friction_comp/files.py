@@ -134,16 +134,21 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
 
 
+def to_yaml(document: Any) -> str:
+    """Return plain values as a YAML document; rows of numbers stay on one line."""
+    return str(yaml.safe_dump(
+        document, sort_keys=False, allow_unicode=True, width=96, default_flow_style=None))
+
+
 def write_yaml(path: str | Path, document: Any) -> None:
-    """Write plain values as a YAML document; rows of numbers stay on one line.
+    """Write plain values as a YAML document.
 
     Raises
     ------
     InputError
         If the folder cannot be written.
     """
-    write_atomically(path, yaml.safe_dump(
-        document, sort_keys=False, allow_unicode=True, width=96, default_flow_style=None))
+    write_atomically(path, to_yaml(document))
 
 
 def plain(value: Any, not_finite: float | None = math.nan) -> Any:

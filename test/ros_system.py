@@ -33,6 +33,11 @@ from friction_comp.tools.ros_domain import leased_domain
 ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / 'config'
 MODELS = [str(CONFIG / f'armin_configuration_{k}.yaml') for k in (1, 2, 3)]
+# Two joints under a compensator. What is not about time is not to fail for want of it.
+JOINTS = ['elbow', 'shoulder']
+START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 10.0,
+         'direction_timeout': 60.0, 'law': 'paper', 'input_reliability': 'reliable'}
+ZERO = [0.0, 0.0]
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Discovery alone may take seconds on a busy machine.
@@ -115,6 +120,16 @@ class Process:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
+
+
+def refuses(folder, name, parameters, words):
+    """Check that a node does not start, and says why in one line."""
+    with Process(folder, name, parameters) as process:
+        assert process.wait() == 2
+        lines = [line for line in process.text.splitlines() if line.startswith(f'{name}: ')]
+        assert len(lines) == 1
+        assert words in lines[0]
+        assert 'Traceback' not in process.text
 
 
 class Probe(Node):

@@ -14,21 +14,19 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 from ros_system import (
     FakeDriver,
     joint_state,
+    JOINTS,
     MODELS,
     own_domain,
     probe_node,
     Process,
     RELIABLE,
+    START,
+    ZERO,
 )
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.model.friction_model import FrictionModel
 
-JOINTS = ['elbow', 'shoulder']
-# What is not about time is not to fail for want of it.
-START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 10.0,
-         'direction_timeout': 60.0, 'law': 'paper', 'input_reliability': 'reliable'}
-ZERO = [0.0, 0.0]
 pytestmark = pytest.mark.slow
 
 

@@ -15,12 +15,16 @@ from ros_system import (
     BEST_EFFORT,
     FakeDriver,
     joint_state,
+    JOINTS,
     MODELS,
     own_domain,
     probe_node,
     Process,
+    refuses,
     RELIABLE,
+    START,
     unasked,
+    ZERO,
 )
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -28,11 +32,6 @@ from std_srvs.srv import Trigger
 
 from friction_comp.nodes.compensation_loop import ALONE
 
-JOINTS = ['elbow', 'shoulder']
-# What is not about time is not to fail for want of it.
-START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 10.0,
-         'direction_timeout': 60.0, 'law': 'paper', 'input_reliability': 'reliable'}
-ZERO = [0.0, 0.0]
 pytestmark = pytest.mark.slow
 
 
@@ -97,12 +96,7 @@ def test_signals_leave_zero_current(room, number):
     ({'joints': ['a'], 'model_files': MODELS[:1], 'breakaway_gain': 3.0}, 'breakaway_gain'),
 ])
 def test_starts_only_with_usable_input(room, parameters, words):
-    with Process(room, 'compensator', parameters) as process:
-        assert process.wait() == 2
-        lines = [line for line in process.text.splitlines() if line.startswith('compensator: ')]
-        assert len(lines) == 1
-        assert words in lines[0]
-        assert 'Traceback' not in process.text
+    refuses(room, 'compensator', parameters, words)
 
 
 def test_waits_for_its_manager_without_autostart(room):

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from geometry_msgs.msg import WrenchStamped
-from ros_system import joint_state, MODELS, probe_node, Process, RELIABLE
+from ros_system import joint_state, MODELS, probe_node, Process, refuses, RELIABLE
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
@@ -153,11 +153,7 @@ def test_real_time_runs_by_itself_and_forgets_old_commands(room):
     ({'joints': ['a'], 'model_files': MODELS[:1], 'sample_time': 1.0}, 'sample_time'),
     ({'joints': ['a']}, 'model_files')])
 def test_a_plant_starts_only_with_usable_input(room, parameters, words):
-    with Process(room, 'plant', parameters) as process:
-        assert process.wait() == 2
-        lines = [line for line in process.text.splitlines() if line.startswith('plant: ')]
-        assert len(lines) == 1
-        assert words in lines[0]
+    refuses(room, 'plant', parameters, words)
 
 
 def answers(references, stamp):

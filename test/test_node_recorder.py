@@ -153,6 +153,21 @@ def test_losses_are_counted_and_other_publishers_are_not_taken_for_them(starts, 
         assert losses.count == lost
 
 
+def test_a_slow_publisher_that_was_not_heard_before_is_no_loss():
+    losses = Losses()
+    losses.see(5)
+    losses.look(changed=True)
+    for later in range(6):
+        for _ in range(10):
+            losses.look(changed=False)
+        # Once a second each: the second one is heard when the first has long been silent.
+        losses.see(40 + later)
+        for _ in range(4):
+            losses.look(changed=False)
+        losses.see(6 + later)
+    assert losses.count == 0
+
+
 class FakeSubscription:
     """A subscription that is fed by hand."""
 

@@ -134,20 +134,7 @@ class DemoClient:
         return self._reached(self._action, IdentifyFriction, goal, report, 'identification')
 
     def refine(self, goal, report):
-        """Send a goal to the refinement node and return its result.
-
-        Parameters
-        ----------
-        goal : dict
-            Fields of RefineModel's goal.
-        report : callable
-            Called with each feedback message.
-
-        Raises
-        ------
-        InputError
-            If the goal is refused or not reached.
-        """
+        """Send a goal to the refinement node, as `identify` does to its own."""
         return self._reached(self._refinement, RefineModel, goal, report, 'refinement')
 
     def _reached(self, action, kind, goal, report, what):

@@ -26,7 +26,8 @@ class Losses:
 
     Each publisher numbers its messages, but who sent which is not said. Numbers that follow each
     other are one publisher's. Where one breaks off and another begins further on, while nobody
-    came or went, what lies between is lost.
+    came or went, what lies between is lost. If the first goes on after all, it was only slow, and
+    the other a publisher that had not been heard before: then nothing was lost.
 
     Attributes
     ----------
@@ -37,10 +38,16 @@ class Losses:
     def __init__(self) -> None:
         self.count = 0
         self._streams: dict[int, _Stream] = {}
+        # What was counted for streams that broke off, by the number that never came.
+        self._broken_off: dict[int, int] = {}
 
     def see(self, number: int) -> None:
         """Take a message's number."""
-        stream = self._streams.pop(number, None) or _Stream(number)
+        stream = self._streams.pop(number, None)
+        if stream is None:
+            lost = self._broken_off.pop(number, 0)
+            self.count -= lost
+            stream = _Stream(0 if lost else number)
         stream.silent = 0
         self._streams[number + 1] = stream
 
@@ -66,6 +73,8 @@ class Losses:
                       and other.silent >= _SILENT and number < stream.start]
             if before:
                 self.count += stream.start - max(before)
+                self._broken_off[max(before)] = stream.start - max(before)
                 del self._streams[max(before)]
-        while len(self._streams) > _MOST_STREAMS:
-            del self._streams[next(iter(self._streams))]
+        for known in (self._streams, self._broken_off):
+            while len(known) > _MOST_STREAMS:
+                del known[next(iter(known))]

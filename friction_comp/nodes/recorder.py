@@ -111,7 +111,7 @@ class RecorderNode(Node):
         self._rate = Rate()
         self._counts = dict.fromkeys((topic for topic, *_ in TOPICS), 0)
         self._failed = ''
-        self._lost_before = 0
+        self._lost_before = self._lost_told = 0
         data = {'recorded_by': 'friction_comp recorder'}
         if model:
             data['model_file'] = model
@@ -188,9 +188,11 @@ class RecorderNode(Node):
         lost = sum(topic.lost for topic in self._topics.values())
         values = {'messages per second of real time': self._rate.per_second(),
                   'messages lost': lost, **self._counts}
-        if lost > self._lost_before:
+        # Once it has stood for a second: what seemed lost may have been a slow publisher's.
+        if lost == self._lost_before and lost > self._lost_told:
             self.get_logger().warning(f'messages lost so far: {self._lost()}')
-            self._lost_before = lost
+            self._lost_told = lost
+        self._lost_before = lost
         if self._failed:
             return ERROR, self._failed, values
         if lost:

@@ -43,7 +43,8 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
         if compared is None:
             continue
         tiles.append((f'{number(compared[0])} → {number(compared[1])} N·m', f'{one.joint}, peak'))
-        words.append(f'the {one.joint} **{100 * (1 - compared[1] / compared[0]):.0f} %** less')
+        change = round(100 * (compared[1] / compared[0] - 1))
+        words.append(f'the {one.joint} **{abs(change)} %** {"more" if change > 0 else "less"}')
     page.text("With each joint's direction announced as it changes, setting it in motion and "
               f'turning it round takes of the person at most: {", ".join(words) or "not known"} '
               'than with kinetic friction compensated alone.')
@@ -168,7 +169,7 @@ def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
 
 @styled
 def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Samples) -> Figure:
-    """Draw each movement's peak over the session, and the temperature below."""
+    """Draw each movement's RMS torque over the session, and the temperature below."""
     rows = 1 if samples.temperature is None else 2
     figure, axes = new_figure(rows, 1, width=8.4, height=2.4, sharex=True, squeeze=False)
     above = axes[0, 0]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 import os
@@ -24,8 +25,7 @@ if TYPE_CHECKING:
     from friction_comp.nodes.demo_client import DemoClient
 
 
-
-class Stage:
+class Stage(ABC):
     """Simulated joints in lockstep, the nodes around them, and a clock for what is said.
 
     Parameters
@@ -46,9 +46,9 @@ class Stage:
         # Simulated and real s of what was waited for.
         self._speeds: list[tuple[float, float]] = []
 
+    @abstractmethod
     def run(self) -> None:
         """Run the scene, to its report."""
-        raise NotImplementedError
 
     def _say(self, text: str) -> None:
         minutes, seconds = divmod(round(time.monotonic() - self._began), 60)

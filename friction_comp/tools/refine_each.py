@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from functools import partial
 import os
 from pathlib import Path
-import tempfile
 import time
 from typing import Any
 
 from friction_comp.attempts import Failure
 from friction_comp.errors import InputError
+from friction_comp.files import to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
 from friction_comp.tools.processes import interrupts_deferred
 from friction_comp.tools.workers import workers
@@ -154,11 +154,8 @@ def _refined(arguments: Namespace, part: Part) -> Refined:
     result.report['warnings'].extend(f'{info.path}: {note}' for note in info.notes)
     name = str(part.path)
     result.model.notes = {**result.model.notes, 'refined_from': [name], 'unit': unit, **limit}
-    with tempfile.TemporaryDirectory() as room:
-        result.model.save(Path(room, 'model.yaml'))
-        document = Path(room, 'model.yaml').read_text(encoding='utf-8')
     return Refined(result.report, {
-        'report.json': to_json(result.report), 'model.yaml': document,
+        'report.json': to_json(result.report), 'model.yaml': to_yaml(result.model.to_dict()),
         'report.html': refinement_report(result, [name]).html()}, time.monotonic() - begin)
 
 
