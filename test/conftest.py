@@ -6,7 +6,8 @@ import pytest
 
 from friction_comp.package_files import name_this_environment
 
-# Tests with nodes follow one another: each drives several processes as it is.
+# Long ones: they begin, so that the short ones fill what is left in the end. Each process that
+# runs tests has a ROS domain of its own (ros_system), so nodes of several tests do not meet.
 NODES = ('test_demo', 'test_node_', 'test_packaging')
 
 
@@ -14,13 +15,20 @@ NODES = ('test_demo', 'test_node_', 'test_packaging')
 name_this_environment()
 
 
+def shared_in_its_file(item):
+    """Tell whether a test uses something that is made once for its file."""
+    made = item._fixtureinfo.name2fixturedefs.values()
+    return any(one.scope == 'module' for several in made for one in several)
+
+
 # Before xdist looks for the groups.
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Keep the tests of a file, and all with nodes, in one process; nodes begin."""
-    def with_nodes(item):
-        return item.path.stem.startswith(NODES)
+    """Keep the tests that share something in one process; the others go where there is room."""
     for item in items:
-        group = 'nodes' if with_nodes(item) else item.path.stem
-        item.add_marker(pytest.mark.xdist_group(group))
-    items.sort(key=lambda item: not with_nodes(item))
+        if shared_in_its_file(item):
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
+
+    def late(item):
+        return (not item.path.stem.startswith(NODES), item.get_closest_marker('slow') is None)
+    items.sort(key=late)

@@ -286,7 +286,11 @@ class FakeDriver:
 
     @property
     def answers(self):
-        return [message for message in self.commands if not unasked(message)]
+        return self._answers_from(0)
+
+    def _answers_from(self, number):
+        """Return the answers among the commands from a number on."""
+        return [message for message in self.commands[number:] if not unasked(message)]
 
     def find(self, stamp=time.time_ns, direction=None):
         """Stream states until commands come, with a direction, until they are large.
@@ -340,11 +344,8 @@ class FakeDriver:
         before = len(self.commands)
         stamp = time.time_ns() if stamp is None else stamp
         self.states.publish(joint_state(stamp, names or self.joints, position, velocity))
-
-        def answers():
-            return [message for message in self.commands[before:] if not unasked(message)]
-        self.probe.until(answers, 'a command for the joint state')
-        return list(answers()[0].data)
+        self.probe.until(lambda: self._answers_from(before), 'a command for the joint state')
+        return list(self._answers_from(before)[0].data)
 
 
 def value_of(status, key):

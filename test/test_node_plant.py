@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from geometry_msgs.msg import WrenchStamped
-from ros_system import joint_state, MODELS, probe_node, Process, refuses, RELIABLE
+from ros_system import joint_state, MODELS, probe_node, Process, refuses, RELIABLE, value_of
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
@@ -124,6 +124,22 @@ def test_a_plant_that_waits_for_the_reference_stands_still_without_it(room):
         assert torque[-1] > 0.01
         assert probe.set_parameter('plant', 'wait_for_reference', False) is None
         probe.until(lambda: len(commander.stamps()) == 11, 'the next state')
+
+
+def test_time_begins_when_all_listeners_are_there(room):
+    with probe_node() as probe, probe_node() as late, Process(room, 'plant', {
+            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep',
+            'wait_for_listeners': 2}):
+        commander = Commander(probe)
+        probe.matched(commander.port)
+        probe.status_of('plant', lambda status: '1 of 2' in value_of(status, 'waits for'))
+        assert not commander.states
+        states = late.listen(JointState, 'joint_states')
+        late.until(lambda: states, 'the first state')
+        probe.until(lambda: commander.states, 'the first state')
+        assert states[0].header.stamp == commander.states[0].header.stamp
+        commander.step([0.0])
+        late.until(lambda: states[-1] == commander.states[-1], 'the second state')
 
 
 def test_real_time_runs_by_itself_and_forgets_old_commands(room):

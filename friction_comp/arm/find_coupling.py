@@ -15,7 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
-from friction_comp.arm.robust import huber_weights, STRETCHES, stretches_of
+from friction_comp.arm.robust import bulk_weights, STRETCHES, stretches_of
 from friction_comp.model.arm.coupling import Coupling, Group
 from friction_comp.model.plain_drive import plain_drive_columns
 
@@ -122,7 +122,7 @@ class _Search:
         """Return the numbers of the groups chosen, in their order."""
         chosen: list[int] = []
         while len(chosen) < _MOST_GROUPS:
-            self._weigh(huber_weights(self._residual(chosen)))
+            self._weigh(bulk_weights(self._residual(chosen)))
             before = self._losses(chosen)
             gains = [(self._gain(chosen, k), k) for k in range(len(self.groups))
                      if k not in chosen]
@@ -142,7 +142,7 @@ class _Search:
 
     def coefficients(self, chosen: list[int]) -> tuple[tuple[float, ...], ...]:
         """Return the coefficients of chosen groups in A per unit, a tuple for each."""
-        self._weigh(huber_weights(self._residual(chosen)))
+        self._weigh(bulk_weights(self._residual(chosen)))
         columns, found = self._solved(chosen, np.arange(len(self._grams)))
         values = dict(zip(columns, found * self._norm[-1] / self._norm[columns]))
         return tuple(tuple(float(values[c]) for c in self._places[k + 1]) for k in chosen)

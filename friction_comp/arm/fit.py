@@ -20,7 +20,7 @@ import numpy as np
 
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.link_intervals import link_intervals, LinkIntervals
-from friction_comp.arm.robust import huber_weights, stretches_of
+from friction_comp.arm.robust import bulk_weights, stretches_of
 from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unknowns
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
@@ -367,7 +367,7 @@ def _settle(problem: _Problem, prior: Prior, x: np.ndarray, rounds: int = 3) -> 
             rows = problem.counts[:, joint] > 0
             if not rows.any():
                 continue
-            problem.weights[:, joint] = problem.counts[:, joint] * huber_weights(
+            problem.weights[:, joint] = problem.counts[:, joint] * bulk_weights(
                 residual[:, joint], rows)
     return x
 

@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import numpy as np
 
-# Huber's limit in standard deviations, as in the fit of friction.
-HUBER = 2.0
+from friction_comp.huber import huber_weights
+
 STRETCHES = 12
 
 
-def huber_weights(residual: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+def bulk_weights(residual: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
     """Return Huber's weights over the variance of the bulk, shape (N,).
 
     Parameters
@@ -22,7 +22,7 @@ def huber_weights(residual: np.ndarray, rows: np.ndarray | None = None) -> np.nd
     """
     size = np.abs(residual)
     scale = 1.4826 * float(np.median(size if rows is None else size[rows])) + 1e-12
-    return np.minimum(1.0, HUBER * scale / np.maximum(size, 1e-300)) / scale ** 2
+    return huber_weights(residual, scale) / scale ** 2
 
 
 def stretches_of(recording: np.ndarray, number: int = STRETCHES) -> np.ndarray:

@@ -143,7 +143,8 @@ class ExerciseNode(Node):
         self._origin = position
 
     def _on_tick(self, now: Any) -> None:
-        if not self._listened_to():
+        # Once it is over, time is not to go on by as many ticks as come before the node has left.
+        if self.finished or not self._listened_to():
             return
         if now == self._last:
             # A tick comes again when its answer was lost.

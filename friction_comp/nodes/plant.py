@@ -41,7 +41,8 @@ class PlantNode(Node):
 
     In lockstep the order of events within one sample is fixed, whatever the machine's load: on a
     tick of the clock, `/clock` and the wait for the `reference` of this tick (if asked for); then
-    `joint_states`, the wait for one `current_command`, and the step.
+    `joint_states`, the wait for one `current_command`, and the step. Time does not begin before all
+    `wait_for_listeners` are there: who records has every state, the first one included.
     """
 
     finished = False
@@ -95,6 +96,10 @@ class PlantNode(Node):
         declare(
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference that bears its stamp')
+        self._listeners = declare(
+            self, 'wait_for_listeners', 0,
+            'in lockstep, subscriptions to joint_states that must be there before time begins',
+            0, 1000, read_only=True)
         self._hold = ReferenceHold(declare(
             self, 'reference_timeout', 0.5,
             'time without reference after which the person lets go [s]', 0.01, 60.0,
@@ -226,6 +231,9 @@ class PlantNode(Node):
                 if (tick and self._reference_stamp != self._stamp
                         and self.get_parameter('wait_for_reference').value):
                     return
+                if not self._samples and (
+                        self._states.get_subscription_count() < self._listeners):
+                    return
                 self._shown = True
                 self._publish()
             if not self._answered:
@@ -279,12 +287,20 @@ class PlantNode(Node):
             'command [A]': self._command.tolist(),
             'commands not usable': self._bad_commands}
         if self._lockstep:
-            values['waits for'] = 'current_command' if self._shown else 'reference'
+            values['waits for'] = self._waits_for()
         else:
             values['overruns'] = self._overruns
         if self._bad_commands:
             return WARN, 'commands of wrong length or not finite were taken as zero', values
         return OK, 'running', values
+
+    def _waits_for(self) -> str:
+        if self._shown:
+            return 'current_command'
+        found = self._states.get_subscription_count()
+        if not self._samples and found < self._listeners:
+            return f'listeners to joint_states ({found} of {self._listeners})'
+        return 'reference'
 
     def leave(self) -> None:
         """Nothing is left behind: the simulated motor ends with its node."""

@@ -27,9 +27,10 @@ from friction_comp.nodes.recorded_topic import RecordedTopic
 from friction_comp.recordings.writer import RecordingWriter
 
 STATES = 'joint_states'
-# Topic, message class, its name in recordings, and whether its stamp dates it.
+# Topic, message class, its name in recordings, and whether its stamp dates it. Others find the
+# subscriptions of a node in the order in which it made them: who has found the last, as a plant
+# that waits for its listeners, has found them all.
 TOPICS = (
-    (STATES, JointState, 'sensor_msgs/msg/JointState', True),
     ('current_command', Float64MultiArray, 'std_msgs/msg/Float64MultiArray', False),
     ('direction', Int8MultiArray, 'std_msgs/msg/Int8MultiArray', False),
     ('direction_stamped', JointState, 'sensor_msgs/msg/JointState', True),
@@ -38,6 +39,7 @@ TOPICS = (
     ('motor_temperature', Temperature, 'sensor_msgs/msg/Temperature', True),
     # Stamped by the clock of its node, which need not be that of the joint states.
     ('/diagnostics', DiagnosticArray, 'diagnostic_msgs/msg/DiagnosticArray', False),
+    (STATES, JointState, 'sensor_msgs/msg/JointState', True),
 )
 # Joint states that are remembered to date messages without stamp.
 _MEMORY = 20_000

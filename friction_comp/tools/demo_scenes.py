@@ -44,7 +44,9 @@ class TwoJoints(Stage):
     def run(self) -> None:
         """Move with each law, evaluate, and write the report."""
         self._say('starts two simulated joints, a shoulder and an elbow, and the compensator')
-        self._start_plant(self._models, ['', ''], _SAMPLE_TIME, wait_for_reference=True)
+        # From the first state on: the compensator, the exercise and the recorder.
+        self._start_plant(self._models, ['', ''], _SAMPLE_TIME, wait_for_reference=True,
+                          wait_for_listeners=3)
         self._nodes.start('compensator', {**self._common(*self._models), 'law': 'kinetic'})
         for law, title in (('kinetic', 'kinetic friction only'),
                            ('continuous', 'each direction announced as it changes')):
@@ -106,7 +108,9 @@ class Wear(Stage):
         """Move until the watch warns, refine, load, move on, and write the report."""
         self._say('starts a joint whose gear binds as it warms, the compensator with the model of '
                   'the cold drive, and the node that watches the residual')
-        self._start_plant([self._model], [self._hidden], self.sample_time, wait_for_reference=True)
+        # From the first state on: the compensator, the refinement, the exercise and the recorder.
+        self._start_plant([self._model], [self._hidden], self.sample_time, wait_for_reference=True,
+                          wait_for_listeners=4)
         common = self._common(self._model)
         self._nodes.start('compensator', common)
         self._nodes.start('refinement', {

@@ -73,7 +73,9 @@ class Demo(Stage):
 
     def _identify(self) -> Path:
         self._say('starts a simulated joint that hides an effect, and identification')
-        self._start_plant([self._true_model], [self._undeclared], SAMPLE_TIME)
+        # Identification and the recorder listen from the first state on.
+        self._start_plant(
+            [self._true_model], [self._undeclared], SAMPLE_TIME, wait_for_listeners=2)
         self._nodes.start('identification', {
             **self._common(self._true_model), 'output_folder': str(self._output / 'models')})
         self._record('identification')

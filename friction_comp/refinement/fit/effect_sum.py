@@ -13,13 +13,9 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from friction_comp.huber import huber_weights
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement.fit.robust_regression import (
-    huber_weights,
-    robust_scale,
-    side_by_side,
-    solve,
-)
+from friction_comp.refinement.fit.robust_regression import robust_scale, side_by_side, solve
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect

@@ -8,20 +8,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-# Residuals beyond this many standard deviations weigh less (Huber 1964 has 1.345 for 95 %
-# efficiency; the wider band keeps the short accelerations, where much of the information is).
-HUBER = 2.0
+from friction_comp.huber import HUBER
+
 _RIDGE = 1e-9
 
 
 def robust_scale(residual: np.ndarray) -> float:
     """Return the standard deviation that the bulk of residuals suggests (1.4826 · MAD)."""
     return 1.4826 * float(np.median(np.abs(residual))) + 1e-15
-
-
-def huber_weights(residual: np.ndarray, scale: float) -> np.ndarray:
-    """Return Huber's weights, 1 within `HUBER` · scale and falling beyond."""
-    return np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), 1e-300))
 
 
 def huber_loss(residual: np.ndarray, scale: float) -> np.ndarray:

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from friction_comp.huber import huber_weights
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.fit.robust_regression import huber_weights, robust_scale
+from friction_comp.refinement.fit.robust_regression import robust_scale
 from friction_comp.refinement.prepare.correlation import stretches
 from friction_comp.refinement.prepare.fit_data import FitData
 

@@ -9,9 +9,10 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
+from friction_comp.huber import huber_weights
 from friction_comp.model.differentiation import differentiate, earlier
 from friction_comp.model.plain_drive import plain_drive_columns
-from friction_comp.refinement.fit.robust_regression import huber_weights, robust_scale, solve
+from friction_comp.refinement.fit.robust_regression import robust_scale, solve
 from friction_comp.refinement.judge.evidence import rms
 from friction_comp.refinement.prepare import fit_data as recordings
 
