@@ -19,6 +19,7 @@ from rclpy.executors import (
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
+from rclpy.waitable import NumberOfEntities
 
 # Real time in s between looks at everything that is not a stream. It also bounds how long a
 # signal waits, since Python handles one only when the executor comes back from the middleware.
@@ -100,20 +101,84 @@ def _add(result: Any, begun: Any) -> None:
 
 
 class _Rest:
-    """What of a node is looked at now and then: services, actions, the other timers."""
+    """What of a node is looked at now and then: services, actions, events, the other timers.
+
+    A wait set that is made once, and again only when the node has got or lost something, tells
+    whether there is anything to do. rclpy makes one for every look, which takes milliseconds.
+
+    To rclpy's executor this is the node, without what is attended to here.
+    """
 
     subscriptions = ()
+    timers = ()
 
-    def __init__(self, node: Any, fast: Any) -> None:
+    def __init__(self, node: Any, fast: list[Any]) -> None:
         self._node = node
         self._fast = set(fast)
-
-    @property
-    def timers(self) -> Any:
-        return [timer for timer in self._node.timers if timer not in self._fast]
+        self._held = ExitStack()
+        self._slow: list[Any] = []
+        self._entities: dict[str, list[Any]] = {}
+        self._waitables: list[Any] = []
+        self._wait_set: Any = None
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._node, name)
+
+    def renew(self) -> None:
+        """Take note of what there is now."""
+        self._held.close()
+        node = self._node
+        self._slow = [timer for timer in node.timers if timer not in self._fast]
+        kinds = {'client': list(node.clients), 'service': list(node.services),
+                 'guard_condition': list(node.guards)}
+        self._entities, self._waitables = kinds, list(node.waitables)
+        count = NumberOfEntities(
+            0, len(kinds['guard_condition']), 0, len(kinds['client']), len(kinds['service']))
+        for waitable in self._waitables:
+            count += waitable.get_num_entities()
+            self._held.enter_context(waitable)
+        for one in (*self._slow, *(one for several in kinds.values() for one in several),
+                    node.context):
+            self._held.enter_context(one.handle)
+        self._wait_set = _rclpy.WaitSet(
+            count.num_subscriptions, count.num_guard_conditions, count.num_timers,
+            count.num_clients, count.num_services, count.num_events, node.context.handle)
+
+    def close(self) -> None:
+        """Let go of everything."""
+        self._held.close()
+
+    def call_timers(self) -> list[Any]:
+        """Call the timers that are due; return callbacks that go on later."""
+        begun: list[Any] = []
+        for timer in self._slow:
+            if timer.handle.is_timer_ready():
+                timer.handle.call_timer()
+                _add(timer.callback(), begun)
+        return begun
+
+    def is_waiting(self) -> bool:
+        """Tell whether anything waits for rclpy to attend to it."""
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for kind, several in self._entities.items():
+            add = getattr(wait_set, f'add_{kind}')
+            for one in several:
+                add(one.handle)
+        for waitable in self._waitables:
+            waitable.add_to_wait_set(wait_set)
+        wait_set.wait(0)
+        found = False
+        for kind, several in self._entities.items():
+            for number, one in enumerate(several):
+                if wait_set.is_ready(kind, number):
+                    found = True
+                    if kind == 'guard_condition':
+                        # Looking has taken its trigger; so rclpy knows of it all the same.
+                        one._executor_triggered = True
+        for waitable in self._waitables:
+            found = waitable.is_ready(wait_set) or found
+        return found
 
 
 class StreamExecutor(Executor):
@@ -138,7 +203,7 @@ class StreamExecutor(Executor):
         self._is_changed = True
         self.add_node(node)
         self._streams = _Streams(node, list(node.fast_timers), self._changed)
-        self._rest = [_Rest(node, node.fast_timers)]
+        self._rest = _Rest(node, node.fast_timers)
         self._nap = getattr(node, 'nap', 0.0)
         self._due = 0.0
 
@@ -152,6 +217,7 @@ class StreamExecutor(Executor):
     def shutdown(self, timeout_sec: Any = None) -> Any:
         """Let go of the node."""
         self._streams.close()
+        self._rest.close()
         return super().shutdown(timeout_sec)
 
     def spin_once(self, timeout_sec: Any = None) -> None:
@@ -159,27 +225,52 @@ class StreamExecutor(Executor):
         left = max(0.0, self._due - time.monotonic())
         self._attend(left if timeout_sec is None else min(left, timeout_sec))
         if timeout_sec == 0.0 or time.monotonic() >= self._due:
-            while self._execute_rest():
-                pass
+            self._look()
             self._due = time.monotonic() + _BREATH
 
     def _attend(self, seconds: Any) -> None:
-        if self._is_changed:
-            self._is_changed = False
-            self._streams.renew()
+        self._renew()
         for one in self._streams.wait(0.0 if self._nap else seconds):
             self.create_task(one)
         if self._nap:
             time.sleep(min(self._nap, seconds))
 
-    def _execute_rest(self) -> bool:
+    def _renew(self) -> None:
+        if self._is_changed:
+            self._is_changed = False
+            self._streams.renew()
+            self._rest.renew()
+
+    def _look(self) -> None:
+        """Attend to everything that is not a stream."""
         if not self.context.ok():
             raise ExternalShutdownException
+        for one in self._rest.call_timers():
+            self.create_task(one)
+        self._go_on_with_tasks()
+        # What a callback has destroyed must not be waited for.
+        self._renew()
+        if self._rest.is_waiting():
+            while self._execute_rest():
+                pass
+
+    def _go_on_with_tasks(self) -> None:
+        with self._tasks_lock:
+            self._tasks[:] = [one for one in self._tasks if not one[0].done()]
+            tasks = [task for task, *_ in self._tasks if not task.executing()]
+        for task in tasks:
+            _execute(task)
+
+    def _execute_rest(self) -> bool:
         try:
-            handler, _, _ = self.wait_for_ready_callbacks(0.0, self._rest)
+            handler, _, _ = self.wait_for_ready_callbacks(0.0, [self._rest])
         except (ConditionReachedException, ShutdownException, TimeoutException):
             return False
-        handler()
-        if handler.exception() is not None:
-            raise handler.exception()
+        _execute(handler)
         return True
+
+
+def _execute(task: Any) -> None:
+    task()
+    if task.exception() is not None:
+        raise task.exception()

@@ -66,7 +66,7 @@ class Demo(Stage):
         self._say(f'loads {self._name(refined_file)} into the running compensator')
         self._ros.set_parameter('compensator', 'model_files', [str(refined_file)])
         trials.append(self._try(*TRIALS[3]))
-        self._nodes.stop('compensator', 'identification', 'plant')
+        self._nodes.stop('compensator', 'plant')
         self._conclude(trials, refined, model_file)
 
     # Steps.
@@ -89,7 +89,7 @@ class Demo(Stage):
             result = self._ros.identify(GOAL, report)
         if heard:
             self._speeds.append((heard[-1][0], time.monotonic() - heard[0][1]))
-        self._nodes.stop('recorder')
+        self._nodes.stop('recorder', 'identification')
         self._say(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
                   f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
                   f'{len(result.speeds)} points of the friction curve')
