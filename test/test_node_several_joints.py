@@ -63,7 +63,9 @@ def record(folder, law):
         probe.status_of('exercise', lambda status: status.message == 'waits for /clock')
         probe.status_of('recorder', lambda status: all(
             int(value_of(status, topic)) for topic in (
-                'joint_states', 'reference', 'interaction_wrench')))
+                'joint_states', 'reference', 'interaction_wrench'))
+            # All four nodes.
+            and int(value_of(status, 'publishers of /diagnostics')) == 4)
         # Said once a second, and recorded by now.
         for _ in range(2):
             probe.status_of('compensator', lambda status: status.message == 'inactive')

@@ -10,7 +10,7 @@ from typing import Any
 from rcl_interfaces.msg import ParameterDescriptor
 
 from friction_comp.errors import InputError
-from friction_comp.identification.run import IdentificationGoal
+from friction_comp.identification.run import IdentificationGoal, IdentificationRun
 from friction_comp.nodes.parameters import declare
 
 # 4 to 100 deg/s, the note's range.
@@ -82,3 +82,13 @@ def fill_result(message: Any, result: Any) -> None:
     message.breakaway_positive_std = float(breakaway.positive_std)
     message.breakaway_negative_mean = float(breakaway.negative_mean)
     message.breakaway_negative_std = float(breakaway.negative_std)
+
+
+def compile_ahead(drive: Any) -> None:
+    """Have what a goal runs compiled, and its modules read, before the first one comes."""
+    goal = IdentificationGoal(
+        speeds=(0.4, 0.8), ramp_slope=drive.current_limit / 10.0, ramp_period=1.0)
+    identification = IdentificationRun(goal, drive)
+    for k in range(3):
+        identification.update(1e-3 * k, 0.0, 0.0, 0.0)
+    identification.abort()

@@ -19,10 +19,10 @@ from sensor_msgs.msg import JointState, Temperature
 
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder
-from friction_comp.identification.run import IdentificationGoal, IdentificationRun
+from friction_comp.identification.run import IdentificationRun
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
-from friction_comp.nodes.goals import declare_defaults, fill_result, make_goal
+from friction_comp.nodes.goals import compile_ahead, declare_defaults, fill_result, make_goal
 from friction_comp.nodes.joint_io import CommandPort, input_qos
 from friction_comp.nodes.joint_states import JointStates, NANO, nanoseconds
 from friction_comp.nodes.node_main import run
@@ -79,7 +79,7 @@ class IdentificationNode(Node):
         self._shown: float | None = None
         self._last_end = ''
         self._refused = ''
-        _warm_up(self._drives[0])
+        compile_ahead(self._drives[0])
         self.create_subscription(Temperature, 'motor_temperature', self._on_temperature, qos)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
         self.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -302,16 +302,6 @@ class IdentificationNode(Node):
         self._end('aborted', 'the node was stopped')
         self._port.wait()
         self._watchdog.close()
-
-
-def _warm_up(drive: Any) -> None:
-    """Have what a goal runs compiled, and its modules read, before the first one comes."""
-    goal = IdentificationGoal(
-        speeds=(0.4, 0.8), ramp_slope=drive.current_limit / 10.0, ramp_period=1.0)
-    identification = IdentificationRun(goal, drive)
-    for k in range(3):
-        identification.update(1e-3 * k, 0.0, 0.0, 0.0)
-    identification.abort()
 
 
 def main(argv: list[str] | None = None) -> Any:

@@ -78,6 +78,11 @@ class RecordedTopic:
         """Messages that were published and never arrived."""
         return self._losses.count
 
+    @property
+    def publishers(self) -> int:
+        """Number of publishers that are heard."""
+        return max(one.get_publisher_count() for one in self._subscriptions.values())
+
     def look(self) -> None:
         """Look who publishes, and hear them as they are heard best."""
         self._looks += 1

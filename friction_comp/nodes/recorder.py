@@ -189,7 +189,9 @@ class RecorderNode(Node):
     def _report(self) -> tuple[Any, str, dict[str, Any]]:
         lost = sum(topic.lost for topic in self._topics.values())
         values = {'messages per second of real time': self._rate.per_second(),
-                  'messages lost': lost, **self._counts}
+                  'messages lost': lost, **self._counts,
+                  **{f'publishers of {name}': topic.publishers
+                     for name, topic in self._topics.items()}}
         # Once it has stood for a second: what seemed lost may have been a slow publisher's.
         if lost == self._lost_before and lost > self._lost_told:
             self.get_logger().warning(f'messages lost so far: {self._lost()}')
