@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 
 STILL_TIME = 0.2        # s of standstill asked for before each ramp
 STILL_PATIENCE = 10.0   # s to come to rest
+# A joint that stays within so many counts, and this way in rad, stands: noise of the current shakes
+# it within its presliding, and the finest encoders show that by many counts.
+STILL_COUNTS, STILL_WAY = 2.5, 1e-5
 # A ramp is cut once the joint runs, well beyond the run-away that is looked for: at this speed in
 # rad/s over so many s, and beyond so many encoder counts.
 CUT_SPEED, CUT_WINDOW, CUT_COUNTS = 0.05, 0.02, 8.0
@@ -154,7 +157,7 @@ class Script:
                     'the joint does not come to rest at zero current: it is driven by gravity, '
                     'pushed, or rings')
             sample = yield from self._step(0.0)
-            if abs(sample.position - place) > 2.5 * self._resolution:
+            if abs(sample.position - place) > max(STILL_COUNTS * self._resolution, STILL_WAY):
                 still_since, place = sample.time, sample.position
         return sample.time - still_since
 

@@ -30,12 +30,16 @@ _DOUBTFUL = 0.15
 _BLOCK = 0.1
 # Counts, and rad, below which that comparison says nothing.
 _FEW_COUNTS, _SHORT = 50.0, 2e-3
+# s by which a drive's filter may delay the velocity it measures: the way it leads then falls short
+# by as much as the speed changed over that time.
+_VELOCITY_LAG = 0.02
 # Longest step between samples over which anything is integrated, s.
 _STEP = 0.02
 # A current so many times what sets the joint free must accelerate it visibly.
 _SURPLUS = 1.5
-# Counts that such a joint must be expected to have moved, and the share that it must have.
-_EXPECTED_COUNTS, _ANSWERED = 30.0, 0.1
+# Counts that such a joint must be expected to have moved, and the share that it must have; and s
+# that it is given to answer, for delay, current loop and a filter take some milliseconds.
+_EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 30.0, 0.1, 0.01
 
 
 class Supervision:
@@ -145,7 +149,7 @@ class Supervision:
 
     def _begin_block(self, at: tuple[float, float] | None = None) -> None:
         self._block = at
-        self._way = 0.0
+        self._way, self._slowest, self._fastest = 0.0, math.inf, -math.inf
 
     def _compare_ways(self, step: float, time: float, position: float,
                       velocity: float | None) -> None:
@@ -157,13 +161,18 @@ class Supervision:
             return
         self._moving = self._moving or velocity != 0.0
         self._way += velocity * step
+        self._slowest = min(self._slowest, velocity)
+        self._fastest = max(self._fastest, velocity)
         if time - self._block[0] < _BLOCK:
             return
         went, way = position - self._block[1], self._way
+        late = _VELOCITY_LAG * (self._fastest - self._slowest)
         self._begin_block((time, position))
         # Some drivers fill a velocity that they do not measure with zeros.
         if not self._moving or max(abs(went), abs(way)) < max(
                 _SHORT, _FEW_COUNTS * self._resolution):
+            return
+        if abs(went - way) < late:
             return
         if abs(went) < 0.2 * abs(way):
             raise IdentificationError(
@@ -194,7 +203,8 @@ class Supervision:
         self._window.append((time, position))
         self._speed += surplus * acceleration * step
         self._expected += self._speed * step
-        if self._expected < _EXPECTED_COUNTS * self._resolution:
+        if (self._expected < _EXPECTED_COUNTS * self._resolution
+                or time - self._since < _ANSWER_TIME):
             return
         # It went on, or it gained on where it would have gone, for instance by being braked.
         went = position - self._from
