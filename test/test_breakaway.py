@@ -127,10 +127,10 @@ def test_two_hundred_cycles_meet_the_note(number):
     assert np.all(np.mod(records.time, PERIOD / 2.0) < 0.4 * PERIOD)
     statistics = records.statistics()
     expected = model.breakaway
-    assert statistics.positive_mean == pytest.approx(expected.positive_mean, rel=0.02)
-    assert statistics.negative_mean == pytest.approx(expected.negative_mean, rel=0.02)
-    assert statistics.positive_std == pytest.approx(expected.positive_std, rel=0.3)
-    assert statistics.negative_std == pytest.approx(expected.negative_std, rel=0.3)
+    assert statistics.positive_mean == pytest.approx(expected.positive_mean, rel=0.01)
+    assert statistics.negative_mean == pytest.approx(expected.negative_mean, rel=0.01)
+    assert statistics.positive_std == pytest.approx(expected.positive_std, rel=0.2)
+    assert statistics.negative_std == pytest.approx(expected.negative_std, rel=0.2)
 
 
 def test_presliding_creep_is_not_taken_for_motion():

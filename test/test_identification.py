@@ -122,7 +122,9 @@ def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):
     assert (run.progress, run.remaining) == (1.0, 0.0)
     assert run.result() is result
     assert len(result.records) == 4
-    assert result.records.cycle.tolist() == [0, 0, 1, 1]
+    # Twice each way in turn.
+    assert result.records.direction.tolist() == [1, 1, -1, -1]
+    assert result.records.cycle.tolist() == [0, 1, 0, 1]
     assert np.all(result.records.rest_time >= 0.2)
     assert np.all(np.isfinite(result.records.temperature))
     assert len(result.coefficients) == 6

@@ -38,15 +38,18 @@ def identified(gear, seed):
     raise AssertionError('never finished')
 
 
-@pytest.mark.parametrize(('kind', 'seed', 'most'), [('clamp', 2, 1.1), ('maxwell_slip', 2, 1.6)])
-def test_identification_finds_breakaway_and_presliding(kind, seed, most, tmp_path):
-    """Elements that were bent the other way before give farther: never less than the distance."""
+@pytest.mark.parametrize(('kind', 'seed'), [
+    ('clamp', 2), ('maxwell_slip', 2), ('maxwell_slip', 5), ('lugre', 1), ('lugre', 4)])
+def test_identification_finds_breakaway_and_presliding(kind, seed, tmp_path):
+    """Whichever way the contact gives, and whatever it remembers of the slide before."""
     gear = random_gear(seed, kind)
     result = identified(gear, seed)
     true, found = gear.model.breakaway, result.breakaway
     scatter = 4.0 * true.positive_std / math.sqrt(4)
     assert abs(found.positive_mean - true.positive_mean) < 0.03 * true.positive_mean + scatter
-    assert 0.9 < result.presliding.distance / gear.model.presliding.distance < most
+    count = gear.model.drive.position_resolution
+    assert abs(result.presliding.distance - gear.model.presliding.distance) < (
+        0.3 * gear.model.presliding.distance + count)
     result.model(gear.model.drive).save(tmp_path / 'model.yaml')
     assert FrictionModel.load(tmp_path / 'model.yaml').presliding == result.presliding
 

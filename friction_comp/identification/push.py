@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The inertia's share in a short push: how much a current accelerates the joint."""
+"""The inertia's share: how much a current accelerates the joint, in a push and in cycles."""
 
 from __future__ import annotations
 
@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.identification.local_parabola import local_parabolas
+
 if TYPE_CHECKING:
-    from friction_comp.identification.script import Sample
+    from friction_comp.identification.ramp import Sample
 
 _TRANSIENT = 2.5e-3  # s after a step of current that are left to the current controller
+_CYCLE_SMOOTHING = 0.02  # of a cycle over which its acceleration is taken
 
 
 def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], strength: float,
@@ -68,3 +71,36 @@ def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
     t, x = time[chosen] - time[-1], position[chosen]
     bend, slope, _ = np.polyfit(t, x, 2)
     return 2.0 * float(bend), float(slope)
+
+
+def acceleration_of_cycle(cycle: np.ndarray) -> float:
+    """Estimate k_t·n/J from a cycle of Eq. 3.
+
+    At one speed in one direction friction takes the same, whether the joint gets faster or
+    slower: what the currents differ by has gone into the inertia.
+
+    Parameters
+    ----------
+    cycle : ndarray, shape (N, 3)
+        Time in s, position in rad, current in A.
+
+    Returns
+    -------
+    float
+        rad/s² per A; NaN where the inertia takes too little beside what else varies.
+    """
+    time, position, current = cycle.T
+    duration = time[-1] - time[0]
+    even = np.linspace(time[0], time[-1], max(int(duration / np.median(np.diff(time))), 50))
+    step = even[1] - even[0]
+    count = max(int(_CYCLE_SMOOTHING * duration / step), 5) | 1
+    _, speed, acceleration = local_parabolas(np.interp(even, time, position), count, step)
+    smooth = np.convolve(np.interp(even, time, current), np.full(count, 1.0 / count), 'valid')
+    chosen = np.abs(speed) > 0.2 * float(np.max(np.abs(speed)))
+    design = np.column_stack([speed > 0.0, speed < 0.0, speed, acceleration])[chosen].astype(float)
+    found, *_ = np.linalg.lstsq(design, smooth[chosen], rcond=None)
+    left = smooth[chosen] - design @ found
+    taken = found[3] * acceleration[chosen]
+    if not found[3] > 0.0 or np.std(taken) < 2.0 * np.std(left):
+        return math.nan
+    return 1.0 / float(found[3])

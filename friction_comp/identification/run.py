@@ -12,19 +12,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
     IdentificationResult,
 )
 from friction_comp.identification.kinetic import merge_points
-from friction_comp.identification.script import Sample, Script
+from friction_comp.identification.push import acceleration_of_cycle
+from friction_comp.identification.ramp import Sample
+from friction_comp.identification.ramp_evaluation import evaluate_ramps, RampEvaluation
+from friction_comp.identification.script import Script
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervision import loaded, Supervision
-from friction_comp.model.friction_model import Presliding
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -162,8 +161,10 @@ class IdentificationRun:
             points = merge_points(script.points)
             sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
             self.warnings = script.warnings + self._supervision.warnings()
-            records = self._records()
-            statistics = records.statistics()
+            acceleration = self._acceleration()
+            ramps = self._evaluate_ramps(sigmoid.viscous, acceleration)
+            self.warnings += ramps.warnings
+            statistics = ramps.records.statistics()
             wrong, doubtful = loaded(
                 points, (statistics.positive_mean, statistics.negative_mean),
                 max(statistics.positive_std, statistics.negative_std))
@@ -172,9 +173,9 @@ class IdentificationRun:
             self.warnings += [doubtful] if doubtful else []
             self._result = IdentificationResult(
                 points=points, sigmoid=sigmoid, sigmoid_error=error,
-                breakaway=statistics, records=records,
-                acceleration_per_current=script.acceleration, goal=self.goal,
-                warnings=list(self.warnings), presliding=self._presliding())
+                breakaway=statistics, records=ramps.records,
+                acceleration_per_current=acceleration, goal=self.goal,
+                warnings=list(self.warnings), presliding=ramps.presliding)
         return self._result
 
     def _check(self, time: float, position: float) -> None:
@@ -203,35 +204,16 @@ class IdentificationRun:
         share = elapsed / max(elapsed + self.remaining, 1e-9)
         self.progress = max(self.progress, min(0.999, share))
 
-    def _presliding(self) -> Presliding | None:
-        """Return how far the joint gave from rest to breakaway: the median of the ramps."""
-        given = float(np.median(self._given)) if self._given else 0.0
-        # Less than two counts is not known.
-        coarse = 2.0 * (self.drive.position_resolution or 0.0)
-        return Presliding(given) if given > coarse else None
+    def _evaluate_ramps(self, viscous: float, acceleration: float) -> RampEvaluation:
+        script = self._script
+        return evaluate_ramps(
+            script.ramps, script.stopping, self.goal.ramp_slope,
+            self.drive.position_resolution or 1e-6, acceleration, viscous)
 
-    def _records(self) -> BreakawayRecords:
-        """Evaluate the ramps."""
-        resolution = self.drive.position_resolution
-        parts, lost, self._given = [], 0, []
-        for sign, cycle, rest, samples in self._script.ramps:
-            good = np.isfinite(samples[:, 2])
-            time, position, current, warmth = samples[good].T
-            command = sign * np.maximum(time - time[0], 1e-6)
-            part = breakaway_currents(time, position, current, command=command,
-                                      temperature=warmth, resolution=resolution)
-            if len(part) == 0:
-                lost += 1
-                continue
-            self._given.append(sign * float(part.position[0] - position[0]))
-            part.rest_time[:] = rest
-            part.cycle[:] = cycle
-            parts.append(part)
-        count = len(self._script.ramps)
-        if lost > 0.1 * count:
-            raise IdentificationError(
-                f'{lost} of {count} ramps show no clear breakaway: the joint creeps; '
-                'ask for a steeper ramp_slope')
-        if lost:
-            self.warnings.append(f'{lost} of {count} ramps show no clear breakaway')
-        return BreakawayRecords.join(parts)
+    def _acceleration(self) -> float:
+        """k_t·n/J in rad/s² per A by the cycles' changes of speed; by the push where they fail."""
+        push = self._script.acceleration
+        found = [acceleration_of_cycle(cycle) for cycle in self._script.cycles_driven]
+        plausible = [rate for rate in found if push / 5.0 < rate < 5.0 * push]
+        # The fastest cycle has the largest accelerations.
+        return plausible[-1] if plausible else push

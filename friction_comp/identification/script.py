@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 import math
-from typing import NamedTuple, NoReturn, TYPE_CHECKING
+from typing import NoReturn, TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from friction_comp.identification.excitation import at_position, at_ramp, at_tra
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import constant_velocity_currents
 from friction_comp.identification.push import acceleration_of_push
+from friction_comp.identification.ramp import Ramp, Sample, speed_over, STOP_TIME, time_of_ramp
 from friction_comp.identification.velocity_control import (
     BANDWIDTH,
     LIMIT,
@@ -42,18 +43,19 @@ STILL_COUNTS, STILL_WAY = 2.5, 1e-5
 # rad/s over so many s, and beyond so many encoder counts.
 CUT_SPEED, CUT_WINDOW, CUT_COUNTS = 0.05, 0.02, 8.0
 PUSH_SPEED = 0.3        # rad/s that the inertia's short push aims at
-# Stick-slip asks for higher gains, a joint with more lag than expected for lower ones.
-GAIN_LADDER = (1.0, 1.7, 0.3)
+# Stick-slip asks for higher gains, a joint with more lag than expected, or with a link that is much
+# heavier than its rotor and swings against it, for lower ones.
+GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
+# Beyond this standard deviation, as a share of its mean, a current is no longer friction's: the
+# controller rattles, and what the amplifier cannot follow shifts the mean.
+RATTLE = 0.15
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
-
-
-class Sample(NamedTuple):
-    """What the script is handed: s, rad, A and degrees Celsius, the last two NaN where unknown."""
-
-    time: float
-    position: float
-    current: float
-    temperature: float
+# Ramps are made at places up to this share of the motion range off its centre, so that cogging and
+# what else depends on the motor's place averages out; four to a place.
+PLACES_SHARE = 0.05
+# The ramp with stops: the first of them and their distance, as shares of the current at which the
+# ramp before it was cut.
+FIRST_STOP, STOP_STEP = 0.7, 0.025
 
 
 class Script:
@@ -75,8 +77,11 @@ class Script:
     acceleration : float
         k_t·n/J in rad/s² per A as found by the push; NaN before.
     points : list of KineticPoint
-    ramps : list of (int, int, float, ndarray)
-        Direction, cycle, rest time before in s, samples as rows of `Sample`.
+    ramps : list of Ramp
+    stopping : list of Ramp
+        The ramps with stops, one a direction.
+    cycles_driven : list of ndarray, shape (N, 3)
+        Time in s, position and current of each cycle of Eq. 3 that was evaluated.
     warnings : list of str
     """
 
@@ -87,7 +92,12 @@ class Script:
         self.sample = Sample(math.nan, math.nan, math.nan, math.nan)
         self.centre, self.acceleration = math.nan, math.nan
         self.points: list[KineticPoint] = []
-        self.ramps: list[tuple[int, int, float, np.ndarray]] = []
+        self.ramps: list[Ramp] = []
+        self.stopping: list[Ramp] = []
+        self.cycles_driven: list[np.ndarray] = []
+        self._highest_gain = math.inf      # of GAIN_LADDER
+        self._uneven = False               # whether the current varies whatever the gain
+        self._slid = 0                     # direction of the latest slide
         self._resolution = drive.position_resolution or 1e-6
         self._push = {1: 0.0, -1: 0.0}     # current that overcomes friction, per direction
         self._reached = {1: 0.5, -1: 0.5}  # share of the ramp at which the joint broke free
@@ -114,7 +124,11 @@ class Script:
                 duration + self._travel_time(0.5 * width) + STILL_TIME)
         ramps = 2 * goal.breakaway_cycles - len(self.ramps)
         share = 0.5 * (self._reached[1] + self._reached[-1])
-        return left + ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
+        left += ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
+        if goal.breakaway_cycles > 1:
+            left += (2 - len(self.stopping)) * (
+                goal.ramp_period * (0.4 * share + REST_SHARE) + 12.0 * STOP_TIME)
+        return left
 
     def run(self) -> Generator[float, Sample, None]:
         """Yield currents, be handed samples; the whole of sections 2.3 and 2.4 in order."""
@@ -132,14 +146,29 @@ class Script:
             self._speeds_done += 1
         if len({abs(point.speed) for point in self.points}) < 2:
             raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
-        yield from self._travel(self.centre)
-        for cycle in range(self.goal.breakaway_cycles):
+        # Twice each way in turn: a gear gives less after a slide in the ramp's own direction than
+        # after one against it, and presliding is known from both.
+        for first in range(0, self.goal.breakaway_cycles, 2):
+            cycles = range(first, min(first + 2, self.goal.breakaway_cycles))
+            yield from self._travel(self._place(first // 2))
             for sign in (1, -1):
-                if abs(self.sample.position - self.centre) > 0.2 * self.goal.motion_range:
-                    yield from self._travel(self.centre)
-                self.phase = 'breakaway'
-                yield from self._ramp(sign, cycle)
+                for cycle in cycles:
+                    if abs(self.sample.position - self.centre) > 0.2 * self.goal.motion_range:
+                        yield from self._travel(self.centre)
+                    self.phase = 'breakaway'
+                    self.ramps.append((yield from self._ramp(sign, cycle)))
+            if first == 0 and len(cycles) > 1:
+                for sign in (1, -1):
+                    cut = self._reached[sign] * self.goal.ramp_peak
+                    self.stopping.append((yield from self._ramp(
+                        sign, 0, (cut * np.arange(FIRST_STOP, 1.1, STOP_STEP)).tolist())))
         yield from self._standstill(STILL_TIME)
+
+    def _place(self, number: int) -> float:
+        """Position in rad of the next ramps: evenly spread however many there are."""
+        golden = 0.5 * (math.sqrt(5.0) - 1.0)
+        share = 2.0 * math.fmod(0.5 + number * golden, 1.0) - 1.0
+        return self.centre + share * PLACES_SHARE * self.goal.motion_range
 
     def _step(self, command: float) -> Generator[float, Sample, Sample]:
         """Apply a current and return the next sample."""
@@ -175,7 +204,7 @@ class Script:
                 self._never_free(sign, peak)
             sample = yield from self._step(sign * current)
             window.append(sample)
-            if _speed(window, sign, 0.01) > PUSH_SPEED / 10.0 and (
+            if speed_over(window, sign, 0.01) > PUSH_SPEED / 10.0 and (
                     sign * (sample.position - home) > 8.0 * self._resolution):
                 break
         self._push[sign] = sign * current
@@ -183,11 +212,11 @@ class Script:
         room = sample.position + sign * 0.04 * self.goal.motion_range
         pushed, begin = [sample], sample.time
         while (sign * (sample.position - room) < 0.0 and sample.time - begin < 1.0
-               and _speed(pushed, sign, 0.004) < PUSH_SPEED):
+               and speed_over(pushed, sign, 0.004) < PUSH_SPEED):
             sample = yield from self._step(sign * strong)
             pushed.append(sample)
         coasted = [sample]
-        while _speed(coasted, sign, 0.02) > 0.0 or len(coasted) < 25:
+        while speed_over(coasted, sign, 0.02) > 0.0 or len(coasted) < 25:
             sample = yield from self._step(0.0)
             coasted.append(sample)
             if sample.time - coasted[0].time > 2.0:
@@ -274,6 +303,7 @@ class Script:
             yield from self._follow(
                 reference, duration, max(0.5 * abs(distance), 0.05 * self.goal.motion_range),
                 speed=0.5 * self.goal.speeds[0])
+            self._slid = 1 if distance > 0.0 else -1
         yield from self._standstill(STILL_TIME)
 
     def _travel_time(self, distance: float) -> float:
@@ -282,16 +312,27 @@ class Script:
     def _constant_velocity(self, speed: float) -> Generator[float, Sample, None]:
         """Drive the cycles of Eq. 3 at one speed and average over the constant phases."""
         for _ in range(self.goal.velocity_cycles):
-            points = None
+            best = None
             for factor in GAIN_LADDER:
+                if factor > self._highest_gain:
+                    continue
                 points = yield from self._one_cycle(speed, factor)
-                if points is not None:
+                if points is None:
+                    continue
+                if best is not None and _rattle(points) > 0.7 * _rattle(best):
+                    # It is not the controller: friction itself is that uneven.
+                    self._uneven, self._highest_gain = True, math.inf
                     break
-            if points is None:
+                best = points
+                if self._uneven or _rattle(points) <= RATTLE:
+                    break
+                # Higher gains would only rattle more, at other speeds too.
+                self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
+            if best is None:
                 self.warnings.append(
                     f'{speed:g} rad/s left out: the joint sticks and slips or swings at it')
                 return
-            self.points.extend(points)
+            self.points.extend(best)
 
     def _expected(self, sign: int, speed: float) -> float:
         """Current that friction will ask for at a speed, by the table so far."""
@@ -336,10 +377,15 @@ class Script:
             if (abs(point.actual_speed / point.speed - 1.0) > 0.1
                     or point.unsteadiness > 0.1):
                 return None
+        self.cycles_driven.append(columns.T)
         return points
 
-    def _ramp(self, sign: int, cycle: int) -> Generator[float, Sample, None]:
-        """Raise the current along Eq. 8 until the joint runs away, then let it come to rest."""
+    def _ramp(self, sign: int, cycle: int,
+              stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:
+        """Raise the current along Eq. 8 until the joint runs away, then let it come to rest.
+
+        At the currents `stops`, A, it waits.
+        """
         goal = self.goal
         rest = yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
         sample = self.sample
@@ -347,19 +393,21 @@ class Script:
         window = deque([sample], maxlen=200)
         farthest = 0.2 * goal.motion_range
         while True:
-            elapsed = sample.time - begin
-            if elapsed > 0.4 * goal.ramp_period:
+            rise = time_of_ramp(sample.time - begin, goal.ramp_slope, stops)
+            if rise > 0.4 * goal.ramp_period:
                 self._never_free(sign, goal.ramp_peak)
-            sample = yield from self._step(sign * at_ramp(elapsed, goal.ramp_slope,
-                                                          goal.ramp_period))
+            sample = yield from self._step(
+                sign * at_ramp(rise, goal.ramp_slope, goal.ramp_period))
             samples.append(sample)
             window.append(sample)
             way = sign * (sample.position - home)
             if way > farthest or (way > CUT_COUNTS * self._resolution
-                                  and _speed(window, sign, CUT_WINDOW) > CUT_SPEED):
+                                  and speed_over(window, sign, CUT_WINDOW) > CUT_SPEED):
                 break
-        self._reached[sign] = min(1.0, elapsed / (0.4 * goal.ramp_period))
-        self.ramps.append((sign, cycle, rest, np.array(samples)))
+        if len(stops) == 0:
+            self._reached[sign] = min(1.0, rise / (0.4 * goal.ramp_period))
+        before, self._slid = self._slid, sign
+        return Ramp(sign, cycle, rest, before, np.array(samples), tuple(stops))
 
     def _never_free(self, sign: int, reached: float) -> NoReturn:
         side = 'positive' if sign > 0 else 'negative'
@@ -369,14 +417,9 @@ class Script:
             'for a steeper ramp_slope or a longer ramp_period')
 
 
-def _speed(samples: Sequence[Sample], sign: int, window: float) -> float:
-    """Speed in the direction `sign` over the last `window` seconds; 0 while they are too few."""
-    last = samples[-1]
-    for k in range(len(samples) - 2, -1, -1):
-        elapsed = last.time - samples[k].time
-        if elapsed >= 0.999 * window:
-            return sign * (last.position - samples[k].position) / elapsed
-    return 0.0
+def _rattle(points: Sequence[KineticPoint]) -> float:
+    """Scatter of the current at constant velocity as a share of its mean."""
+    return max(point.standard_deviation / max(abs(point.current), 1e-9) for point in points)
 
 
 def _compile() -> None:

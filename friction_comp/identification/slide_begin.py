@@ -59,7 +59,7 @@ def _hinge(time: np.ndarray, position: np.ndarray, first: int, last: int, sign: 
            resolution: float) -> float:
     """Least-squares instant at which creep turns into a slide.
 
-    Creep is a parabola; the slide adds to it a jump in speed, an acceleration and a growing one,
+    Creep is a parabola; the slide adds to it an acceleration and a growing one, no jump in speed,
     none of them backwards. No formula holds far into the slide, so the farther the joint has
     gone, the less a sample weighs.
     """
@@ -94,17 +94,17 @@ def _hinge(time: np.ndarray, position: np.ndarray, first: int, last: int, sign: 
 
 @njit(cache=True)
 def _hinge_error(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knee: float) -> float:
-    """Weighted sum of squares left by a parabola and the powers 1 to 3 of (t - knee)₊."""
-    design = np.empty((t.size, 6))
+    """Weighted sum of squares left by a parabola and the powers 2 and 3 of (t - knee)₊."""
+    design = np.empty((t.size, 5))
     for k in range(t.size):
         slide = max(t[k] - knee, 0.0)
         design[k, 0] = weight[k]
         design[k, 1] = weight[k] * t[k]
         design[k, 2] = weight[k] * t[k] ** 2
-        for power in range(1, 4):
+        for power in range(2, 4):
             design[k, 6 - power] = weight[k] * slide ** power
     target = weight * x
-    kept = np.ones(6, dtype=np.bool_)
+    kept = np.ones(5, dtype=np.bool_)
     error = np.inf
     for _ in range(4):
         columns = np.nonzero(kept)[0]

@@ -1,0 +1,151 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What friction takes along a current ramp: breakaway is the most of it before the joint slides.
+
+Of the motor's current a part accelerates the joint, the rest is friction:
+
+``f = i - a / (k_t·n/J) - c·ω``
+
+with the viscous current c·ω left to Eq. 6. While the gear gives within its presliding, f rises
+with the current; once the joint slides, f rises no more and the current's surplus accelerates it
+(LuGre, Dahl, Bouc-Wen and Maxwell slip alike: Armstrong-Hélouvry, Dupont and Canudas de Wit,
+Automatica 30(7), 1994). So the peak of f is breakaway whichever way the gear gives before, where
+the first motion, or the first that is faster than creep, comes 5 to 30 % too early on a gear with
+long presliding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from friction_comp.identification.local_parabola import local_parabolas
+
+# rad/s above which a joint has left presliding, and nothing more is breakaway.
+SLIDING_SPEED = 0.02
+# s over which f is smoothed: a rotor on its presliding takes longer to break free, and the
+# resonance on the gear's compliance passes.
+_SHORTEST, _LONGEST = 0.024, 0.064
+# Noise of f that smoothing leaves, as a share of the level.
+_NOISE = 0.007
+# Shares of breakaway: presliding is left at `_GONE`; stiffness is read from up to `_EARLY`.
+_GONE, _EARLY = 0.95, 0.5
+_COUNTS = 3.0   # that the joint must have given for a stiffness to be read
+
+
+@dataclass(frozen=True)
+class RampFriction:
+    """What friction took along one ramp, in the ramp's direction.
+
+    Attributes
+    ----------
+    time, current, position : ndarray, shape (M,)
+        s, friction's part of the current in A, and the way given since the ramp's begin in rad,
+        all smoothed, up to where the joint slides.
+    peak : int
+        Index of the largest current.
+    """
+
+    time: np.ndarray
+    current: np.ndarray
+    position: np.ndarray
+    peak: int
+
+    @property
+    def breakaway(self) -> float:
+        """Breakaway current in A, a magnitude."""
+        return float(self.current[self.peak])
+
+    def presliding(self, breakaway: float) -> float:
+        """Return the way in rad until friction takes 95 % of breakaway, A."""
+        k = int(np.argmax(self.current >= min(_GONE * breakaway, self.breakaway)))
+        return float(self.position[k])
+
+    def stiffness(self, breakaway: float, resolution: float) -> float:
+        """Return the slope of friction over the way at the begin in A/rad; NaN where unknown."""
+        share = self.current / breakaway
+        early = slice(0, int(np.argmax(share > _EARLY)))
+        share, way = share[early], self.position[early]
+        if share.size < 10 or np.ptp(way) < _COUNTS * resolution:
+            return math.nan
+        # The noise is in the way, counts; and where within a count the ramp began is not known.
+        design = np.column_stack([np.ones(share.size), share, share ** 2])
+        slope = float(np.linalg.lstsq(design, way, rcond=None)[0][1])
+        return breakaway / slope if slope > 0.0 else math.nan
+
+
+def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
+                  resolution: float, acceleration_per_current: float,
+                  viscous: float = 0.0) -> RampFriction | None:
+    """Separate friction from what accelerates the joint, along one ramp.
+
+    Parameters
+    ----------
+    time, position, current : ndarray, shape (N,)
+        s, rad, A, from the ramp's begin at rest on.
+    sign : int
+        Direction of the ramp.
+    resolution : float
+        rad of an encoder count.
+    acceleration_per_current : float
+        k_t·n/J in rad/s² per A. At breakaway some percent of the current accelerate the joint, so
+        that an error of 20 % of it is one of 1 % of breakaway.
+    viscous : float
+        c in A·s/rad.
+
+    Returns
+    -------
+    RampFriction or None
+        None where the joint did not slide, or the ramp is too short.
+    """
+    step = float(np.median(np.diff(time)))
+    even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
+    way = np.interp(even, time, sign * (position - position[0]))
+    driven = np.interp(even, time, sign * current)
+    count = _window(step, driven, resolution, acceleration_per_current)
+    half = count // 2
+    if even.size < 3 * count:
+        return None
+
+    given, speed, acceleration = local_parabolas(way, count, step)
+    smooth = np.convolve(driven, np.full(count, 1.0 / count), 'valid')
+    friction = smooth - acceleration / acceleration_per_current - viscous * speed
+    end = int(np.argmax(speed > SLIDING_SPEED))
+    if end == 0:
+        return None
+    return RampFriction(
+        time=even[half:half + end], current=friction[:end],
+        position=given[:end], peak=int(np.argmax(friction[:end])))
+
+
+def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> int:
+    """Samples to smooth over, odd: as few as counts and the current's noise allow."""
+    allowed = _NOISE * max(float(np.max(driven)), 1e-9)
+    # Variance of a parabola's second derivative over a window T: 720·σ²·step/T⁵.
+    counts = (60.0 * resolution ** 2 * step / (allowed * rate) ** 2) ** 0.2
+    noise = float(np.median(np.abs(np.diff(driven)))) / 0.954
+    width = max(counts, step * (noise / allowed) ** 2, _SHORTEST)
+    return max(round(min(width, _LONGEST) / step), 5) | 1
+
+
+def combined_presliding(ways: list[tuple[bool, float]]) -> float:
+    """Return the presliding distance in rad from ramps after slides to either side.
+
+    A contact of Maxwell-slip elements remembers where it slid: a ramp on in the direction of the
+    slide before it gives less than the distance, one against it gives more, and by Masing's rule
+    (each branch of a hysteresis loop is the first curve at twice its size) together twice the
+    distance. Contacts without that memory (Dahl, LuGre) give the same both times. So the mean of
+    both is the distance for either.
+
+    Parameters
+    ----------
+    ways : list of (bool, float)
+        Whether the slide before went the same way, and the way given in rad.
+    """
+    sides = [[way for same, way in ways if same is side] for side in (True, False)]
+    return float(np.mean([np.median(side) for side in sides if side])) if ways else 0.0
+
+
+__all__ = ['RampFriction', 'SLIDING_SPEED', 'combined_presliding', 'ramp_friction']

@@ -1,0 +1,137 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Breakaway currents and presliding from the ramps of an identification."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
+from friction_comp.identification.friction_peak import (
+    combined_presliding,
+    ramp_friction,
+    RampFriction,
+)
+from friction_comp.identification.goal import IdentificationError
+from friction_comp.identification.ramp import level_that_moves, Ramp
+from friction_comp.model.friction_model import Presliding
+
+_MOST_LOST = 0.1   # share of ramps without a breakaway that is borne
+
+
+@dataclass
+class RampEvaluation:
+    """What a drive's ramps say.
+
+    Attributes
+    ----------
+    records : BreakawayRecords
+    presliding : Presliding or None
+        None where the encoder is too coarse to tell.
+    warnings : list of str
+    """
+
+    records: BreakawayRecords
+    presliding: Presliding | None
+    warnings: list[str] = field(default_factory=list)
+
+
+def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float,
+                   resolution: float, acceleration_per_current: float,
+                   viscous: float) -> RampEvaluation:
+    """Evaluate the ramps of a drive.
+
+    Breakaway is the peak of what friction takes (`friction_peak`). Where friction of a joint that
+    slides grows with speed from standstill on, it has no peak, and breakaway is where the slide
+    begins (`slide_begin`). One ramp cannot tell that from presliding; a ramp with stops can: at a
+    stop presliding comes to rest, a slide does not.
+
+    Parameters
+    ----------
+    ramps, stopping : sequence of Ramp
+        Without stops, and with.
+    slope : float
+        Gradient in A/s of all of them.
+    resolution : float
+        rad of an encoder count.
+    acceleration_per_current : float
+        k_t·n/J in rad/s² per A.
+    viscous : float
+        A·s/rad, of Eq. 6.
+
+    Raises
+    ------
+    IdentificationError
+        If too many ramps show no breakaway.
+    """
+    def friction_of(ramp: Ramp) -> RampFriction | None:
+        time, position, current = ramp.samples[np.isfinite(ramp.samples[:, 2]), :3].T
+        return ramp_friction(time, position, current, ramp.direction, resolution,
+                             acceleration_per_current, viscous)
+
+    begins, peaks, kept = [], [], []
+    for ramp in ramps:
+        begin, peak = _slide_begin_of(ramp, resolution), friction_of(ramp)
+        if len(begin) > 0 and peak is not None:
+            begins.append(begin)
+            peaks.append(peak)
+            kept.append(ramp)
+    warnings = _lost(len(ramps) - len(kept), len(ramps))
+    records = BreakawayRecords.join(begins)
+    at_peaks = _at_peaks(records, kept, peaks)
+    moved = [(level_that_moves(ramp, slope, resolution), friction_of(ramp)) for ramp in stopping]
+    shares = [level / peak.breakaway for level, peak in moved if level and peak]
+    # How much of its peak friction a joint bears at rest, by its stops and by the slides' begins.
+    begun = float(np.mean(np.abs(records.current)) / np.mean(np.abs(at_peaks.current)))
+    if not shares or np.mean(shares) > 0.5 * (1.0 + begun):
+        records = at_peaks
+    levels = {sign: float(np.mean(np.abs(records.currents(sign)))) for sign in (1, -1)
+              if sign in records.direction}
+    return RampEvaluation(records, _presliding(kept, peaks, levels, resolution), warnings)
+
+
+def _slide_begin_of(ramp: Ramp, resolution: float) -> BreakawayRecords:
+    time, position, current, warmth = ramp.samples[np.isfinite(ramp.samples[:, 2])].T
+    command = ramp.direction * np.maximum(time - time[0], 1e-6)
+    begin = breakaway_currents(time, position, current, command=command, temperature=warmth,
+                               resolution=resolution)
+    begin.rest_time[:], begin.cycle[:] = ramp.rest, ramp.cycle
+    return begin
+
+
+def _lost(lost: int, count: int) -> list[str]:
+    if lost > _MOST_LOST * count:
+        raise IdentificationError(
+            f'{lost} of {count} ramps show no clear breakaway: the joint creeps; '
+            'ask for a steeper ramp_slope')
+    return [f'{lost} of {count} ramps show no clear breakaway'] if lost else []
+
+
+def _at_peaks(records: BreakawayRecords, ramps: Sequence[Ramp],
+              peaks: Sequence[RampFriction]) -> BreakawayRecords:
+    way = np.array([peak.position[peak.peak] for peak in peaks])
+    sign = records.direction
+    return replace(
+        records, time=np.array([peak.time[peak.peak] for peak in peaks]),
+        current=sign * np.array([peak.breakaway for peak in peaks]),
+        position=np.array([ramp.samples[0, 1] for ramp in ramps]) + sign * way)
+
+
+def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
+                levels: dict[int, float], resolution: float) -> Presliding | None:
+    ways = [(ramp.before == ramp.direction, peak.presliding(levels[ramp.direction]))
+            for ramp, peak in zip(ramps, peaks)]
+    distance = combined_presliding(ways)
+    # Less than two counts is not known.
+    if distance <= 2.0 * resolution:
+        return None
+    # From rest on in the direction of the slide before every contact sticks; against it some slip
+    # from the begin on.
+    slopes = [peak.stiffness(levels[ramp.direction], resolution) for ramp, peak in zip(ramps, peaks)
+              if ramp.before == ramp.direction]
+    known = [slope for slope in slopes if np.isfinite(slope)]
+    enough = len(known) > 0 and len(known) >= 0.5 * len(slopes)
+    return Presliding(distance, float(np.median(known)) if enough else None)
