@@ -19,6 +19,7 @@ import numpy as np
 
 from friction_comp.compensation.effects_here import EffectsHere
 from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.edges import between, ends_of
 from friction_comp.model.effects.live_term import SHARPEST_LIVE
 from friction_comp.model.effects.scene import CARRIES, Signals
 from friction_comp.model.friction_model import FrictionModel
@@ -88,12 +89,16 @@ def _value(effect: Effect) -> Any:
     """Return a compiled function that evaluates an effect on one side."""
     c = effect.Constants(**effect.live_constants(effect.values))
     gains = tuple(float(value) for value in effect.coefficients)
-    columns = njit(effect.columns)
+    columns, held = njit(effect.columns), njit(between)
+    lowest, highest = ends_of(effect.valid_range, 'position')
+    slowest, fastest = ends_of(effect.valid_range, 'velocity')
+    coldest, warmest = ends_of(effect.valid_range, 'temperature')
 
     @njit
     def value(time: float, position: float, velocity: float, temperature: float, side: float,
               state: float) -> float:
-        x = Signals(time, position, velocity, 0.0, math.nan, temperature, side, state, math.nan,
+        x = Signals(time, held(position, lowest, highest), held(velocity, slowest, fastest), 0.0,
+                    math.nan, held(temperature, coldest, warmest), side, state, math.nan,
                     math.nan)
         parts, total = columns(x, c), 0.0
         for k in range(len(gains)):

@@ -322,7 +322,8 @@ def _effect(entry: dict[str, Any]) -> Effect:
     if not isinstance(parameters, dict):
         raise InputError(f"parameters of effect '{entry['name']}' are not a mapping")
     try:
-        return kind(parameters)
+        ranges = entry.get('valid_range')
+        return kind(parameters, ranges) if ranges is not None else kind(parameters)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"effect '{entry['name']}': {error}") from None
 

@@ -35,7 +35,7 @@ KEYS = {
 }
 """Entries of a model file and of its sections."""
 _OF_BREAKAWAY = {'mean', 'std', 'position'}
-_OF_EFFECT = {'name', 'variable', 'parameters', 'intervals'}
+_OF_EFFECT = {'name', 'variable', 'parameters', 'intervals', 'valid_range'}
 
 # rad/s; the note's largest speed, where the file does not say up to which one it was identified.
 _SPEED = math.radians(100.0)

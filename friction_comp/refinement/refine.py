@@ -14,6 +14,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import Scene
+from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.choice import Choice, choose, lag_shows, Question
 from friction_comp.refinement.fit.effect_sum import Fit
@@ -27,6 +28,7 @@ from friction_comp.refinement.prepare.differentiation_choice import (
     sharpest,
 )
 from friction_comp.refinement.prepare.prepared import fold_of_all
+from friction_comp.refinement.prepare.saturation import saturated
 from friction_comp.samples import Samples
 
 # A second pass over more samples than this would take too long.
@@ -101,6 +103,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     raw = recordings.join(list(recorded))
     clipped = recordings.clipped(raw.current)
     settings = choose_differentiation(raw, clipped)
+    clipped |= saturated(differentiate(raw, settings), clipped)
     raw, arm = with_other_joints(model.with_arm(raw) if model else raw, ~clipped, settings)
     question = Question(raw, clipped, model, drive, unit, progress)
     found = choose(question, settings)
@@ -171,7 +174,9 @@ def _result(question: Question, found: Choice, settings: dict[str, Any]) -> Refi
     for step in found.steps:
         after = held_out(step.fits)
         trail.append((step.kind.name, rms(after[usable])))
-    refined = replace(found.model, differentiation=dict(settings))
+    moved = samples.take(usable)
+    refined = replace(found.model, differentiation=dict(settings),
+                      effects=[with_range(effect, moved) for effect in found.model.effects])
     stopped, steps = found.stopped, found.steps
     if not rms(after[usable]) < rms(before[usable]):
         refined, after, trail, steps = start, before, trail[:1], []

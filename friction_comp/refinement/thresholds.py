@@ -45,6 +45,12 @@ REVISIONS = Threshold(3, 'rounds', 'exchange and deletion settle in one or two')
 EXCHANGE = Threshold(
     0.8, 'of the gain', 'what explains clearly less where it is fitted cannot take the place')
 
+PARTS = Threshold(
+    12, 'parts', 'long enough to differ, many enough to be counted')
+CARRY_OVER = Threshold(
+    0.1, 'over the number of effects', 'chance that an effect helps in as many parts that it was '
+    'not fitted to without being there')
+
 IN_DOUBT = Threshold(
     0.3, 'of the loss', 'what explains more than this cannot be made up for by other constants')
 
@@ -78,6 +84,19 @@ ASYMMETRY = Threshold(
 RUN_GAP = Threshold(
     0.5, 's', 'two stretches this far apart are runs of their own, in one file or in two')
 RUN_STEPS = Threshold(20.0, 'sample times', 'a gap of fewer is a message or two lost')
+
+# What was moved.
+NEARLY_ONE_SPEED = Threshold(
+    0.4, 'of the mean speed', 'standard deviation; one speed to and fro with its starts has 0.3, '
+    'motion that varies has 0.45 and more')
+
+# Saturation.
+FEWEST_AT_END = Threshold(
+    0.01, 'of the samples', 'a heap at an end of the signal that is worth a word')
+ASKS_FOR_MORE = Threshold(
+    0.1, 'of that heap', 'where next to none asks for more, nothing is cut off')
+FOLLOWS = Threshold(
+    0.3, '', 'slope of the current over what the motion asks for, where it is cut off')
 
 # Controller.
 CONTROL_LAW = Threshold(

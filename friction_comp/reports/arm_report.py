@@ -4,8 +4,18 @@
 
 from __future__ import annotations
 
-from friction_comp.refinement.whole_arm import ArmResult
-from friction_comp.reports.html import number, Report
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.reports.html import Link, number, Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from friction_comp.refinement.whole_arm import ArmResult
+
+# A current per torque whose interval is wider than by this factor is not known.
+_TELLS = 3.0
 
 
 def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> Report:
@@ -27,21 +37,54 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     reports = {name: one.report for name, one in result.results.items()}
     unit = next(iter(reports.values()))['unit']
     page.table(
-        ['joint', f'before ({unit})', f'after ({unit})', f'noise ({unit})', 'found'],
-        [[name, report['before']['held_out_rmse'], report['after']['held_out_rmse'],
-          report['noise_floor'],
+        ['joint', f'before ({unit})', f'after ({unit})', f'noise ({unit})', 'verdict', 'found'],
+        [[Link(name, f'{folders[name]}/report.html'), report['before']['held_out_rmse'],
+          report['after']['held_out_rmse'], report['noise_floor'], report['verdict'],
           ', '.join(effect['name'].replace('_', ' ') for effect in report['effects']) or 'nothing']
          for name, report in reports.items()],
         'RMS of measured minus predicted on stretches that were not fitted, by the start model '
-        'and by the refined one.')
+        'and by the refined one; each name leads to the whole report on that joint.')
+    page.figure(
+        _errors(reports),
+        'The same, as shares of the current in motion: what is left of the way from the start to '
+        'the noise is not explained yet. The scale is logarithmic.',
+        'Errors before and after, and the noise, of every joint')
+    page.heading('What was found, joint by joint')
     for name, report in reports.items():
-        found = '\n'.join(f"- {effect['in_words']} ({number(effect['held_out_rmse'])} {unit})"
-                          for effect in report['effects'])
-        page.heading(name)
-        page.text(f'{found}\n\n' * bool(found) + f'The whole report: '
-                  f'`{folders[name]}/report.html`.')
+        page.heading(name, 3)
+        found = [f"- {effect['in_words']}; then {number(effect['held_out_rmse'])} {unit} are left"
+                 for effect in report['effects']]
+        found += [f'- Why not more trust: {line}' for line in report['reasons']
+                  if report['verdict'] != 'trust']
+        page.text('\n'.join(found or ['Nothing.']))
     _bodies(page, result, unit)
     return page
+
+
+@styled
+def _errors(reports: dict[str, dict[str, Any]]) -> Figure:
+    """Draw the errors of every joint as shares of its current, told apart by shape and colour."""
+    figure, axes = new_figure(height=0.9 + 0.32 * len(reports))
+    rows = range(len(reports))
+    series = (
+        ('before', 'o', 'grey', [one['before']['held_out_rmse'] for one in reports.values()]),
+        ('after', 's', 'blue', [one['after']['held_out_rmse'] for one in reports.values()]),
+        ('noise', '|', 'orange', [one['noise_floor'] for one in reports.values()]))
+    signal = [max(one['signal_rms'], 1e-300) for one in reports.values()]
+    for place, one in enumerate(zip(*(values for *_, values in series))):
+        axes.plot([one[0] / signal[place], one[1] / signal[place]], [place, place],
+                  color=COLOURS['grey'], linewidth=1.2, zorder=1)
+    for label, marker, colour, values in series:
+        axes.plot([value / whole for value, whole in zip(values, signal)], rows, marker,
+                  color=COLOURS[colour], markersize=9 if marker != '|' else 13,
+                  markeredgewidth=2.4 if marker == '|' else 0, label=label, linestyle='none')
+    axes.set_xscale('log')
+    axes.set_yticks(list(rows), list(reports))
+    axes.set_ylim(len(reports) - 0.5, -0.5)
+    axes.set_xlabel('error as a share of the RMS of the current in motion')
+    axes.grid(visible=False, axis='y')
+    axes.legend(loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=3)
+    return figure
 
 
 def _bodies(page: Report, result: ArmResult, unit: str) -> None:
@@ -56,7 +99,7 @@ def _bodies(page: Report, result: ArmResult, unit: str) -> None:
     page.table(
         ['joint', f'{unit} per N·m', f'friction and rotor alone ({unit})',
          f'with the links ({unit})'],
-        [[row['joint'], _within(row['current_per_torque'], row['intervals']['current_per_torque']),
+        [[row['joint'], _scale(row['current_per_torque'], row['intervals']['current_per_torque']),
           row['held_out_rmse_without'], row['held_out_rmse']] for row in arm['rigid_bodies']],
         'Current per torque with its 95 % interval; errors on stretches not fitted, before any '
         'further effect was looked for.')
@@ -81,6 +124,15 @@ def _within(value: float, bounds: list[float | None]) -> str:
     if bounds[0] is None:
         return number(value)
     return f'{number(value)} ({number(bounds[0])} to {number(bounds[1])})'
+
+
+def _scale(value: float, bounds: list[float | None]) -> str:
+    """Return a current per torque, or that the recording does not tell it."""
+    low, high = bounds
+    if low is None or high is None or high > _TELLS * low:
+        ends = '' if low is None else f' ({number(low)} to {number(high)})'
+        return f'not told{ends}'
+    return _within(value, bounds)
 
 
 def _share(value: float) -> str:

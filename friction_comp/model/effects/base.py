@@ -14,6 +14,7 @@ import numpy as np
 from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.model.effects.edges import checked_range, inside
 from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
 from friction_comp.model.effects.scene import (
     COARSE,
@@ -36,6 +37,8 @@ class Effect(ABC):
     ----------
     parameters : dict
         ``coefficients`` (A, one per column) and the nonlinear constants, plain numbers in SI units.
+    valid_range : dict, optional
+        Lowest and highest value of the `held` signals up to which it is continued.
 
     Attributes
     ----------
@@ -85,6 +88,10 @@ class Effect(ABC):
     fades_at_rest : bool
         Whether it is fed back in motion only: what the teeth hold at rest is held by friction, and
         fed to the motor it would push a joint that nobody touches.
+    held : dict of str to float
+        Signals of which nothing says how it goes on beyond what was seen, and the share of the
+        width of that by which it is continued on either side; from there on it keeps its value.
+        What follows a law of mechanics, repeats or fades is not held.
     """
 
     name = ''
@@ -108,6 +115,7 @@ class Effect(ABC):
     gives_load = False
     carried = False
     fades_at_rest = False
+    held: dict[str, float] = {}
     _positive = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width',
                  'distance', 'time_constant', 'speed')
 
@@ -120,8 +128,10 @@ class Effect(ABC):
         cls.Constants.__module__ = cls.__module__
         cls.Constants.__qualname__ = f'{cls.__qualname__}.Constants'
 
-    def __init__(self, parameters: dict[str, Any]) -> None:
+    def __init__(self, parameters: dict[str, Any],
+                 valid_range: dict[str, Any] | None = None) -> None:
         parameters = dict(parameters)
+        self.valid_range = checked_range(valid_range, self.held)
         coefficients = parameters.pop('coefficients', None)
         if coefficients is None:
             raise InputError('coefficients are missing')
@@ -305,7 +315,7 @@ class Effect(ABC):
         for signal in self.needs:
             if getattr(samples, signal) is None:
                 raise InputError(f"effect '{self.name}' needs {signal}, which is not recorded")
-        matrix = self.matrix(samples, self.values)
+        matrix = self.matrix(inside(samples, self.valid_range), self.values)
         if matrix.shape[1] != len(self.coefficients):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
                              f'not {len(self.coefficients)}')
@@ -345,7 +355,10 @@ class Effect(ABC):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model file's entry."""
-        return {'name': self.name, 'variable': self.variable, 'parameters': self.parameters}
+        entry = {'name': self.name, 'variable': self.variable, 'parameters': self.parameters}
+        if self.valid_range:
+            entry['valid_range'] = {name: list(ends) for name, ends in self.valid_range.items()}
+        return entry
 
 
 def sign(velocity: Any, transition: float) -> Any:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from friction_comp.model.effects.edges import between
 from friction_comp.model.effects.scene import Signals
 
 if TYPE_CHECKING:
@@ -63,8 +64,8 @@ class LiveTerm:
         side = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity) if self.sees_history else 0.0
         # By position, in the order of the fields: by name it takes twice as long.
-        x = Signals(time - self._began, position, velocity, 0.0, load, temperature, side, state,
-                    rigid_body, coupling)
+        x = self._held(Signals(time - self._began, position, velocity, 0.0, load, temperature,
+                               side, state, rigid_body, coupling))
         total = 0.0
         for gain, column in zip(self._effect.coefficients,
                                 self._effect.columns(x, self._constants)):
@@ -97,12 +98,21 @@ class LiveTerm:
         values = []
         for side in (1.0, -1.0):
             turned = float(effect.start(side, c))
-            x = Signals(time - began, position, side * abs(speed), 0.0, load, temperature, side,
-                        turned if turned != 0.0 else state, rigid_body, coupling)
+            x = self._held(Signals(
+                time - began, position, side * abs(speed), 0.0, load, temperature, side,
+                turned if turned != 0.0 else state, rigid_body, coupling))
             values.append(float(sum(
                 gain * column for gain, column in zip(effect.coefficients, effect.columns(x, c)))))
         self._began = began
         return values[0], values[1]
+
+    def _held(self, x: Signals) -> Signals:
+        """Return signals at the edge of an effect's valid range where they are beyond it."""
+        for name, (low, high) in self._effect.valid_range.items():
+            value = getattr(x, name)
+            if value is not None:
+                x = x._replace(**{name: between(value, low, high)})
+        return x
 
     def _remember(self, time: float, position: float, velocity: float) -> float:
         if self._state is None:

@@ -59,6 +59,7 @@ class LoadFriction(Effect):
     variable = 'load'
     needs = ('load',)
     signs = (1,)
+    held = {'load': 0.25}
     constants = {'exponent': Search(1.6), 'transition': None}
 
     @classmethod

@@ -23,6 +23,8 @@ class _Ripple(Effect):
         'frequency': Search(1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12)),
         'growth': None, 'speed': None, 'transition': None}
     spectral = 'frequency'
+    # Its size at speeds that were seen; along the way it repeats.
+    held = {'velocity': 0.25}
     _word = ''
 
     @classmethod

@@ -24,6 +24,7 @@ class Spring(Effect):
     variable = 'position'
     role = CARRIES
     gives_load = True
+    held = {'position': 0.25}
     constants = {'position': None}
 
     @classmethod

@@ -21,6 +21,8 @@ class Temperature(Effect):
     name = 'temperature'
     variable = 'temperature'
     needs = ('temperature',)
+    # Friction falls nearly in a straight line over tens of kelvin: twice what was seen is believed.
+    held = {'temperature': 1.0}
     constants = {'reference_temperature': None, 'transition': None}
 
     @classmethod

@@ -21,6 +21,7 @@ class ViscousShape(Effect):
 
     name = 'viscous_shape'
     variable = 'velocity'
+    held = {'velocity': 0.25}
     constants = {'exponent': Search(1.3), 'reference': None, 'transition': None}
 
     @classmethod

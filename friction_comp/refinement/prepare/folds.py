@@ -14,6 +14,10 @@ from friction_comp.samples import Samples
 
 # A half that holds less than this share of the samples teaches too little.
 _LEAST_HALF = 0.25
+_FEWEST_STRETCHES, _MOST_STRETCHES = 24, 120
+# A half that holds less than this share of the motion in one direction cannot tell Coulomb friction
+# from an offset.
+_LEAST_DIRECTION = 0.1
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,9 @@ def split(samples: Samples, usable: np.ndarray, residual: np.ndarray, run: np.nd
     """Deal samples to two folds.
 
     Whole runs are held out where there are several, else stretches several times as long as the
-    residual stays correlated, in turn.
+    residual stays correlated, in turn. Either way both halves hold motion in both directions, if
+    there is a way to have it: strokes to and fro may be as long as the stretches are, or each be a
+    run of its own.
 
     Parameters
     ----------
@@ -66,14 +72,14 @@ def split(samples: Samples, usable: np.ndarray, residual: np.ndarray, run: np.nd
     """
     fold = _whole_runs(samples, usable, run)
     last = '; standstill and clipped samples are left out'
-    if fold is not None:
+    if fold is not None and _both_ways(samples, usable, fold):
         words = (f'{len(np.unique(run))} whole recordings (or runs with a gap between them) in two '
                  'halves, each half predicted by the model fitted on the other')
         return Folds(run, fold, np.zeros(len(samples), dtype=bool), words + last)
     step = max(samples.sample_time, 1e-9)
     total = int(usable.sum())
     length = correlation_samples(residual, usable)
-    rows = max(int(np.clip(10 * length, total / 120, total / 24)), 4)
+    rows = max(int(np.clip(10 * length, total / _MOST_STRETCHES, total / _FEWEST_STRETCHES)), 4)
     # Counted in usable samples, so that rests do not make empty stretches; each run by itself.
     block = np.empty(len(samples), dtype=int)
     before = 0
@@ -90,7 +96,34 @@ def split(samples: Samples, usable: np.ndarray, residual: np.ndarray, run: np.nd
     words = (f'{before} stretches of about {rows * step:.2g} s in turn, each half predicted by the '
              f'model fitted on the other half, with {2 * width * step:.2g} s beside every edge not '
              'fitted')
-    return Folds(run, block % 2, guard, words + last)
+    fold = block % 2
+    if not _both_ways(samples, usable, fold):
+        uneven = _thue_morse(before)[block]
+        if _both_ways(samples, usable, uneven):
+            fold = uneven
+    return Folds(run, fold, guard, words + last)
+
+
+def _both_ways(samples: Samples, usable: np.ndarray, fold: np.ndarray) -> bool:
+    """Tell whether both halves hold their part of either direction of motion."""
+    forwards = np.asarray(samples.velocity)[usable] > 0.0
+    first = fold[usable] == 0
+    for side in (forwards, ~forwards):
+        total = int(side.sum())
+        least = min(int((side & first).sum()), int((side & ~first).sum()))
+        if total > 0.02 * len(side) and least < _LEAST_DIRECTION * total:
+            return False
+    return True
+
+
+def _thue_morse(number: int) -> np.ndarray:
+    """Return zeros and ones in a sequence that is in step with nothing, shape (number,)."""
+    bits = np.arange(number)
+    total = np.zeros(number, dtype=int)
+    while np.any(bits):
+        total += bits & 1
+        bits = bits >> 1
+    return total % 2
 
 
 def _whole_runs(samples: Samples, usable: np.ndarray, run: np.ndarray) -> np.ndarray | None:

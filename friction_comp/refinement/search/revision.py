@@ -12,6 +12,7 @@ from friction_comp.model.effects import Effect
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import Fit
 from friction_comp.refinement.fit.robust_regression import robust_scale
+from friction_comp.refinement.judge.carry_over import carries_over
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
 from friction_comp.refinement.judge.physics import bound, objection, sound
 from friction_comp.refinement.prepare.fit_data import FitData
@@ -23,7 +24,13 @@ from friction_comp.refinement.search.candidate_fit import (
     try_kind,
 )
 from friction_comp.refinement.search.candidates import best_gain, kinds_for
-from friction_comp.refinement.search.stepwise import Chosen, grow, least_advantage, Report
+from friction_comp.refinement.search.stepwise import (
+    as_good,
+    Chosen,
+    grow,
+    least_advantage,
+    Report,
+)
 from friction_comp.refinement.thresholds import (
     ADJUSTED,
     ALPHA,
@@ -130,7 +137,8 @@ def prune(data: FitData, chosen: Chosen) -> bool:
         evidence, poorer = evidence_of(data, chosen, place)
         loss = mean_loss(data, held_out_residual(data, poorer))
         if (evidence['advantage'] < max(LEAST_SHARE * loss, least)
-                or evidence['p_value'] > ALPHA or not sound(chosen.fits, [place])):
+                or evidence['p_value'] > ALPHA or not sound(chosen.fits, [place])
+                or not carries_over(data, poorer, chosen.fits, len(chosen.kinds))):
             chosen.fits, any_gone = refitted(chosen.fits, place), True
             place = len(poorer[0].terms)
         place -= 1
@@ -174,6 +182,9 @@ def _replacement(data: FitData, chosen: Chosen, place: int) -> CandidateFit | No
             continue
         adjust_constants(data, residual, trial)
         lead, error, _ = advantage(data, full, trial.residual)
+        if old.kind.holds_on_another_day and not kind.holds_on_another_day and (
+                lead <= as_good(error, trial.advantage)):
+            continue
         simpler = Chosen(trial.fits, chosen.first).complexity < mine
         if (lead > error or (simpler and lead > -error)) and sound(trial.fits, [-1]) and (
                 best is None or trial.advantage > best.advantage):

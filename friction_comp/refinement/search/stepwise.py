@@ -12,6 +12,7 @@ import numpy as np
 
 from friction_comp.model.effects import Effect
 from friction_comp.refinement.fit.effect_sum import Fit
+from friction_comp.refinement.judge.carry_over import carries_over
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
 from friction_comp.refinement.judge.physics import sound
 from friction_comp.refinement.prepare.fit_data import FitData
@@ -124,7 +125,7 @@ def grow(data: FitData, chosen: Chosen, without: Sequence[type[Effect]] = (),
         if chosen.product is None and done < PRODUCT_ROUNDS:
             chosen.product = best_product(
                 data, chosen.fits, residual, trials, max(LEAST_SHARE * loss, least))
-        best = first_sound(data, residual, loss, least, trials, len(kinds))
+        best = first_sound(data, chosen.fits, residual, loss, least, trials, len(kinds))
         if best is not None:
             chosen.fits = best.fits
             chosen.rivals.setdefault(best.kind, []).extend(
@@ -155,15 +156,17 @@ def _grow_masked(data: FitData, chosen: Chosen, residual: np.ndarray, trials: li
     return True
 
 
-def first_sound(data: FitData, residual: np.ndarray, loss: float, least: float,
+def first_sound(data: FitData, fits: list[Fit], residual: np.ndarray, loss: float, least: float,
                 trials: list[CandidateFit], number: int) -> CandidateFit | None:
     """Return the candidate to take, all its constants adjusted; None where none deserves it.
 
     Parameters
     ----------
     data : FitData
+    fits : list of Fit
+        Without it.
     residual : ndarray, shape (N,)
-        Held-out residual without it.
+        Their held-out residual.
     loss, least : float
         Mean loss without it, and the advantage that is worth a name, A².
     trials : list of CandidateFit
@@ -177,7 +180,8 @@ def first_sound(data: FitData, residual: np.ndarray, loss: float, least: float,
     while left:
         best = simplest_of_the_best(data, left)
         adjust_constants(data, residual, best, thorough=True)
-        if deserves(best) and sound(best.fits, [-1]):
+        if deserves(best) and sound(best.fits, [-1]) and carries_over(
+                data, fits, best.fits, len(best.fits[0].terms)):
             return best
         left = [trial for trial in left if trial is not best]
     return None
@@ -205,10 +209,15 @@ def simplest_of_the_best(data: FitData, trials: list[CandidateFit]) -> Candidate
     return max(causes, key=lambda trial: trial.advantage, default=best)
 
 
+def as_good(error: float, advantage_of_best: float) -> float:
+    """Return the lead in A² up to which a cause is preferred to a clock."""
+    return 2.0 * error + 0.1 * advantage_of_best
+
+
 def alike(data: FitData, first: CandidateFit, second: CandidateFit) -> bool:
     """Tell whether a second candidate explains what a first one does, nearly as well."""
     lead, error, _ = advantage(data, second.residual, first.residual)
-    if lead > 2.0 * error + 0.1 * first.advantage:
+    if lead > as_good(error, first.advantage):
         return False
     parts = [np.hstack(trial.fits[0].parts[-1:])[data.usable]
              @ trial.fits[0].own_coefficients()[-1] for trial in (first, second)]

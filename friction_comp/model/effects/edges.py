@@ -1,0 +1,99 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The range in which an effect is continued, and what is said beyond it: its value at the edge."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+import copy
+import math
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.checks import check_number
+from friction_comp.errors import InputError
+
+if TYPE_CHECKING:
+    from friction_comp.model.effects.base import Effect
+    from friction_comp.samples import Samples
+
+# Percent of the samples below the low edge and above the high one: a few values beyond the others
+# are a sensor's, and no range that was moved through.
+_TAIL = 0.1
+
+
+def checked_range(ranges: dict[str, Any] | None,
+                  held: Collection[str]) -> dict[str, tuple[float, float]]:
+    """Return the ranges of an effect's entry in a model file.
+
+    Parameters
+    ----------
+    ranges : dict or None
+        Lowest and highest value by signal.
+    held : collection of str
+        The signals that the effect may have a range of.
+
+    Raises
+    ------
+    InputError
+        Naming what is wrong with them.
+    """
+    if ranges is None:
+        return {}
+    if not isinstance(ranges, dict) or not set(ranges) <= set(held):
+        raise InputError(f'valid_range must be a mapping of {", ".join(held) or "nothing"}, '
+                         f'not {ranges!r}')
+    found = {}
+    for name, ends in ranges.items():
+        if not isinstance(ends, (list, tuple)) or len(ends) != 2:
+            raise InputError(f'valid_range.{name} must be two numbers, the lower one first')
+        low, high = (check_number(end, f'valid_range.{name}') for end in ends)
+        if low > high:
+            raise InputError(f'valid_range.{name} must have the lower number first')
+        found[name] = (low, high)
+    return found
+
+
+def with_range(effect: Effect, samples: Samples) -> Effect:
+    """Return an effect with the range in which samples show it, and some more.
+
+    Parameters
+    ----------
+    effect : Effect
+    samples : Samples
+        With velocity.
+    """
+    ranges = {}
+    for name, beyond in effect.held.items():
+        values = getattr(samples, name)
+        if values is not None and len(values):
+            low, high = np.percentile(values, (_TAIL, 100.0 - _TAIL))
+            more = beyond * (high - low)
+            ranges[name] = (float(low - more), float(high + more))
+    if not effect.held:
+        return effect
+    twin = copy.copy(effect)
+    twin.valid_range = ranges
+    return twin
+
+
+def inside(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
+    """Return samples whose signals stay at the edge of a range where they are beyond it."""
+    known = {name: np.clip(getattr(samples, name), *ends) for name, ends in ranges.items()
+             if getattr(samples, name) is not None}
+    return samples.with_(**known) if known else samples
+
+
+def between(value: float, low: float, high: float) -> float:
+    """Return a number at the nearer edge of a range where it is beyond; one that is none stays."""
+    if value < low:
+        return low
+    if value > high:
+        return high
+    return value
+
+
+def ends_of(ranges: dict[str, tuple[float, float]], name: str) -> tuple[float, float]:
+    """Return the ends of one signal's range, infinite where it has none."""
+    return ranges.get(name, (-math.inf, math.inf))
