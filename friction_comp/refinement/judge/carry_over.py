@@ -9,12 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import stats
 
-from friction_comp.refinement.fit.robust_regression import (
-    huber_loss,
-    huber_weights,
-    robust_scale,
-    side_by_side,
-)
+from friction_comp.huber import huber_weights
+from friction_comp.refinement.fit.robust_regression import huber_loss, robust_scale, side_by_side
 from friction_comp.refinement.thresholds import CARRY_OVER, PARTS
 
 if TYPE_CHECKING:
