@@ -4,11 +4,13 @@
 
     python3 bench/law_table.py [--quick] [--laws continuous paper] [--kinds armin_1 lugre ...]
                                [--floors release untouched quiet peak bad refined identification]
+                               [--set SHARE=0.95 ...]
                                [--draws N] [--seed S] [--workers N] [--output FILE.json] [--check]
 
 Even seeds are for tuning on, odd seeds are kept for judging: report both, tune on one. A draw is a
 random gear of a kind, `independent_gear/gears.py` says of which ranges and why. The law is given
-the plant's own true model, times the factor that each floor names. The whole takes about 15 minutes
+the plant's own true model, times the factor that each floor names. --set shows what becomes of it
+with other constants, by their names in law_parameters. The whole takes about 15 minutes
 of processor time a law, --quick about 2.
 """
 
@@ -35,6 +37,8 @@ from independent_gear.quiet import quiet  # noqa: E402
 from independent_gear.refined import REFINED  # noqa: E402
 from independent_gear.release import release  # noqa: E402
 from independent_gear.untouched import untouched  # noqa: E402
+
+from friction_comp.compensation import law_parameters  # noqa: E402
 
 FLOORS = ('release', 'untouched', 'quiet', 'peak', 'bad', 'refined', 'identification')
 
@@ -68,6 +72,8 @@ def parse():
                         help="of CompensationLaw ('continuous:position': without velocity), 'none'")
     parser.add_argument('--kinds', nargs='+', default=list(KINDS), choices=KINDS)
     parser.add_argument('--floors', nargs='+', default=list(FLOORS), choices=FLOORS)
+    parser.add_argument('--set', nargs='+', default=[], type=constant, metavar='NAME=VALUE',
+                        help='other constants of friction_comp.compensation.law_parameters')
     parser.add_argument('--draws', type=int, help='gears of each kind; 5, or 2 when quick')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--workers', type=int, default=2)
@@ -78,14 +84,22 @@ def parse():
     return parser.parse_args()
 
 
+def constant(text):
+    """Return name and value of a constant of the law."""
+    name, _, value = text.partition('=')
+    if not isinstance(getattr(law_parameters, name, None), float):
+        raise argparse.ArgumentTypeError(f'{name!r} is no constant of law_parameters')
+    return name, float(value)
+
+
 def draws_of(options):
     return options.draws or (2 if options.quick else 5)
 
 
 def make_jobs(options):
-    """Yield (floor, law or laws, kinds, draws, seed, quick)."""
+    """Yield (floor, law or laws, kinds, draws, seed, quick, constants)."""
     draws, seed, quick = draws_of(options), options.seed, options.quick
-    common = draws, seed, quick
+    common = draws, seed, quick, tuple(options.set)
     compared = [*options.laws, *({'paper', 'kinetic'} - set(options.laws))]
     for floor in options.floors:
         if floor == 'peak':
@@ -102,7 +116,9 @@ def make_jobs(options):
 
 def do(job):
     """Run one job in a process of its own and return its rows and seconds."""
-    floor, law, kinds, draws, seed, quick = job
+    floor, law, kinds, draws, seed, quick, constants = job
+    for name, value in constants:
+        setattr(law_parameters, name, value)
     began = time.time()
     if floor == 'untouched' and not quick:
         # 1,000 joints: of more gears than elsewhere

@@ -162,6 +162,7 @@ def _with(rest: Any, effect: Effect, place: int, places: tuple[float, float] | N
     c = effect.Constants(**effect.live_constants(effect.values))
     update, both_sides = _sides(effect)
     shift, carries = _shift(effect, update, both_sides, places), effect.role == CARRIES
+    turns = effect.turning() is not None
     remembers, first = effect.sees_history, float(effect.start(0.0, c))
     step = effect.step if remembers else _keep
 
@@ -172,7 +173,9 @@ def _with(rest: Any, effect: Effect, place: int, places: tuple[float, float] | N
         if remembers:
             memory[place] = step(memory[place], dt, dq, speed, c) if began else first
         state = memory[place]
-        if continuous and not carries:
+        if continuous and turns:
+            forward = backward = carried = 0.0
+        elif continuous and not carries:
             forward, backward = both_sides(time, position, speed, temperature, state)
             carried = 0.0
         else:

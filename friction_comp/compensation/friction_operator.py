@@ -39,6 +39,9 @@ def follow(p: Any, s: Any) -> None:
     place = min(s.position + p.backlash, max(s.position - p.backlash, s.backlash_place))
     if s.mode != LEADING:
         s.z = min(1.0, max(-1.0, s.z + (place - s.backlash_place) / p.distance))
+    way = place - s.backlash_place
+    side = 1.0 if way > 0.0 else -1.0
+    s.turned = side * (1.0 - (1.0 - side * s.turned) * math.exp(-abs(way) / p.turning_distance))
     s.backlash_place = place
     if abs(s.position - s.still_place) > p.still_way:
         s.still_place = s.position
@@ -99,6 +102,8 @@ def lead(p: Any, s: Any, direction: float) -> None:
     aim = direction
     if s.caution == 1:
         probe(p, s)
+    if s.still_time >= p.rest_time:
+        s.turned = approach(s.turned, 0.0, s.step / p.lead_time)
     if s.mode == LEADING:
         if abs(s.position - s.mark) > p.slip:
             if abs(s.ramp) > SURELY_BORNE:
@@ -179,6 +184,9 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     settled = math.tanh(0.5 * p.steepness * speed)
     # Refined effects may only sharpen the transition of Eq. 6: while it rises, their sum counts.
     sliding = max(0.0, min(plateau + more, max(plateau, plateau * settled + more)) - excess)
+    # What takes longer to turn round has an element of its own, which is never led. Whether a ramp
+    # met it before the joint broke free shows beside sliding friction without it.
+    mean = min(mean, max(plateau, mean - p.turning))
     near = p.slow_share * max(0.0, min(sliding, mean - std))
     # Until it has left its place of rest the joint holds with breakaway friction.
     start = 0.0
@@ -215,6 +223,19 @@ def trusted(p: Any, s: Any, speed: float) -> float:
 
 
 @njit(cache=True)
+def rise(p: Any, s: Any, wanted: float, direction: float) -> None:
+    """Let friction's current rise gently and fall at once.
+
+    A person who breaks a joint loose has a loaded arm: help that comes with the first milliradian
+    would throw it. Less on the way up than on the way back only takes more from a vibration.
+    """
+    held = s.friction if s.friction * wanted > 0.0 else 0.0
+    time = p.rise_time if wanted * direction > 0.0 else p.alone_time
+    most = max(p.upper, -p.lower) * s.step / time
+    s.friction = approach(held, wanted, most) if abs(wanted) > abs(held) else wanted
+
+
+@njit(cache=True)
 def continuous_current(p: Any, s: Any, direction: float, forward: float, backward: float,
                        carried: float) -> float:
     """Return the current of the continuous law in A.
@@ -238,14 +259,16 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    friction = trusted(p, s, speed) * level * s.z
+    friction = trusted(p, s, speed) * (level * s.z + p.share * p.turning * s.turned)
     if s.caution == 1:
         friction *= p.caution_share
-    wanted = soft_end(p, s, friction) + carried
     if in_doubt(p, s):
-        wanted = 0.0
+        s.friction = wanted = 0.0
     elif s.doubt > 0.0:
         wanted = s.current
+    else:
+        rise(p, s, soft_end(p, s, friction), direction)
+        wanted = s.friction + carried
     wanted = min(p.limit, max(-p.limit, wanted))
     current = approach(s.current, wanted, p.slope * s.step)
     if not math.isfinite(current):

@@ -40,7 +40,7 @@ def begin(p: Any, s: Any, time: float, position: float) -> None:
 def settle(s: Any, position: float) -> None:
     """Forget the motion: the joint is here, the operator relaxed."""
     s.position = s.backlash_place = s.still_place = s.home = s.mark = position
-    s.half_speed = s.speed = s.z = s.still_time = s.creeping = s.doubt = 0.0
+    s.half_speed = s.speed = s.z = s.turned = s.friction = s.still_time = s.creeping = s.doubt = 0.0
     s.mode, s.starting, s.caution = FREE, 0, 0
 
 
@@ -57,6 +57,9 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
     known : bool
         Whether the velocity is measured; otherwise the position is differentiated.
     """
+    # Drivers fill in what they do not measure with NaN; the continuous law does without.
+    if p.law == CONTINUOUS and math.isnan(velocity):
+        known = False
     if not (math.isfinite(time) and math.isfinite(position) and abs(position) < ABSURD
             and (math.isfinite(velocity) or not known)):
         s.dropped += 1.0

@@ -45,6 +45,10 @@ UNBELIEVABLE = 3.0
 BOUND = 1.25
 # s within which the current may turn from full friction one way to full friction the other.
 TURN_TIME = 0.02
+# s within which friction's current may rise to full friction: in the direction announced, and in
+# one that was not.
+RISE_TIME = 0.1
+ALONE_TIME = 0.3
 # s over which the preload rises, while the joint is slower than this, rad/s: a gear that gives much
 # would swing beyond it.
 LEAD_TIME = 0.1
@@ -106,6 +110,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
         p['gain'] = 0.0
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
+    _set_turning(p, model)
     _set_times(p)
     _set_speeds(p, model)
     _set_excess(p, model)
@@ -151,9 +156,20 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['caution_share'], p['least_trust'] = 0.75, 0.5
 
 
+def _set_turning(p: Any, model: FrictionModel) -> None:
+    """Note the friction of effects that turns round over a longer distance than presliding."""
+    p['turning_distance'] = p['distance']
+    for effect in model.effects:
+        turning = None if effect.why_left_out() else effect.turning()
+        if turning is not None and turning[0] > 0.0:
+            p['turning'] += turning[0]
+            p['turning_distance'] = max(float(p['turning_distance'][0]), LONGER * turning[1])
+
+
 def _set_times(p: Any) -> None:
     p['filter_time'] = 0.004
     p['rest_time'], p['creep_time'] = 0.15, 1.0
+    p['rise_time'], p['alone_time'] = RISE_TIME, ALONE_TIME
     p['bear_time'], p['probe_time'] = BEAR_TIME, PROBE_TIME
     p['trust_time'], p['recovery_time'] = 0.5, 30.0
     p['bad_time'] = 0.02

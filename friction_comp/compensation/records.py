@@ -27,12 +27,13 @@ def _record(floats: str, integers: str, arrays: str = '') -> np.dtype:
 PARAMETERS = _record(
     # Friction in A, of Eq. 6 and of breakaway; s/rad, rad/s, A·s/rad.
     'upper lower steepness shift viscous break_positive break_negative std_positive std_negative '
+    'turning '
     # Shares.
     'gain share slow_share caution_share least_trust '
     # Distances in rad.
-    'distance backlash slip still_way start_way moved_way resolution lowest highest soft_end '
+    'distance turning_distance backlash slip still_way start_way moved_way resolution lowest highest soft_end '
     # Times in s.
-    'filter_time rest_time bear_time probe_time lead_time creep_time trust_time recovery_time '
+    'filter_time rest_time bear_time probe_time lead_time rise_time alone_time creep_time trust_time recovery_time '
     'bad_time sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
     'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
@@ -44,14 +45,14 @@ PARAMETERS = _record(
 STATE = _record(
     # The last sample that was believed, and the last one seen; s, rad, rad/s.
     'time step position seen half_speed speed '
-    # The operator: z in -1..1, place of the backlash in rad.
-    'z backlash_place '
+    # The operator: z in -1..1, what takes longer to turn round, place of the backlash in rad.
+    'z turned backlash_place '
     # Rest: since when and where it stands, where it rested, where leading began; s and rad.
     'still_time still_place home mark ramp creeping probe_time probe_place probe_half '
     # What the guards took back: shares 0..1, s of doubt.
     'borne trust doubt contradiction '
     # Output in A and its parts.
-    'current kinetic breakaway bump '
+    'current friction kinetic breakaway bump '
     # Counts for inspection.
     'dropped slips overspeed',
     'started agreed mode starting caution pushed changed')

@@ -349,6 +349,16 @@ class Effect(ABC):
         """Return values, shape (N, M), computed without an effect that reshapes as with it."""
         return values
 
+    def turning(self) -> tuple[float, float] | None:
+        """Return how much friction takes a distance of its own to turn round, and which.
+
+        Returns
+        -------
+        tuple of float, or None
+            A, and the distance of Dahl's model, rad; None where friction follows the direction.
+        """
+        return None
+
     def why_left_out(self) -> str:
         """Return why the compensator does not apply the effect; empty where it does."""
         return self.not_fed_back

@@ -132,6 +132,12 @@ class Hysteresis(Effect):
                     'at reversals cannot be seen.')
         return too_coarse(scene)
 
+    def turning(self) -> tuple[float, float]:
+        """Return Dahl's friction, and the distance of an exponent of 1 that gets to half as soon."""
+        p = self.values['exponent']
+        reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
+        return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
+
     def describe(self) -> str:
         """Return the effect in words."""
         return (f'Hysteresis: {self.coefficients[0]:.3g} A of friction turn round over '
