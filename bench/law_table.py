@@ -28,6 +28,7 @@ for variable in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS')
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
 
+from friction_comp.compensation import law_parameters  # noqa: E402
 from independent_gear.bad_samples import bad_samples  # noqa: E402
 from independent_gear.bank import make_bank  # noqa: E402
 from independent_gear.gears import KINDS  # noqa: E402
@@ -37,8 +38,6 @@ from independent_gear.quiet import quiet  # noqa: E402
 from independent_gear.refined import REFINED  # noqa: E402
 from independent_gear.release import release  # noqa: E402
 from independent_gear.untouched import untouched  # noqa: E402
-
-from friction_comp.compensation import law_parameters  # noqa: E402
 
 FLOORS = ('release', 'untouched', 'quiet', 'peak', 'bad', 'refined', 'identification')
 

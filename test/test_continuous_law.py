@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_parameters import LONGER
+from friction_comp.compensation.law_parameters import ALONE_TIME, LONGER, RISE_TIME
 from friction_comp.drive import Drive
+from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.gear_batch import push, run_gears
@@ -67,6 +68,44 @@ def test_over_closed_paths_it_gives_less_than_the_gear_takes(
     loop = len(path) // 4
     assert given_back[-1] - given_back[-loop - 1] <= (
         taken[-1] - taken[-loop - 1]) + 2.0 * LEVEL * speed * 1e-3
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10 ** 6), distance=st.floats(5e-3, 3e-2), error=st.floats(0.7, 1.4),
+       size=st.floats(0.1, 5.0), speed=st.floats(0.1, 0.4))
+def test_what_turns_round_slowly_is_given_no_sooner(seed, distance, error, size, speed):
+    """Half of the gear's friction is Dahl's over a distance that the model knows to 40 %."""
+    rng = np.random.default_rng(seed)
+    turns = np.concatenate(([0.0], distance * size * rng.uniform(-1.0, 1.0, 8), [0.0]))
+    times = np.cumsum(np.abs(np.diff(turns, prepend=0.0))) / speed
+    path = np.tile(np.interp(np.arange(0.0, times[-1], 1e-3), times, turns), 6)
+    bristles = Hysteresis({'coefficients': [LEVEL, 0.0], 'distance': distance, 'exponent': 1.0,
+                           'transition': 1e-3})
+    law = CompensationLaw([replace(small_model(), effects=[bristles])])
+    current = np.array([law.update(1e-3 * k, [x], None, [0])[0] for k, x in enumerate(path)])
+    gear, z = maxwell_slip(path, [1.0], [3e-4]), 0.0
+    for k, step in enumerate(np.diff(path), 1):
+        side = math.copysign(1.0, step)
+        z = side * (1.0 - (1.0 - side * z) * math.exp(-abs(step) / (error * distance)))
+        gear[k] += LEVEL * z
+    steps, last = np.diff(path)[-len(path) // 6:], slice(-len(path) // 6, None)
+    taken = np.sum(0.5 * (gear[1:] + gear[:-1])[last] * steps)
+    assert np.sum(current[:-1][last] * steps) <= taken + 4.0 * LEVEL * speed * 1e-3
+
+
+@pytest.mark.parametrize('direction, within', [(0, ALONE_TIME), (1, RISE_TIME)])
+def test_help_comes_gently_where_it_was_not_announced_and_goes_at_once(direction, within):
+    """Who breaks a joint loose has a loaded arm, which sudden help would throw."""
+    law = CompensationLaw([small_model()])
+    current, there, back = [], 0.3, 1.0
+    for k in range(1400):
+        time = 1e-3 * k
+        position = 0.3 * (max(0.0, time - there) - 2.0 * max(0.0, time - back))
+        current.append(law.update(time, [position], None, [direction if time < there else 0])[0])
+    current = np.array(current)
+    assert np.max(np.diff(current[:990])) <= LEVEL / within * 1e-3 * (1.0 + 1e-9)
+    assert current[990] > 0.85 * LEVEL
+    assert current[1040] < 0.0
 
 
 @pytest.fixture(scope='module')

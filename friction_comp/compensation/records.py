@@ -31,10 +31,11 @@ PARAMETERS = _record(
     # Shares.
     'gain share slow_share caution_share least_trust '
     # Distances in rad.
-    'distance turning_distance backlash slip still_way start_way moved_way resolution lowest highest soft_end '
+    'distance turning_distance backlash slip still_way start_way moved_way resolution '
+    'lowest highest soft_end '
     # Times in s.
-    'filter_time rest_time bear_time probe_time lead_time rise_time alone_time creep_time trust_time recovery_time '
-    'bad_time sample_time '
+    'filter_time rest_time bear_time probe_time lead_time rise_time alone_time creep_time '
+    'trust_time recovery_time bad_time sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
     'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
     'law',

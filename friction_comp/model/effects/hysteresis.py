@@ -133,7 +133,7 @@ class Hysteresis(Effect):
         return too_coarse(scene)
 
     def turning(self) -> tuple[float, float]:
-        """Return Dahl's friction, and the distance of an exponent of 1 that gets to half as soon."""
+        """Return Dahl's friction, and the distance at which an exponent of 1 is half turned."""
         p = self.values['exponent']
         reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
         return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
