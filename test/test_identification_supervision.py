@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.friction_model import FrictionModel
@@ -134,3 +135,52 @@ def test_somebody_who_leans_on_the_joint_for_a_part_of_the_run_ends_it():
     bench = Bench(torque=lambda run, state: 0.95 if run.phase == 'breakaway' else 0.0)
     with pytest.raises(IdentificationError, match=r'leant|pushed|rest|touched'):
         bench.finish()
+
+
+def filtered(time_constant):
+    """The velocity behind a low pass, as many drives give it."""
+    seen = [0.0]
+
+    def alter(run, sample):
+        seen[0] += (sample[2] - seen[0]) * 1e-3 / time_constant
+        sample[2] = seen[0]
+        return sample
+    return alter
+
+
+def late(samples):
+    """Position and velocity as they were some samples before."""
+    past = []
+
+    def alter(run, sample):
+        past.append(sample[1:3])
+        sample[1:3] = past[max(0, len(past) - 1 - samples)]
+        return sample
+    return alter
+
+
+def trembling(way):
+    """A position that trembles at random, seen by an encoder of finest counts."""
+    random = np.random.default_rng(7)
+
+    def alter(run, sample):
+        sample[1] += way * random.normal()
+        return sample
+    return alter
+
+
+@pytest.mark.parametrize('alter', [filtered(0.01), late(3)])
+def test_a_filtered_velocity_and_a_delay_are_no_faults(alter):
+    result = Bench(alter).finish()
+    truth = model().sigmoid(result.speeds)
+    np.testing.assert_allclose(result.currents, truth, rtol=0.03)
+
+
+def test_a_rotor_that_trembles_by_many_counts_stands():
+    bench = Bench(trembling(2e-6))
+    drive = Drive(bench.model.drive.torque_constant, bench.model.drive.gear_ratio, 2 ** 20,
+                  bench.model.drive.current_limit)
+    bench.run = IdentificationRun(IdentificationGoal(**GOAL), drive)
+    assert drive.position_resolution < 1e-7
+    result = bench.finish()
+    assert result.breakaway.positive_mean == pytest.approx(0.0995, rel=0.1)

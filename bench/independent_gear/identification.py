@@ -4,13 +4,14 @@
 
 import numpy as np
 
+from independent_gear.first_curve import presliding_and_stiffness
 from independent_gear.plant import Plant
 from independent_gear.rows import DEGREE, figure_row, share_row
 from independent_gear.state import CLAMP, nobody
 from independent_gear.subject import Drive, IdentificationGoal, IdentificationRun
 from independent_gear.truth import breakaway_currents, steady_friction
 
-BREAKAWAY, KINETIC, PRESLIDING = 0.03, 0.03, 0.30
+BREAKAWAY, KINETIC, PRESLIDING, STIFFNESS = 0.03, 0.03, 0.30, 0.30
 # An identification that shakes the joint, or throws it, is no good whatever it finds.
 SHAKING = 2.0  # times the fastest speed asked for
 TRUTH_REPETITIONS = 64
@@ -21,7 +22,9 @@ def identification(bank, quick=False):
 
     Breakaway is off by what is beyond two standard errors of both means. Kinetic friction is off
     by the RMS over the speeds, relative to the friction at each. Presliding, where identification
-    gives it, is compared with the distance at which 95 % of the level is reached.
+    gives it, is compared with the way at which a gear that is loaded slowly from rest has reached
+    95 % of its level, and stiffness with the slope up to a third of it; the way is off by what is
+    beyond the count by which an encoder cannot tell.
     """
     speeds = np.array([3, 10, 40, 90] if quick else [2, 5, 10, 20, 40, 60, 80, 100]) * DEGREE
     goals = [_goal(bank, g, speeds, quick) for g in range(len(bank.gears))]
@@ -84,7 +87,8 @@ def _run_all(bank, runs):
 
 def _judge(gear, truth, result, goal, speeds):
     if result is None:
-        return {'breakaway': np.inf, 'kinetic': np.inf, 'presliding': np.inf, 'speed': np.nan}
+        return {'breakaway': np.inf, 'kinetic': np.inf, 'presliding': np.inf,
+                'stiffness': np.inf, 'speed': np.nan}
     found = result.breakaway
     means = (found.positive_mean, -found.negative_mean)
     scatter = np.std(truth)
@@ -94,34 +98,35 @@ def _judge(gear, truth, result, goal, speeds):
     for sign in (1, -1):
         curve = steady_friction(gear, speeds, sign)
         kinetic.append((np.abs(result.sigmoid(sign * speeds)) - curve) / curve)
-    presliding = presliding_of(result)
+    distance, slope = presliding_and_stiffness(gear)
+    found, stiffness = presliding_of(result)
     return {
         'breakaway': max(0.0, max(off) - error) / np.mean(truth),
         'bias': (np.mean(means) - np.mean(truth)) / np.mean(truth),
         'speed': speeds[np.argmax(np.abs(kinetic).max(axis=0))] / DEGREE,
         'kinetic': float(np.sqrt(np.mean(np.square(kinetic)))),
-        'presliding': np.nan if presliding is None or gear['friction'] == CLAMP
-        else abs(presliding / gear['presliding'] - 1.0)}
+        'presliding': max(0.0, abs(found - distance) - gear['resolution']) / distance,
+        'stiffness': abs(stiffness / slope - 1.0)}
 
 
 def presliding_of(result):
-    """Return the presliding distance in rad where an identification gives one, else None."""
-    for place in (result, result.breakaway, getattr(result, 'presliding', None)):
-        for name in ('presliding_distance', 'distance'):
-            value = getattr(place, name, None)
-            if value is not None:
-                return float(value)
-    value = getattr(result, 'presliding', None)
-    return float(value) if isinstance(value, (int, float)) else None
+    """Return presliding distance in rad and stiffness in A/rad; NaN where none was found."""
+    found = result.presliding
+    if found is None:
+        return np.nan, np.nan
+    return found.distance, np.nan if found.stiffness is None else found.stiffness
 
 
 def _rows(bank, kind, figures, errors):
     here = bank.among(kind)
     rows = []
-    for what, most in (('breakaway', BREAKAWAY), ('kinetic', KINETIC), ('presliding', PRESLIDING)):
+    for what, most in (('breakaway', BREAKAWAY), ('kinetic', KINETIC), ('presliding', PRESLIDING),
+                       ('stiffness', STIFFNESS)):
         values = np.array([figures[g][what] for g in here])
-        unknown = what == 'presliding' and np.isnan(values).all()
-        if unknown and all(bank.gears[g]['friction'] == CLAMP for g in here):
+        unknown = what in ('presliding', 'stiffness') and np.isnan(values).all()
+        clamps = all(bank.gears[g]['friction'] == CLAMP for g in here)
+        # An encoder may be too coarse for a stiffness.
+        if unknown and (what == 'stiffness' or clamps):
             continue
         worst = np.nan if unknown else np.nanmax(values)
         rows.append(figure_row(

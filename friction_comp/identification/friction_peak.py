@@ -16,6 +16,7 @@ long presliding.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
@@ -31,8 +32,8 @@ _SHORTEST, _LONGEST = 0.024, 0.064
 # Noise of f that smoothing leaves, as a share of the level.
 _NOISE = 0.007
 # Shares of breakaway: presliding is left at `_GONE`; stiffness is read from up to `_EARLY`.
-_GONE, _EARLY = 0.95, 0.5
-_COUNTS = 3.0   # that the joint must have given for a stiffness to be read
+_GONE, _EARLY = 0.95, 1.0 / 3.0
+_COUNTS = 4.0   # that a joint must have given in that part, times the root of the ramps' number
 
 
 @dataclass(frozen=True)
@@ -62,18 +63,6 @@ class RampFriction:
         """Return the way in rad until friction takes 95 % of breakaway, A."""
         k = int(np.argmax(self.current >= min(_GONE * breakaway, self.breakaway)))
         return float(self.position[k])
-
-    def stiffness(self, breakaway: float, resolution: float) -> float:
-        """Return the slope of friction over the way at the begin in A/rad; NaN where unknown."""
-        share = self.current / breakaway
-        early = slice(0, int(np.argmax(share > _EARLY)))
-        share, way = share[early], self.position[early]
-        if share.size < 10 or np.ptp(way) < _COUNTS * resolution:
-            return math.nan
-        # The noise is in the way, counts; and where within a count the ramp began is not known.
-        design = np.column_stack([np.ones(share.size), share, share ** 2])
-        slope = float(np.linalg.lstsq(design, way, rcond=None)[0][1])
-        return breakaway / slope if slope > 0.0 else math.nan
 
 
 def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
@@ -148,4 +137,36 @@ def combined_presliding(ways: list[tuple[bool, float]]) -> float:
     return float(np.mean([np.median(side) for side in sides if side])) if ways else 0.0
 
 
-__all__ = ['RampFriction', 'SLIDING_SPEED', 'combined_presliding', 'ramp_friction']
+def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
+                     resolution: float) -> float | None:
+    """Return the slope of friction over the way up to a third of breakaway, A/rad.
+
+    The ramps are those in the direction of the slide before them: then every contact sticks at
+    the begin, as in a gear that is loaded for the first time; against it some slip at once.
+
+    Parameters
+    ----------
+    ramps : sequence of RampFriction
+    breakaway : float
+        A.
+    resolution : float
+        rad of an encoder count.
+
+    Returns
+    -------
+    float or None
+        None where the encoder is too coarse to tell.
+    """
+    together = squares = given = 0.0
+    for ramp in ramps:
+        last = int(np.argmax(ramp.current > _EARLY * breakaway))
+        if last < 3:
+            return None
+        # Within which part of a count a ramp began is not known: deviations from means.
+        rise = ramp.current[:last] - np.mean(ramp.current[:last])
+        together += float(np.dot(rise, ramp.position[:last]))
+        squares += float(np.dot(rise, rise))
+        given += float(ramp.position[last] - ramp.position[0]) / len(ramps)
+    if given * math.sqrt(len(ramps)) < _COUNTS * resolution or not together > 0.0:
+        return None
+    return squares / together

@@ -12,6 +12,7 @@ import numpy as np
 from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
 from friction_comp.identification.friction_peak import (
     combined_presliding,
+    common_stiffness,
     ramp_friction,
     RampFriction,
 )
@@ -86,7 +87,9 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     shares = [level / peak.breakaway for level, peak in moved if level and peak]
     # How much of its peak friction a joint bears at rest, by its stops and by the slides' begins.
     begun = float(np.mean(np.abs(records.current)) / np.mean(np.abs(at_peaks.current)))
-    if not shares or np.mean(shares) > 0.5 * (1.0 + begun):
+    # Breakaway scatters, and the friction of a joint that slides does not: of several ramps the
+    # one that moves on the lowest tells best.
+    if not shares or min(shares) > 0.5 * (1.0 + begun):
         records = at_peaks
     levels = {sign: float(np.mean(np.abs(records.currents(sign)))) for sign in (1, -1)
               if sign in records.direction}
@@ -128,10 +131,6 @@ def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
     # Less than two counts is not known.
     if distance <= 2.0 * resolution:
         return None
-    # From rest on in the direction of the slide before every contact sticks; against it some slip
-    # from the begin on.
-    slopes = [peak.stiffness(levels[ramp.direction], resolution) for ramp, peak in zip(ramps, peaks)
-              if ramp.before == ramp.direction]
-    known = [slope for slope in slopes if np.isfinite(slope)]
-    enough = len(known) > 0 and len(known) >= 0.5 * len(slopes)
-    return Presliding(distance, float(np.median(known)) if enough else None)
+    onward = [peak for ramp, peak in zip(ramps, peaks) if ramp.before == ramp.direction]
+    stiffness = common_stiffness(onward, float(np.mean(list(levels.values()))), resolution)
+    return Presliding(distance, stiffness)

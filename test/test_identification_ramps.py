@@ -1,0 +1,176 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What current ramps tell: breakaway, presliding, stiffness, and whether a joint goes on."""
+
+import math
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from friction_comp.identification.excitation import position_reference
+from friction_comp.identification.friction_peak import (
+    combined_presliding,
+    common_stiffness,
+    ramp_friction,
+)
+from friction_comp.identification.local_parabola import local_parabolas
+from friction_comp.identification.push import acceleration_of_cycle
+from friction_comp.identification.ramp import level_that_moves, Ramp, STOP_TIME, time_of_ramp
+from friction_comp.identification.ramp_evaluation import evaluate_ramps
+
+LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
+
+
+def ramp(contact, slope=0.2, stops=(), sign=1, before=-1, level=LEVEL, strengthening=0.0):
+    """Record a ramp on a joint whose friction is `level` times contact(way), until 0.05 rad/s.
+
+    What a slide takes more at speed is `strengthening`, A, reached within 0.02 rad/s.
+    """
+    samples, x, v, t = [], 0.0, 0.0, 0.0
+    while v < 0.05 and t < 20.0:
+        current = slope * time_of_ramp(t, slope, stops)
+        samples.append((t, sign * math.floor(x / COUNT) * COUNT, sign * current, math.nan))
+        for _ in range(10):
+            friction = level * contact(x) + strengthening * (1.0 - math.exp(-max(v, 0.0) / 0.005))
+            # Enough damping for the rotor not to ring on its contact.
+            friction += 3.0 * math.sqrt(level / 3e-4 / RATE) * v * (1.0 - contact(x))
+            v += 1e-4 * RATE * (current - friction)
+            if v < 0.0:
+                v = 0.0
+            x += 1e-4 * v
+        t += 1e-3
+    return Ramp(sign, 0, 1.0, before, np.array(samples), tuple(stops))
+
+
+def dahl(distance):
+    """Return Dahl's contact, 95 % of its level at a distance."""
+    return lambda x: -math.expm1(-3.0 * x / distance)
+
+
+def friction_of(recorded):
+    time, position, current = recorded.samples[:, :3].T
+    return ramp_friction(time, position, current, recorded.direction, COUNT, RATE)
+
+
+@pytest.mark.parametrize('distance', [2e-4, 1e-3, 2e-3])
+@pytest.mark.parametrize('slope', [0.1, 0.3])
+def test_breakaway_is_what_the_contact_bears_however_far_it_gives(distance, slope):
+    found = friction_of(ramp(dahl(distance), slope))
+    assert found.breakaway == pytest.approx(LEVEL, rel=0.02)
+    assert found.presliding(LEVEL) == pytest.approx(distance, rel=0.2)
+
+
+def test_a_ramp_on_which_the_joint_only_creeps_has_no_breakaway():
+    recorded = ramp(dahl(1e-3))
+    samples = recorded.samples[recorded.samples[:, 2] < 0.8 * LEVEL]
+    assert friction_of(recorded._replace(samples=samples)) is None
+
+
+def test_an_error_of_the_inertia_hardly_shows():
+    time, position, current = ramp(dahl(5e-4)).samples[:, :3].T
+    for factor in (0.8, 1.25):
+        found = ramp_friction(time, position, current, 1, COUNT, factor * RATE)
+        assert found.breakaway == pytest.approx(LEVEL, rel=0.03)
+
+
+def test_stiffness_is_the_slope_of_the_first_third():
+    distance = 6e-4
+    ramps = [friction_of(ramp(dahl(distance), slope)) for slope in (0.1, 0.15, 0.2)]
+    way = -math.log(2.0 / 3.0) * distance / 3.0
+    assert common_stiffness(ramps, LEVEL, COUNT) == pytest.approx(LEVEL / 3.0 / way, rel=0.2)
+    # Way of a few counts tells nothing.
+    short = [friction_of(ramp(dahl(1e-4)))]
+    assert common_stiffness(short, LEVEL, COUNT) is None
+
+
+@given(st.lists(st.tuples(st.floats(0.1, 1.0), st.floats(1e-4, 1e-3)), min_size=1, max_size=6))
+@settings(max_examples=50, deadline=None)
+def test_both_ways_of_a_contact_with_memory_make_its_distance(elements):
+    """Maxwell-slip elements after a slide either way: by Masing's rule the mean is the farthest."""
+    share = np.array([s for s, _ in elements]) / sum(s for s, _ in elements)
+    distance = np.array([d for _, d in elements])
+
+    def torque(state):
+        return float(np.sum(share * state / distance))
+
+    def moved(state, way):
+        return np.clip(state + way, -distance, distance)
+
+    def way_to(state, goal):
+        low, high = 0.0, 4e-3
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if torque(moved(state, middle)) >= goal else (middle, high)
+        return high
+
+    # At rest after a slide in positive direction: turned back until nothing is left of it.
+    back = way_to(-distance, 0.0)
+    rest = -moved(-distance, back)
+    ways = [(True, way_to(rest, 1.0 - 1e-9)), (False, way_to(-rest, 1.0 - 1e-9))]
+    assert combined_presliding(ways) == pytest.approx(float(distance.max()), rel=1e-3)
+
+
+def test_one_kind_of_way_is_better_than_none():
+    assert combined_presliding([(False, 2e-4), (False, 4e-4), (False, 3e-4)]) == 3e-4
+    assert combined_presliding([]) == 0.0
+
+
+STOPS = tuple(LEVEL * share for share in np.arange(0.8, 1.3, 0.025))
+
+
+def test_presliding_comes_to_rest_at_a_stop_and_a_slide_does_not():
+    for distance in (2e-4, 1e-3, 2e-3):
+        assert level_that_moves(ramp(dahl(distance), stops=STOPS), 0.2, COUNT) == pytest.approx(
+            LEVEL, rel=0.04)
+    sliding = ramp(dahl(2e-4), stops=STOPS, strengthening=0.15 * LEVEL)
+    assert level_that_moves(sliding, 0.2, COUNT) == pytest.approx(LEVEL, rel=0.05)
+    assert friction_of(sliding).breakaway > 1.1 * LEVEL
+
+
+def test_a_ramp_waits_at_its_stops():
+    times = [time_of_ramp(t, 0.1, [0.1, 0.2]) for t in (
+        0.5, 1.0, 1.0 + STOP_TIME, 1.5 + STOP_TIME, 2.0 + 1.5 * STOP_TIME, 3.0 + 2 * STOP_TIME)]
+    assert times == pytest.approx([0.5, 1.0, 1.0, 1.5, 2.0, 3.0])
+
+
+@pytest.mark.parametrize(('distance', 'strengthening'), [(2e-4, 0.15), (1.5e-3, 0.0)])
+def test_friction_that_grows_with_speed_is_told_from_presliding(distance, strengthening):
+    """Both look alike on a plain ramp; the ramps with stops decide."""
+    random = np.random.default_rng(1)
+    levels = LEVEL * (1.0 + 0.02 * random.normal(size=8))
+    ramps = [ramp(dahl(distance), sign=sign, before=before, level=level,
+                  strengthening=strengthening * LEVEL)
+             for level, (sign, before) in zip(levels, [(1, -1), (1, 1), (-1, 1), (-1, -1)] * 2)]
+    stopping = [ramp(dahl(distance), stops=STOPS, strengthening=strengthening * LEVEL)]
+    found = evaluate_ramps(ramps, stopping, 0.2, COUNT, RATE, 0.0)
+    for sign in (1, -1):
+        assert abs(np.mean(found.records.currents(sign))) == pytest.approx(LEVEL, rel=0.04)
+    assert found.presliding.distance == pytest.approx(distance, rel=0.25)
+    assert found.records.cycle.tolist() == [0] * 8
+    assert found.warnings == []
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_parabolas_are_exact_on_a_parabola(place, slope, bend):
+    t = 0.01 * np.arange(40)
+    value, first, second = local_parabolas(place + slope * t + 0.5 * bend * t ** 2, 7, 0.01)
+    middle = t[3:-3]
+    np.testing.assert_allclose(value, place + slope * middle + 0.5 * bend * middle ** 2, atol=1e-9)
+    np.testing.assert_allclose(first, slope + bend * middle, atol=1e-8)
+    np.testing.assert_allclose(second, bend, atol=1e-6)
+
+
+@pytest.mark.parametrize('friction', [
+    lambda v: 0.1 * np.tanh(v / 0.02), lambda v: 0.1 * np.tanh(v / 0.3) + 0.05 * v,
+    lambda v: 0.1 * np.sign(v) * (1.0 + np.exp(-np.abs(v) / 0.1))])
+def test_the_inertia_is_what_getting_faster_takes_more_than_getting_slower(friction):
+    duration, speed = 2.0, 1.2
+    time = np.arange(0.0, duration, 1e-3)
+    position = position_reference(time, speed, duration)
+    velocity = np.gradient(position, time)
+    current = friction(velocity) + np.gradient(velocity, time) / RATE
+    current += 2e-3 * np.random.default_rng(3).normal(size=time.size)
+    counted = np.floor(position / COUNT) * COUNT
+    assert acceleration_of_cycle(np.column_stack([time, counted, current])) == pytest.approx(
+        RATE, rel=0.05)
