@@ -192,7 +192,9 @@ class Motor(RuleBasedStateMachine):
         fresh = abs(self.ros - stamp) <= TIMEOUT
         later = before is None or stamp > before or before - stamp > TIMEOUT
         lengths = len(position) == len(names) and len(velocity) in (0, len(names))
-        if self.active and fresh and lengths and (later or stamp == 0):
+        # One that waits until it is alone takes no note of states.
+        attends = self.active and not self.loop.yields
+        if attends and fresh and lengths and (later or stamp == 0):
             self.newest = stamp if names == JOINTS else before
             self.heard = self.steady
             values = dict(zip(names, position))

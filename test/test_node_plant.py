@@ -15,7 +15,7 @@ from geometry_msgs.msg import WrenchStamped
 from ros_system import joint_state, MODELS, probe_node, Process, refuses, RELIABLE, value_of
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
-from std_msgs.msg import Float64MultiArray, Int8MultiArray
+from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.joint_states import nanoseconds
@@ -92,6 +92,25 @@ def test_lockstep_steps_once_for_each_command_as_the_plain_joint_does(room, tmp_
         assert {m.header.frame_id for m in commander.heat} <= set(JOINTS)
         status = probe.status_of('plant', lambda s: s.level == b'\x01')
         assert {v.key: v.value for v in status.values}['commands not usable'] == '2'
+
+
+def test_a_command_that_answers_another_state_is_passed_over(room):
+    with probe_node() as probe, Process(room, 'plant', {
+            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep'}):
+        commander = Commander(probe)
+        commander.find()
+        first = commander.stamps()[-1]
+
+        def command(value, stamp):
+            message = Float64MultiArray(data=array('d', [value]))
+            message.layout.dim = [MultiArrayDimension(label=str(stamp), size=1, stride=1)]
+            commander.port.publish(message)
+        for value, stamp in ((0.01, first), (0.02, first), (0.03, first + 1_000_000)):
+            command(value, stamp)
+        probe.until(lambda: commander.stamps()[-1] == first + 2_000_000, 'the third state')
+        # The second command repeated an answer; what was taken last is the third.
+        status = probe.status_of('plant')
+        assert value_of(status, 'command [A]') == '[0.03]'
 
 
 def test_a_plant_that_waits_for_the_reference_stands_still_without_it(room):

@@ -8,6 +8,7 @@ import resource
 import signal
 from types import SimpleNamespace
 
+from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
@@ -166,6 +167,24 @@ def test_a_slow_publisher_that_was_not_heard_before_is_no_loss():
             losses.look(changed=False)
         losses.see(6 + later)
     assert losses.count == 0
+
+
+def test_publishers_that_say_who_they_are_are_told_apart():
+    topic = RecordedTopic(FakeNode(), DiagnosticArray, 'diagnostics', lambda *_: None,
+                          lambda message: message.decode())
+    subscription, = topic._subscriptions.values()
+    # One was there long before and lost two; the other came for a moment, and went.
+    numbers = {'plant': [100, 101, 104, 105, 106, 107], 'exercise': [1, 2]}
+    for second in range(6):
+        for name, said in numbers.items():
+            for number in said[second:second + 1]:
+                subscription.waiting.append((name.encode(), {
+                    'source_timestamp': 1000 * second + number,
+                    'publication_sequence_number': number}))
+            topic.drain()
+            for _ in range(3):
+                topic.look()
+    assert topic.lost == 2
 
 
 class FakeSubscription:

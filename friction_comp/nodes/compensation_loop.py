@@ -115,7 +115,7 @@ class CompensationLoop:
             if self._silent_since is not None:
                 self._hear_again()
             self.watchdog.feed()
-            self.port.answer(self._currents(), ticket)
+            self.port.answer(self._currents(), ticket, states.stamp if self.rests else 0)
         elif verdict == joint_states.AGAIN:
             if self.port.is_lost(sent):
                 self.port.repeat()

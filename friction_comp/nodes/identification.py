@@ -238,7 +238,8 @@ class IdentificationNode(Node):
             None if temperature is None else float(temperature[number]))
         commands = [0.0] * len(self._joints)
         commands[number] = 0.0 if self._run.finished else current
-        self._port.answer(commands, ticket)
+        simulated = self.get_clock().ros_time_is_active
+        self._port.answer(commands, ticket, states.stamp if simulated else 0)
         self._feed_back(at, sample)
         if self._run.finished:
             self._end('done', '')

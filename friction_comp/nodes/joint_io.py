@@ -31,6 +31,7 @@ _MATCHING = 1.0
 # Label of a command that answers no joint state: zero of the commander's own accord. A motor obeys
 # it as any other; a simulation whose time rests must not take it for the answer it waits for.
 UNASKED = 'unasked'
+JOINT = 'joint'
 # A current below this is zero: what decays would end in denormal numbers, A.
 _NOTHING = 1e-12
 # Real s that the watchdog waits for a publication under way before it publishes beside it.
@@ -53,9 +54,10 @@ def input_qos(node: Any) -> QoSProfile:
 class CommandPort:
     """Publishes `current_command`: one message for each joint state, so that they pair up.
 
-    Float64MultiArray carries no stamp. A plant in lockstep therefore counts: the first command
-    after a state is its answer. It sends a state again when no answer came; that must neither be
-    answered twice nor, if the first answer was lost, not at all.
+    Float64MultiArray carries no stamp. A plant in lockstep sends a state again when no answer
+    came; that must neither be answered twice nor, if the first answer was lost, not at all. In
+    simulated time an answer's label therefore is the stamp of its state, and the plant passes over
+    what answers another.
 
     There is a publisher only while the port is open: whoever has one may command the motor, and
     the others can count.
@@ -84,7 +86,8 @@ class CommandPort:
         self._topic = node.resolve_topic_name('current_command')
         self.limits = list(limits)
         size = len(self.limits)
-        self._message, self._zero = self._make('joint', size), self._make(UNASKED, size)
+        self._message, self._zero = self._make(JOINT, size), self._make(UNASKED, size)
+        self._stamp = 0
         self._publisher: Any = None
         self._lock = threading.Lock()
         self._sealed = False
@@ -135,10 +138,18 @@ class CommandPort:
         """
         return sent > self._answered + _CROSSING
 
-    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int) -> bool:
+    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> bool:
         """Publish currents in A, one a joint, unless zero was commanded since the ticket.
 
         A value that is not finite goes out as zero, one beyond the limit as the limit.
+
+        Parameters
+        ----------
+        currents : sequence of float
+        ticket : int
+            As it was before they were computed.
+        stamp : int
+            Of the simulated joint state that they answer, ns; 0 in real time.
 
         Returns
         -------
@@ -159,7 +170,8 @@ class CommandPort:
             if ticket != self.ticket or self._sealed or self._publisher is None:
                 return False
             self._message.data = array('d', values)
-            self.last = values
+            self._message.layout.dim[0].label = str(stamp) if stamp else JOINT
+            self.last, self._stamp = values, stamp
             self._publisher.publish(self._message)
             if ticket != self.ticket:
                 # Zero went out meanwhile, beside a publication that hung: it has the last word.
@@ -171,7 +183,7 @@ class CommandPort:
 
     def repeat(self) -> None:
         """Publish the last answer again."""
-        self.answer(self.last, self.ticket)
+        self.answer(self.last, self.ticket, self._stamp)
 
     def zero(self, for_good: bool = False) -> None:
         """Command zero current on all joints, now; `for_good` lets nothing out after it."""

@@ -209,8 +209,7 @@ class PlantNode(Node):
 
     def _on_command(self, message: Any) -> None:
         if self._lockstep:
-            unasked = any(part.label == UNASKED for part in message.layout.dim)
-            if self._shown and not self._answered and not unasked:
+            if self._shown and not self._answered and self._is_answer(message):
                 self._take_command(message)
                 self._answered = True
                 self._advance()
@@ -219,6 +218,11 @@ class PlantNode(Node):
             self._commanded_at = self._steady.now().nanoseconds
 
     # Lockstep.
+
+    def _is_answer(self, message: Any) -> bool:
+        """Tell whether a command answers the present state, as far as it says."""
+        label = message.layout.dim[0].label if message.layout.dim else ''
+        return label != UNASKED and (not label.isdigit() or int(label) == self._stamp)
 
     def _advance(self) -> None:
         """Go as far as what has come allows."""

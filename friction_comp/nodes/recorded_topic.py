@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -49,6 +49,9 @@ class RecordedTopic:
     topic : str
     take : callable
         Called with the serialised message and the middleware's information on it.
+    sender : callable, optional
+        Tells from a serialised message who sent it, where several publishers that speak seldom
+        share a topic: rclpy does not say, and numbers alone cannot tell them apart.
 
     Attributes
     ----------
@@ -57,14 +60,16 @@ class RecordedTopic:
     """
 
     def __init__(self, node: Node, kind: Any, topic: str,
-                 take: Callable[[bytes, dict[str, Any]], None]) -> None:
+                 take: Callable[[bytes, dict[str, Any]], None],
+                 sender: Callable[[bytes], str] | None = None) -> None:
         self.name = node.resolve_topic_name(topic)
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._subscriptions: dict[Offer, Any] = {}
         self._seen: dict[tuple[int, int], frozenset[Offer]] = {}
         self._looks = 0
         self._heard_at: deque[tuple[int, tuple[int, int]]] = deque(maxlen=_REMEMBERED)
-        self._losses = Losses()
+        self._sender = sender
+        self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
         self._subscribe(_RELIABLE)
 
@@ -76,7 +81,7 @@ class RecordedTopic:
     @property
     def lost(self) -> int:
         """Messages that were published and never arrived."""
-        return self._losses.count
+        return sum(one.count for one in self._losses.values())
 
     @property
     def publishers(self) -> int:
@@ -90,7 +95,8 @@ class RecordedTopic:
             (bytes(info.endpoint_gid),
              (info.qos_profile.reliability, info.qos_profile.durability))
             for info in self._node.get_publishers_info_by_topic(self.name))
-        self._losses.look(publishers != self._publishers)
+        for losses in self._losses.values():
+            losses.look(publishers != self._publishers)
         if publishers and publishers != self._publishers:
             best = self._best(publishers)
             if best not in self._subscriptions:
@@ -164,5 +170,5 @@ class RecordedTopic:
         while len(self._seen) > (_REMEMBERED if several else _RECENT):
             self._seen.pop(next(iter(self._seen)))
         if number:
-            self._losses.see(number)
+            self._losses[self._sender(message) if self._sender else ''].see(number)
         self._take(message, info)

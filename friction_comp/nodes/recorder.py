@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
@@ -54,6 +55,11 @@ def stamp_of(cdr: bytes) -> int:
     kind = _STAMP if cdr[1] & 1 else _STAMP_BIG_ENDIAN
     seconds, nanoseconds = kind.unpack_from(cdr, 4)
     return int(seconds * NANO + nanoseconds)
+
+
+def who_says(cdr: bytes) -> str:
+    """Return whose status a serialised diagnostic message bears; each node sends its own."""
+    return ', '.join(status.name for status in deserialize_message(cdr, DiagnosticArray).status)
 
 
 class Dates:
@@ -121,7 +127,8 @@ class RecorderNode(Node):
             output, data, compression, split_size=round(1e6 * size), split_duration=duration)
         self._writer.__enter__()
         self._topics = {topic: RecordedTopic(self, kind, topic, partial(
-            self._on_stamped if stamped else self._on_unstamped, topic, name))
+            self._on_stamped if stamped else self._on_unstamped, topic, name),
+            who_says if kind is DiagnosticArray else None)
             for topic, kind, name, stamped in TOPICS}
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_FLUSH, self._flush, clock=steady)
