@@ -7,6 +7,7 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
@@ -178,3 +179,15 @@ def test_motion_at_one_speed_is_said_to_show_little_of_speed():
                              current=current)]).report
     assert any(line.startswith('Speed was near 0.5') or line.startswith('Speed hardly varied')
                for line in report['warnings'])
+
+
+def test_samples_that_arrive_together_are_no_burst_of_acceleration():
+    samples = swings(8, duration=20.0)
+    stamps = samples.time.copy()
+    # Every hundredth message waits for the next one.
+    stamps[100::100] = stamps[101::100] - 1e-6
+    settings = {'source': 'velocity', 'bandwidth': None}
+    late = differentiate(samples.with_(time=stamps), settings)
+    assert np.abs(late.acceleration).max() < 2.5 * np.abs(samples.acceleration).max()
+    even = differentiate(samples, settings)
+    assert even.acceleration[5:-5] == pytest.approx(samples.acceleration[5:-5], abs=0.02)

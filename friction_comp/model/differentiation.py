@@ -67,12 +67,12 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         if not _even(time):
             time = _increasing(_smooth(time, samples.sample_time, bandwidth))
         if source == 'position':
-            speed = np.gradient(_smooth(samples.position[part], samples.sample_time, bandwidth),
-                                time)
+            speed = _derivative(
+                _smooth(samples.position[part], samples.sample_time, bandwidth), time)
         else:
             speed = _smooth(measured[part], samples.sample_time, bandwidth)
         velocity[part] = speed
-        acceleration[part] = np.gradient(speed, time)
+        acceleration[part] = _derivative(speed, time)
     return samples.with_(
         time=elapsed(samples), velocity=velocity, acceleration=acceleration)
 
@@ -186,6 +186,21 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
     # Long enough padding for the slow start of narrow filters, short enough for short stretches.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
     return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)
+
+
+def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return the slope from the sample before to the one after, one-sided at both ends, (N,).
+
+    Samples that were sent late arrive together, with next to no time between their stamps. What
+    changed meanwhile took longer than that: no span counts as less than half of the usual one.
+    """
+    before = np.concatenate(([0], np.arange(len(values) - 1)))
+    after = np.concatenate((np.arange(1, len(values)), [len(values) - 1]))
+    span = time[after] - time[before]
+    usual = float(np.median(span[1:-1]))
+    span[1:-1] = np.maximum(span[1:-1], 0.5 * usual)
+    span[[0, -1]] = np.maximum(span[[0, -1]], 0.25 * usual)
+    return (values[after] - values[before]) / span
 
 
 def _even(time: np.ndarray) -> bool:
