@@ -61,7 +61,6 @@ def _slipped(p: Any, s: Any, aim: float, home: float) -> None:
     s.mode = FREE
     s.still_time, s.still_place = 0.0, s.position
     s.creeping = -math.inf
-    s.probe_time, s.probe_place, s.probe_half = 0.0, s.position, math.nan
     if (s.position - home) * aim > 0.0:
         s.borne = max(LEAST_BORNE, LOWERED * s.borne)
         s.caution = 1
@@ -69,39 +68,14 @@ def _slipped(p: Any, s: Any, aim: float, home: float) -> None:
 
 
 @njit(cache=True)
-def probe(p: Any, s: Any) -> None:
-    """Find out who moves the joint: under less than it takes to slide, only a person speeds it up.
-
-    Where it is faster in the second half of the probe than in the first, and faster than
-    presliding is, the slip was none; otherwise it is left to come to rest.
-    """
-    s.probe_time += s.step
-    if math.isnan(s.probe_half):
-        if s.probe_time >= 0.5 * p.probe_time:
-            s.probe_half = s.position
-        return
-    if s.probe_time < p.probe_time:
-        return
-    first, second = s.probe_half - s.probe_place, s.position - s.probe_half
-    if first * second > 0.0 and abs(second) > max(abs(first), 0.5 * p.slow * p.probe_time):
-        s.caution = 0
-        s.pushed = 1
-        s.slips -= 1.0
-        s.borne = min(1.0, s.borne / LOWERED)
-    s.probe_time, s.probe_place, s.probe_half = 0.0, s.position, math.nan
-
-
-@njit(cache=True)
 def lead(p: Any, s: Any, direction: float) -> None:
     """Lead the operator of a joint at rest to the announced direction, and watch that it holds.
 
     Before anybody pushes, the joint shows whether it bears the preload of this rest: if it moves
-    farther than its presliding, the current falls by a quarter until it rests, and the next
-    preload is lower. Once it holds, displacement decides again.
+    farther than its presliding, it gets less, and never more than what takes sliding, until it
+    rests. Once it holds, displacement decides again.
     """
     aim = direction
-    if s.caution == 1:
-        probe(p, s)
     if s.still_time >= p.rest_time:
         s.turned = approach(s.turned, 0.0, s.step / p.lead_time)
     if s.mode == LEADING:
@@ -123,14 +97,11 @@ def lead(p: Any, s: Any, direction: float) -> None:
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
             gone = s.position - s.home
-            if s.starting == 1 and s.pushed == 0 and s.caution == 0 and gone * aim > 0.0 and (
+            if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
                     p.slip < abs(gone) < p.moved_way):
                 s.borne = max(LEAST_BORNE, LOWERED * s.borne)
             s.home = s.mark = s.position
-        s.starting, s.pushed, s.creeping = 1, 0, 0.0
-        if s.caution == 1:
-            s.z *= p.caution_share
-            s.caution = 0
+        s.starting, s.caution, s.creeping = 1, 0, 0.0
         if abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
             s.mode, s.ramp, s.mark = LEADING, s.z, s.position
         else:
@@ -140,7 +111,7 @@ def lead(p: Any, s: Any, direction: float) -> None:
     else:
         s.mode = FREE
         gone = s.position - s.home
-        if abs(gone) < p.slip and s.pushed == 0:
+        if abs(gone) < p.slip:
             s.creeping += s.step
             if s.creeping > p.creep_time and s.z * aim > 0.0 and gone * aim > 0.0:
                 _slipped(p, s, aim, s.home)
@@ -260,8 +231,6 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
     friction = trusted(p, s, speed) * (level * s.z + p.share * p.turning * s.turned)
-    if s.caution == 1:
-        friction *= p.caution_share
     if in_doubt(p, s):
         s.friction = wanted = 0.0
     elif s.doubt > 0.0:

@@ -53,10 +53,10 @@ ALONE_TIME = 0.3
 # would swing beyond it.
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
-# s at rest after which the joint has borne its preload, and within which a person shows who pushes
-# a joint that slipped.
+# s at rest after which the joint has borne its preload.
 BEAR_TIME = 0.06
-PROBE_TIME = 0.06
+# The least that is left where the joint was faster than identified.
+LEAST_TRUST = 0.5
 # Farther than this nobody has been pushed by accident, rad.
 MOVED = math.radians(1.0)
 SOFT_END = math.radians(5.0)
@@ -153,7 +153,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     if model.position_limits is not None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
-    p['caution_share'], p['least_trust'] = 0.75, 0.5
+    p['least_trust'] = LEAST_TRUST
 
 
 def _set_turning(p: Any, model: FrictionModel) -> None:
@@ -170,7 +170,7 @@ def _set_times(p: Any) -> None:
     p['filter_time'] = 0.004
     p['rest_time'], p['creep_time'] = 0.15, 1.0
     p['rise_time'], p['alone_time'] = RISE_TIME, ALONE_TIME
-    p['bear_time'], p['probe_time'] = BEAR_TIME, PROBE_TIME
+    p['bear_time'] = BEAR_TIME
     p['trust_time'], p['recovery_time'] = 0.5, 30.0
     p['bad_time'] = 0.02
 

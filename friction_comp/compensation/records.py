@@ -29,12 +29,12 @@ PARAMETERS = _record(
     'upper lower steepness shift viscous break_positive break_negative std_positive std_negative '
     'turning '
     # Shares.
-    'gain share slow_share caution_share least_trust '
+    'gain share slow_share least_trust '
     # Distances in rad.
     'distance turning_distance backlash slip still_way start_way moved_way resolution '
     'lowest highest soft_end '
     # Times in s.
-    'filter_time rest_time bear_time probe_time lead_time rise_time alone_time creep_time '
+    'filter_time rest_time bear_time lead_time rise_time alone_time creep_time '
     'trust_time recovery_time bad_time sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
     'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
@@ -49,12 +49,12 @@ STATE = _record(
     # The operator: z in -1..1, what takes longer to turn round, place of the backlash in rad.
     'z turned backlash_place '
     # Rest: since when and where it stands, where it rested, where leading began; s and rad.
-    'still_time still_place home mark ramp creeping probe_time probe_place probe_half '
+    'still_time still_place home mark ramp creeping '
     # What the guards took back: shares 0..1, s of doubt.
     'borne trust doubt contradiction '
     # Output in A and its parts.
     'current friction kinetic breakaway bump '
     # Counts for inspection.
     'dropped slips overspeed',
-    'started agreed mode starting caution pushed changed')
+    'started agreed mode starting caution changed')
 """State of one joint; zeros before the first sample."""
