@@ -56,6 +56,18 @@ def test_a_healthy_system_has_no_problem_and_no_warning():
     assert {finding.level for finding in check_joint(healthy(), JOINT, MODEL)} == {'ok'}
 
 
+def test_gaps_and_noise_make_no_wrong_velocity():
+    seen = healthy()
+    good = seen.states
+    random = np.random.default_rng(1)
+    # The simulation of a busy machine stands still now and then, and its stamps go on.
+    stamp = good.stamp + 0.2 * (np.arange(len(good.stamp)) // 1000)
+    seen.states = replace(good, stamp=stamp, received=stamp + 1e-3,
+                          velocity=good.velocity + 0.5 * random.standard_normal(
+                              good.velocity.shape))
+    assert not [finding for finding in wrong(seen) if 'velocity' in finding.what]
+
+
 def without_listener(seen):
     seen.topics['/current_command'].subscribers.clear()
 

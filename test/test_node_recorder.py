@@ -111,6 +111,26 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
     assert offered['/current_command']['reliability'] == 'best_effort'
 
 
+def test_it_ends_well_while_the_driver_goes_on(tmp_path):
+    folder = tmp_path / 'r'
+    with own_domain(), probe_node() as probe:
+        states = probe.talk(JointState, 'joint_states')
+        with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
+            probe.matched(states)
+            count = talk_until(probe, states, lambda n: len(on_disk(folder)[0]) > 100, 'states')
+            recorder.send()
+            # As fast as it goes, so that there always is one more.
+            while recorder.running:
+                states.publish(joint_state(
+                    1_000_000_000 + count * 1_000_000, ['elbow'], [0.0], effort=[float(count)]))
+                count += 1
+            assert recorder.wait() == 0, recorder.text
+    current, info = on_disk(folder)
+    assert len(current) > 100
+    np.testing.assert_array_equal(np.diff(current), 1.0)
+    assert not info.notes
+
+
 def test_a_full_disk_ends_the_recorder_with_a_word_and_a_recording(tmp_path):
     folder = tmp_path / 'r'
     with own_domain(), probe_node() as probe:

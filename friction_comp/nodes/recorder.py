@@ -119,6 +119,8 @@ class RecorderNode(Node):
         self._rate = Rate()
         self._counts = dict.fromkeys((topic for topic, *_ in TOPICS), 0)
         self._failed = ''
+        # Nothing more is taken: a driver does not fall silent because nobody records it.
+        self._over = False
         self._lost_before = self._lost_told = 0
         data = {'recorded_by': 'friction_comp recorder'}
         if model:
@@ -140,7 +142,7 @@ class RecorderNode(Node):
             topic.look()
 
     def _flush(self) -> None:
-        if self._failed:
+        if self._failed or self._over:
             return
         try:
             self._writer.flush()
@@ -171,7 +173,7 @@ class RecorderNode(Node):
             self._write(topic, name, sent if date is None else date, cdr)
 
     def _write(self, topic: str, name: str, stamp: int, cdr: bytes) -> None:
-        if self._failed:
+        if self._failed or self._over:
             # The node is about to leave; what comes until then has no place any more.
             return
         heard = self._topics[topic]
@@ -224,6 +226,7 @@ class RecorderNode(Node):
                 self._writer.add_topic(self._topics[key].name, name)
             if self._lost():
                 self._writer.custom_data['messages_lost'] = self._lost()
+            self._over = True
             self._writer.close()
         except InputError as error:
             self._failed = str(error)
