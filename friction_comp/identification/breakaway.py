@@ -8,6 +8,9 @@ ramp is read backwards: first the run-away is found that no flicker and no creep
 held over many samples), then the instant at which it began, by fitting the position about it
 with a smooth creep that turns into a slide at an unknown time. The current at
 that instant is a local mean of the measured current, corrected for the ramp's slope.
+
+That is all that a recording tells of a joint whose inertia is not known. Identification knows it,
+and takes the peak of what friction takes: `ramp_evaluation`.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class IdentificationGoal:
     ramp_period : float
         T of Eq. 8 in s.
     breakaway_cycles : int
-        Ramps per direction.
+        Ramps per direction; from two on, two or four more stop on their way.
     velocity_cycles : int
         Cycles of Eq. 3 per speed.
     largest_speed : float
@@ -133,11 +133,12 @@ class IdentificationResult:
     records : BreakawayRecords
         Every single breakaway.
     acceleration_per_current : float
-        k_t·n/J as found by a short push, rad/s² per A; accurate to some tens of percent.
+        k_t·n/J in rad/s² per A, by the changes of speed at constant-velocity cycles; from a short
+        push, to some tens of percent, where they take too little current.
     goal : IdentificationGoal
     warnings : list of str
     presliding : Presliding, optional
-        Median of the ramps; None where the encoder is too coarse to tell.
+        None where the encoder is too coarse to tell.
     """
 
     points: list[KineticPoint]

@@ -87,13 +87,17 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     shares = [level / peak.breakaway for level, peak in moved if level and peak]
     # How much of its peak friction a joint bears at rest, by its stops and by the slides' begins.
     begun = float(np.mean(np.abs(records.current)) / np.mean(np.abs(at_peaks.current)))
-    # Breakaway scatters, and the friction of a joint that slides does not: of several ramps the
-    # one that moves on the lowest tells best.
-    if not shares or min(shares) > 0.5 * (1.0 + begun):
+    if not shares or _surely(shares) > 0.5 * (1.0 + begun):
         records = at_peaks
     levels = {sign: float(np.mean(np.abs(records.currents(sign)))) for sign in (1, -1)
               if sign in records.direction}
     return RampEvaluation(records, _presliding(kept, peaks, levels, resolution), warnings)
+
+
+def _surely(shares: Sequence[float]) -> float:
+    """Mean less its standard error: in doubt the lower breakaway is the safer one."""
+    spread = float(np.std(shares, ddof=1)) if len(shares) > 1 else 0.0
+    return float(np.mean(shares)) - spread / len(shares) ** 0.5
 
 
 def _slide_begin_of(ramp: Ramp, resolution: float) -> BreakawayRecords:

@@ -53,8 +53,8 @@ REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as
 # Ramps are made at places up to this share of the motion range off its centre, so that cogging and
 # what else depends on the motor's place averages out; four to a place.
 PLACES_SHARE = 0.05
-# After each two of the first cycles comes a ramp with stops in either direction: the first of them
-# and their distance are shares of the current at which the ramp before it was cut.
+# After two of every so many cycles comes a ramp with stops in either direction: the first stop and
+# their distance are shares of the current at which the ramp before it was cut.
 STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 
 
@@ -125,7 +125,7 @@ class Script:
         ramps = 2 * goal.breakaway_cycles - len(self.ramps)
         share = 0.5 * (self._reached[1] + self._reached[-1])
         left += ramps * goal.ramp_period * (0.4 * share + REST_SHARE)
-        stopping = 2 * (min(goal.breakaway_cycles, STOPPING_CYCLES) // 2) - len(self.stopping)
+        stopping = 2 * ((goal.breakaway_cycles + 2) // STOPPING_CYCLES) - len(self.stopping)
         left += stopping * (goal.ramp_period * (0.4 * share + REST_SHARE) + 9.0 * STOP_TIME)
         return left
 
@@ -156,7 +156,7 @@ class Script:
                         yield from self._travel(self.centre)
                     self.phase = 'breakaway'
                     self.ramps.append((yield from self._ramp(sign, cycle)))
-            if first < STOPPING_CYCLES and len(cycles) > 1:
+            if first % STOPPING_CYCLES == 0 and len(cycles) > 1:
                 for sign in (1, -1):
                     cut = self._reached[sign] * self.goal.ramp_peak
                     self.stopping.append((yield from self._ramp(

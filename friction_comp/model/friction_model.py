@@ -64,9 +64,9 @@ class Presliding:
     Parameters
     ----------
     distance : float
-        rad, from rest without load to breakaway.
+        rad, from rest without load until friction is at 95 % of breakaway.
     stiffness : float, optional
-        A/rad, at the beginning of a ramp.
+        A/rad, of friction up to a third of breakaway.
     """
 
     distance: float
