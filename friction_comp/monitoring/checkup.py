@@ -159,7 +159,7 @@ def _velocity(states: StatesSeen, number: int, joint: str) -> Iterator[Finding]:
     piece = np.floor(np.arange(len(step)) * (usual / _PIECE)).astype(int)[told]
     moved = np.bincount(piece, np.diff(position)[told])
     said = np.bincount(piece, (0.5 * (velocity[1:] + velocity[:-1]) * step)[told])
-    slope = float(moved @ said / max(said @ said, 1e-300))
+    slope = float(moved @ said) / max(float(said @ said), 1e-300)
     if not 0.8 < slope < 1.25:
         yield Finding(PROBLEM, joint, f'position changes by {slope:.3g} times what velocity says',
                       'both in rad and rad/s at the joint, with one sign' if slope > 0 else
