@@ -64,6 +64,8 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
 @styled
 def _errors(reports: dict[str, dict[str, Any]]) -> Figure:
     """Draw the errors of every joint as shares of its current, told apart by shape and colour."""
+    from matplotlib.ticker import PercentFormatter
+
     figure, axes = new_figure(height=0.9 + 0.32 * len(reports))
     rows = range(len(reports))
     series = (
@@ -79,6 +81,7 @@ def _errors(reports: dict[str, dict[str, Any]]) -> Figure:
                   color=COLOURS[colour], markersize=9 if marker != '|' else 13,
                   markeredgewidth=2.4 if marker == '|' else 0, label=label, linestyle='none')
     axes.set_xscale('log')
+    axes.xaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_yticks(list(rows), list(reports))
     axes.set_ylim(len(reports) - 0.5, -0.5)
     axes.set_xlabel('error as a share of the RMS of the current in motion')
