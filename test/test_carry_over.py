@@ -15,6 +15,7 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
 from friction_comp.refinement.fit.effect_sum import first_fit, Term
 from friction_comp.refinement.judge.carry_over import carries_over, gains
+from friction_comp.refinement.prepare.folds import runs_of, split
 from friction_comp.refinement.prepare.prepared import prepare
 from friction_comp.refinement.prepare.saturation import saturated
 from friction_comp.samples import Samples
@@ -191,3 +192,24 @@ def test_samples_that_arrive_together_are_no_burst_of_acceleration():
     assert np.abs(late.acceleration).max() < 5.0 * np.abs(samples.acceleration).max()
     even = differentiate(samples, settings)
     assert even.acceleration[5:-5] == pytest.approx(samples.acceleration[5:-5], abs=0.02)
+
+
+def strokes(number, each, gap):
+    """Return samples of strokes to and fro, so many seconds each, with rests not recorded."""
+    step, rows = 0.01, round(each / 0.01)
+    side = np.repeat(np.where(np.arange(number) % 2, -1.0, 1.0), rows)
+    time = np.arange(number * rows) * step + np.repeat(np.arange(number), rows) * gap
+    rng = np.random.default_rng(9)
+    current = 0.4 * side + 0.02 * rng.standard_normal(side.size)
+    return Samples(time=time, position=np.cumsum(side) * step, velocity=0.5 * side,
+                   acceleration=0.0 * side, current=current)
+
+
+@pytest.mark.parametrize(('number', 'each', 'gap'), [(2, 10.0, 3.0), (24, 1.0, 0.0)])
+def test_both_halves_hold_both_directions_though_each_stroke_goes_one_way(number, each, gap):
+    samples = strokes(number, each, gap)
+    usable = np.ones(len(samples), dtype=bool)
+    folds = split(samples, usable, np.sin(samples.time), runs_of(samples))
+    for half in (0, 1):
+        forwards = samples.velocity[folds.fold == half] > 0.0
+        assert 0.1 < forwards.mean() < 0.9
