@@ -213,3 +213,11 @@ def test_both_halves_hold_both_directions_though_each_stroke_goes_one_way(number
     for half in (0, 1):
         forwards = samples.velocity[folds.fold == half] > 0.0
         assert 0.1 < forwards.mean() < 0.9
+
+
+def test_an_encoder_that_stands_still_most_of_the_time_does_no_harm():
+    samples = swings(10)
+    seldom = np.where(np.arange(len(samples)) % 40 == 0, samples.velocity, 0.0)
+    nothing = np.zeros(len(samples), dtype=bool)
+    assert not saturated(samples.with_(velocity=seldom, acceleration=seldom), nothing).any()
+    assert not saturated(samples.with_(velocity=0.0 * seldom), nothing).any()

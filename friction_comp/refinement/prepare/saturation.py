@@ -69,8 +69,10 @@ def _noise(samples: Samples) -> float:
 
 def _asked_for(samples: Samples) -> np.ndarray:
     """Return the columns of a plain drive with gravity and load, shape (N, M)."""
-    top = float(np.percentile(np.abs(np.asarray(samples.velocity)), 95))
     velocity, acceleration = np.asarray(samples.velocity), np.asarray(samples.acceleration)
+    # A coarse encoder stands still most of the time.
+    moving = np.abs(velocity[velocity != 0.0])
+    top = float(np.percentile(moving, 95)) if len(moving) else 1.0
     parts = [plain_drive_columns(velocity, acceleration, 0.03 * top),
              np.cos(samples.position), np.sin(samples.position)]
     if samples.load is not None:
