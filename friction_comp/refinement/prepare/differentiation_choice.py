@@ -60,11 +60,14 @@ def choose_differentiation(samples: Samples, clipped: np.ndarray) -> dict[str, A
     for settings in reversed(choices):
         part = differentiate(samples, settings).take(rows)
         top = float(np.percentile(np.abs(part.velocity), 95))
+        if not top > 0.0:
+            # Unfiltered, a coarse encoder stands still in nearly all samples.
+            continue
         error = min(_motion_error(part, top / share) for share in (3.0, 10.0, 30.0, 100.0, 300.0))
         # Narrower than needed blunts reversals, so that a wider one wins when as good.
         if best is None or error < 0.995 * best[0]:
             best = (error, settings)
-    return best[1]
+    return best[1] if best else smooth
 
 
 def sharpest(model: FrictionModel, samples: Samples, rows: np.ndarray, settings: dict[str, Any],
