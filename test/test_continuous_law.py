@@ -9,6 +9,7 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
+from friction_comp.compensation.friction_operator import LOWERED
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_parameters import ALONE_TIME, LONGER, RISE_TIME
 from friction_comp.drive import Drive
@@ -262,15 +263,15 @@ def test_what_a_joint_did_not_bear_does_not_come_back_by_creep():
     """It stops, and then creeps along by half of what the operator needs to turn over."""
     law = CompensationLaw([small_model()])
     rest = np.zeros(600)
-    assert slip(law, rest)[-1] == pytest.approx(0.85 * 0.9 * LEVEL, rel=0.02)
+    assert slip(law, rest)[-1] == pytest.approx(LOWERED * 0.9 * LEVEL, rel=0.02)
     creep = 1e-3 + np.linspace(0.0, 2.4e-4, 1200)
     current = drive_along(law, creep, begin=1220)
-    assert current.max() <= 0.85 * 0.9 * LEVEL * 1.02
+    assert current.max() <= LOWERED * 0.9 * LEVEL * 1.02
 
 
 def test_who_pushes_on_gets_back_what_a_slip_had_taken():
     law = CompensationLaw([small_model()])
     time = np.arange(250) * 1e-3
     current = slip(law, 0.03 * time + 0.5 * 0.8 * time ** 2)
-    assert current.min() == pytest.approx(0.85 * 0.89 * LEVEL, rel=1e-3)
+    assert current.min() == pytest.approx(LOWERED * 0.89 * LEVEL, rel=1e-3)
     assert current[-1] == pytest.approx(0.9 * LEVEL, rel=0.02)

@@ -23,7 +23,7 @@ LEAST_BORNE = 0.5
 """The preload is never lowered below this share."""
 SURELY_BORNE = 0.6
 """No joint slips by itself under this share: who moves it now is a person."""
-LOWERED = 0.85
+LOWERED = 0.92
 """By so much a preload is lowered under which the joint slipped."""
 
 
@@ -97,10 +97,13 @@ def lead(p: Any, s: Any, direction: float) -> None:
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
             gone = s.position - s.home
-            if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
-                    p.slip < abs(gone) < p.moved_way):
-                s.borne = max(LEAST_BORNE, LOWERED * s.borne)
-            s.home = s.mark = s.position
+            if abs(gone) > p.slip:
+                if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
+                        abs(gone) < p.moved_way):
+                    s.borne = max(LEAST_BORNE, LOWERED * s.borne)
+                s.home = s.position
+            # What creeps along from rest to rest has not left its place.
+            s.mark = s.home
         s.starting, s.caution, s.creeping = 1, 0, 0.0
         if abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
             s.mode, s.ramp, s.mark = LEADING, s.z, s.position
@@ -111,7 +114,7 @@ def lead(p: Any, s: Any, direction: float) -> None:
     else:
         s.mode = FREE
         gone = s.position - s.home
-        if abs(gone) < p.slip:
+        if abs(gone) < p.start_way:
             s.creeping += s.step
             if s.creeping > p.creep_time and s.z * aim > 0.0 and gone * aim > 0.0:
                 _slipped(p, s, aim, s.home)

@@ -54,7 +54,7 @@ ALONE_TIME = 0.3
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
 # s at rest after which the joint has borne its preload.
-BEAR_TIME = 0.06
+BEAR_TIME = 0.3
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
 # Farther than this nobody has been pushed by accident, rad.

@@ -350,13 +350,7 @@ class Effect(ABC):
         return values
 
     def turning(self) -> tuple[float, float] | None:
-        """Return how much friction takes a distance of its own to turn round, and which.
-
-        Returns
-        -------
-        tuple of float, or None
-            A, and the distance of Dahl's model, rad; None where friction follows the direction.
-        """
+        """Return friction in A that takes a distance to turn round, and Dahl's, rad; or None."""
         return None
 
     def why_left_out(self) -> str:
