@@ -16,6 +16,8 @@ from friction_comp.samples import Samples
 _HEAP, _VARIES = 4.0, 3.0
 # How many times as high the heap has to be as what is below it.
 _HIGH = 1.5
+# Of the columns of a plain drive.
+_ACCELERATION = 3
 
 
 def saturated(samples: Samples, clipped: np.ndarray) -> np.ndarray:
@@ -53,7 +55,9 @@ def saturated(samples: Samples, clipped: np.ndarray) -> np.ndarray:
             continue
         gains = solve(columns[others], value[others], np.ones(int(others.sum())))
         wanted = columns[heap] @ gains
-        if (np.std(wanted) < _VARIES * noise
+        # Friction alone may well be the same at all speeds; what inertia asks for is never flat.
+        inertia = gains[_ACCELERATION] * columns[heap, _ACCELERATION]
+        if (min(np.std(wanted), np.std(inertia)) < _VARIES * noise
                 or np.mean(wanted > level + _VARIES * noise) < ASKS_FOR_MORE):
             continue
         wanted = wanted - wanted.mean()
@@ -73,7 +77,8 @@ def _asked_for(samples: Samples) -> np.ndarray:
     # A coarse encoder stands still most of the time.
     moving = np.abs(velocity[velocity != 0.0])
     top = float(np.percentile(moving, 95)) if len(moving) else 1.0
-    parts = [plain_drive_columns(velocity, acceleration, 0.03 * top),
+    # Friction may differ between the directions, so that one of them asks for less.
+    parts = [plain_drive_columns(velocity, acceleration, 0.03 * top), np.abs(velocity),
              np.cos(samples.position), np.sin(samples.position)]
     if samples.load is not None:
         parts.append(samples.load)
