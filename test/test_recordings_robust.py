@@ -122,6 +122,19 @@ def test_decoding_agrees_with_the_library(contents, little):
     assert sorted(seen) == list(range(len(messages)))
 
 
+def test_labels_that_differ_from_message_to_message_cost_no_more():
+    """A label may be the stamp of what it answers: those messages are decoded together."""
+    kind = cdr.FLOAT_ARRAY
+    raw = [bytes(STORE.serialize_cdr(T[kind](
+        T['std_msgs/msg/MultiArrayLayout'](
+            [T['std_msgs/msg/MultiArrayDimension'](f'{1000 + k}', 1, 1)], 0),
+        np.array([0.5 * k])), kind)) for k in range(50)]
+    (index, _, fields), = cdr.decode(kind, raw)
+    assert index.tolist() == list(range(50))
+    assert fields['data'][:, 0] == pytest.approx(0.5 * np.arange(50))
+
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.lists(st.integers(-128, 127), max_size=5), min_size=1, max_size=6),
        st.lists(st.text('abc', max_size=6), max_size=2))

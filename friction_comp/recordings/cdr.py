@@ -63,6 +63,10 @@ class _Cursor:
         self.fixed.extend(range(start, start + size))
         return self.data[start:start + size].rstrip(b'\0').decode('utf-8', 'replace')
 
+    def skip_string(self) -> None:
+        """Pass over a string: how long it is decides the layout, not what it says."""
+        self._advance(self.count(), 1)
+
     def values(self, name: str, code: str, number: int | None = 1) -> None:
         """Note where a field's values are; None reads their number first."""
         if number is None:
@@ -92,7 +96,8 @@ def _joint_state(cursor: _Cursor) -> tuple[str, ...]:
 def _multi_array(code: str) -> _Walk:
     def walk(cursor: _Cursor) -> tuple[str, ...]:
         for _ in range(cursor.count()):
-            cursor.string()
+            # A label may differ from message to message, as a stamp does.
+            cursor.skip_string()
             cursor.values('size', 'u4')
             cursor.values('stride', 'u4')
         cursor.values('data_offset', 'u4')
