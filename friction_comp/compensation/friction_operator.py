@@ -104,9 +104,11 @@ def lead(p: Any, s: Any, direction: float) -> None:
                 s.home = s.position
             # What creeps along from rest to rest has not left its place.
             s.mark = s.home
+        slipped = s.caution == 1
         s.starting, s.caution, s.creeping = 1, 0, 0.0
-        if abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
-            s.mode, s.ramp, s.mark = LEADING, s.z, s.position
+        if slipped or (abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp)):
+            # The level that comes back after a slip is watched as a preload is.
+            s.mode, s.ramp, s.mark, s.still_time = LEADING, s.z, s.position, 0.0
         else:
             s.mode, s.ramp = HELD, aim
             if abs(s.position - s.mark) > p.slip:
