@@ -42,8 +42,7 @@ _FOLDS = 3
 _CLEARLY_BETTER = 0.15
 # Friction of an arm's joint turns round within this share of its usual top speed.
 _TRANSITION, _STILL = 0.03, 0.01
-# Friction has to explain this share of a joint's current before its sign tells that of the efforts.
-_SAY = 0.1
+_SAY = 0.1  # of a joint's current that friction explains, before it tells the efforts' sign
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
 _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
 # Of the logarithm of current per torque: drives of one arm differ by a factor. Where they are
@@ -345,9 +344,8 @@ def _usual_scale(problem: _Problem, bodies: Bodies) -> float | None:
         matrix = np.column_stack((torque[rows, joint], problem.friction[rows, joint]))
         norm = np.linalg.norm(matrix, axis=0) + 1e-300
         found = np.linalg.lstsq(matrix / norm, problem.current[rows, joint], rcond=1e-9)[0]
-        # A joint that stands still has no say in it.
         sliding = np.linalg.norm(matrix[:, 2:4] @ (found / norm)[2:4])
-        if sliding > _SAY * np.linalg.norm(problem.current[rows, joint]):
+        if sliding > _SAY * np.linalg.norm(problem.current[rows, joint]):  # it did not stand still
             resisting.append(found[2] + found[3] > 0.0)
         if found[0] > 0.0:
             scales.append(np.log(found[0] / norm[0]))

@@ -46,7 +46,7 @@ RATTLE = 0.15
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
 # Ramps are made at places up to this share of the motion range off its centre, so that cogging and
 # what else depends on the motor's place averages out; four to a place.
-PLACES_SHARE = 0.01
+PLACES_SHARE = 0.015
 # After two of every so many cycles comes a ramp with stops in either direction: the first stop and
 # their distance are shares of the current at which the ramp before it was cut.
 STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
