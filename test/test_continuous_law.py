@@ -9,9 +9,8 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.compensation.friction_operator import LOWERED
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_parameters import ALONE_TIME, LONGER, RISE_TIME
+from friction_comp.compensation.law_parameters import ALONE_TIME, LONGER, LOWERED, RISE_TIME
 from friction_comp.drive import Drive
 from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding

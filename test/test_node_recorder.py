@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The recorder loses nothing: not by how it ends, nor by what its publishers offer."""
 
+from contextlib import contextmanager
 from pathlib import Path
 import random
 import resource
@@ -111,20 +112,27 @@ def test_every_publisher_is_heard_from_its_first_message(tmp_path):
     assert offered['/current_command']['reliability'] == 'best_effort'
 
 
-def test_it_ends_well_while_the_driver_goes_on(tmp_path):
-    folder = tmp_path / 'r'
+@contextmanager
+def at_work(tmp_path, folder):
+    """Yield a recorder with a hundred states on the disk, their sender and how many there were."""
     with own_domain(), probe_node() as probe:
         states = probe.talk(JointState, 'joint_states')
         with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
             probe.matched(states)
             count = talk_until(probe, states, lambda n: len(on_disk(folder)[0]) > 100, 'states')
-            recorder.send()
-            # As fast as it goes, so that there always is one more.
-            while recorder.running:
-                states.publish(joint_state(
-                    1_000_000_000 + count * 1_000_000, ['elbow'], [0.0], effort=[float(count)]))
-                count += 1
-            assert recorder.wait() == 0, recorder.text
+            yield recorder, probe, states, count
+
+
+def test_it_ends_well_while_the_driver_goes_on(tmp_path):
+    folder = tmp_path / 'r'
+    with at_work(tmp_path, folder) as (recorder, _, states, count):
+        recorder.send()
+        # As fast as it goes, so that there always is one more.
+        while recorder.running:
+            states.publish(joint_state(
+                1_000_000_000 + count * 1_000_000, ['elbow'], [0.0], effort=[float(count)]))
+            count += 1
+        assert recorder.wait() == 0, recorder.text
     current, info = on_disk(folder)
     assert len(current) > 100
     np.testing.assert_array_equal(np.diff(current), 1.0)
@@ -133,18 +141,14 @@ def test_it_ends_well_while_the_driver_goes_on(tmp_path):
 
 def test_a_full_disk_ends_the_recorder_with_a_word_and_a_recording(tmp_path):
     folder = tmp_path / 'r'
-    with own_domain(), probe_node() as probe:
-        states = probe.talk(JointState, 'joint_states')
-        with Process(tmp_path / 'log', 'recorder', {'output': str(folder)}) as recorder:
-            probe.matched(states)
-            count = talk_until(probe, states, lambda n: len(on_disk(folder)[0]) > 100, 'states')
-            limit = sum(path.stat().st_size for path in Path(folder).glob('*.mcap')) + 50_000
-            resource.prlimit(recorder._process.pid, resource.RLIMIT_FSIZE, (limit, limit))
-            talk_until(probe, states, lambda n: not recorder.running, 'the end', count)
-            assert recorder.wait() == 2
-            lines = [line for line in recorder.text.splitlines() if 'cannot be written' in line]
-            assert len(lines) == 1
-            assert 'what was written before can be read' in lines[0]
+    with at_work(tmp_path, folder) as (recorder, probe, states, count):
+        limit = sum(path.stat().st_size for path in Path(folder).glob('*.mcap')) + 50_000
+        resource.prlimit(recorder._process.pid, resource.RLIMIT_FSIZE, (limit, limit))
+        talk_until(probe, states, lambda n: not recorder.running, 'the end', count)
+        assert recorder.wait() == 2
+        lines = [line for line in recorder.text.splitlines() if 'cannot be written' in line]
+        assert len(lines) == 1
+        assert 'what was written before can be read' in lines[0]
     current, _ = on_disk(folder)
     assert len(current) > 100
     np.testing.assert_array_equal(np.diff(current), 1.0)

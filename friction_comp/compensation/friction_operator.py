@@ -23,8 +23,6 @@ LEAST_BORNE = 0.5
 """The preload is never lowered below this share."""
 SURELY_BORNE = 0.6
 """No joint slips by itself under this share: who moves it now is a person."""
-LOWERED = 0.92
-"""By so much a preload is lowered under which the joint slipped."""
 
 
 @njit(cache=True)
@@ -37,12 +35,13 @@ def approach(value: float, aim: float, most: float) -> float:
 def follow(p: Any, s: Any) -> None:
     """Drive the operator by the displacement of this sample, and notice rest."""
     place = min(s.position + p.backlash, max(s.position - p.backlash, s.backlash_place))
-    if s.mode != LEADING:
-        s.z = min(1.0, max(-1.0, s.z + (place - s.backlash_place) / p.distance))
     way = place - s.backlash_place
-    side = 1.0 if way > 0.0 else -1.0
-    s.turned = side * (1.0 - (1.0 - side * s.turned) * math.exp(-abs(way) / p.turning_distance))
     s.backlash_place = place
+    if s.mode != LEADING:
+        s.z = min(1.0, max(-1.0, s.z + way / p.distance))
+    if p.turning > 0.0 and way != 0.0:
+        side = math.copysign(1.0, way)
+        s.turned = side - (side - s.turned) * math.exp(-abs(way) / p.turning_distance)
     if abs(s.position - s.still_place) > p.still_way:
         s.still_place = s.position
         s.still_time = 0.0
@@ -55,6 +54,11 @@ def follow(p: Any, s: Any) -> None:
 
 
 @njit(cache=True)
+def _bears_less(p: Any, s: Any) -> None:
+    s.borne = max(LEAST_BORNE, p.lowered * s.borne)
+
+
+@njit(cache=True)
 def _slipped(p: Any, s: Any, aim: float, home: float) -> None:
     """Take back what the joint did not bear: it moved under the preload with nobody pushing."""
     s.slips += 1.0
@@ -62,20 +66,19 @@ def _slipped(p: Any, s: Any, aim: float, home: float) -> None:
     s.still_time, s.still_place = 0.0, s.position
     s.creeping = -math.inf
     if (s.position - home) * aim > 0.0:
-        s.borne = max(LEAST_BORNE, LOWERED * s.borne)
+        _bears_less(p, s)
         s.caution = 1
         s.home = home
 
 
 @njit(cache=True)
-def lead(p: Any, s: Any, direction: float) -> None:
+def lead(p: Any, s: Any, aim: float) -> None:
     """Lead the operator of a joint at rest to the announced direction, and watch that it holds.
 
     Before anybody pushes, the joint shows whether it bears the preload of this rest: if it moves
     farther than its presliding, it gets less, and never more than what takes sliding, until it
     rests. Once it holds, displacement decides again.
     """
-    aim = direction
     if s.still_time >= p.rest_time:
         s.turned = approach(s.turned, 0.0, s.step / p.lead_time)
     if s.mode == LEADING:
@@ -100,7 +103,7 @@ def lead(p: Any, s: Any, direction: float) -> None:
             if abs(gone) > p.slip:
                 if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
                         abs(gone) < p.moved_way):
-                    s.borne = max(LEAST_BORNE, LOWERED * s.borne)
+                    _bears_less(p, s)
                 s.home = s.position
             # What creeps along from rest to rest has not left its place.
             s.mark = s.home

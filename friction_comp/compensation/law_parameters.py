@@ -53,8 +53,10 @@ ALONE_TIME = 0.3
 # would swing beyond it.
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
-# s at rest after which the joint has borne its preload.
+# s at rest after which the joint has borne its preload, and what is left of a level under which it
+# slipped.
 BEAR_TIME = 0.3
+LOWERED = 0.92
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
 # Farther than this nobody has been pushed by accident, rad.
@@ -153,7 +155,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     if model.position_limits is not None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
-    p['least_trust'] = LEAST_TRUST
+    p['least_trust'], p['lowered'] = LEAST_TRUST, LOWERED
 
 
 def _set_turning(p: Any, model: FrictionModel) -> None:

@@ -29,7 +29,7 @@ PARAMETERS = _record(
     'upper lower steepness shift viscous break_positive break_negative std_positive std_negative '
     'turning '
     # Shares.
-    'gain share slow_share least_trust '
+    'gain share slow_share lowered least_trust '
     # Distances in rad.
     'distance turning_distance backlash slip still_way start_way moved_way resolution '
     'lowest highest soft_end '

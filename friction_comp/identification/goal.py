@@ -47,7 +47,8 @@ class IdentificationGoal:
     ramp_period : float
         T of Eq. 8 in s.
     breakaway_cycles : int
-        Ramps per direction; from two on, two or four more stop on their way.
+        Ramps per direction. For every four begun, from two on, one more a direction stops on
+        its way.
     velocity_cycles : int
         Cycles of Eq. 3 per speed.
     largest_speed : float

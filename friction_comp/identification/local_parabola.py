@@ -25,14 +25,9 @@ def local_parabolas(values: np.ndarray, count: int,
     value, slope, bend : ndarray, shape (N - count + 1,)
         Of the parabola at its middle, the slope per s, the second derivative per s².
     """
-    t = step * (np.arange(count) - count // 2)
-    square = t ** 2
-    second = float(np.sum(square))
-    spread = count * float(np.sum(square ** 2)) - second ** 2
+    from scipy.signal import savgol_filter
 
-    def correlated(weights: np.ndarray) -> np.ndarray:
-        return np.convolve(values, weights[::-1], 'valid')
-
-    mean = correlated(np.full(count, 1.0 / count))
-    bend = 2.0 * correlated((count * square - second) / spread)
-    return mean - 0.5 * bend * second / count, correlated(t / second), bend
+    inner = slice(count // 2, len(values) - count // 2)
+    value, slope, bend = (
+        savgol_filter(values, count, 2, deriv=order, delta=step)[inner] for order in range(3))
+    return value, slope, bend

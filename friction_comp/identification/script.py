@@ -62,21 +62,16 @@ class Script(Movement):
 
     Attributes
     ----------
-    phase : str
-        What is being done.
-    sample : Sample
-        The latest sample handed to the script; NaN before the first.
     centre : float
         Position at the start in rad, NaN before; the motion range lies about it.
-    acceleration : float
-        k_t·n/J in rad/s² per A as found by the push; NaN before.
-    points : list of KineticPoint
     ramps : list of Ramp
     stopping : list of Ramp
         The ramps with stops.
     cycles_driven : list of ndarray, shape (N, 3)
         Time in s, position and current of each cycle of Eq. 3 that was evaluated.
     warnings : list of str
+    ...
+        And those of `Movement`; its `acceleration` is the push's.
     """
 
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:

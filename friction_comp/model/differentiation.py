@@ -196,10 +196,7 @@ def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     """
     step = np.diff(time)
     step = np.maximum(step, 0.25 * float(np.median(step)))
-    slope = np.diff(values) / step
-    before, after = step[:-1], step[1:]
-    inner = (before * slope[1:] + after * slope[:-1]) / (before + after)
-    return np.concatenate((slope[:1], inner, slope[-1:]))
+    return np.asarray(np.gradient(values, np.concatenate(([0.0], np.cumsum(step)))))
 
 
 def _even(time: np.ndarray) -> bool:

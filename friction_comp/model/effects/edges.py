@@ -64,6 +64,8 @@ def with_range(effect: Effect, samples: Samples) -> Effect:
     samples : Samples
         With velocity.
     """
+    if not effect.held:
+        return effect
     ranges = {}
     for name, beyond in effect.held.items():
         values = getattr(samples, name)
@@ -71,8 +73,6 @@ def with_range(effect: Effect, samples: Samples) -> Effect:
             low, high = np.percentile(values, (_TAIL, 100.0 - _TAIL))
             more = beyond * (high - low)
             ranges[name] = (float(low - more), float(high + more))
-    if not effect.held:
-        return effect
     twin = copy.copy(effect)
     twin.valid_range = ranges
     return twin

@@ -110,7 +110,8 @@ class LiveTerm:
         """Return signals at the edge of an effect's valid range where they are beyond it."""
         for name, (low, high) in self._effect.valid_range.items():
             value = getattr(x, name)
-            if value is not None:
+            # Seldom: replacing takes longer than an effect does.
+            if value is not None and not low <= value <= high:
                 x = x._replace(**{name: between(value, low, high)})
         return x
 

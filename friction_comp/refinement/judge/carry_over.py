@@ -15,7 +15,6 @@ from friction_comp.refinement.thresholds import CARRY_OVER, PARTS
 
 if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
-    from friction_comp.refinement.prepare.fit_data import FitData
 
 # Of a column's power: keeps what one part alone shows from being solved for without it.
 _RIDGE = 1e-9
@@ -88,7 +87,7 @@ def gains(poorer: list[Fit], richer: list[Fit]) -> np.ndarray:
     return total
 
 
-def carries_over(data: FitData, poorer: list[Fit], richer: list[Fit], number: int) -> bool:
+def carries_over(poorer: list[Fit], richer: list[Fit], number: int) -> bool:
     """Tell whether an effect helps in parts of the recordings that it was not fitted to.
 
     Stretches that lie side by side hold the same places, speeds and other circumstances, so that
@@ -99,7 +98,6 @@ def carries_over(data: FitData, poorer: list[Fit], richer: list[Fit], number: in
 
     Parameters
     ----------
-    data : FitData
     poorer, richer : list of Fit
         Without and with the effect, fitted in either fold.
     number : int

@@ -138,7 +138,7 @@ def prune(data: FitData, chosen: Chosen) -> bool:
         loss = mean_loss(data, held_out_residual(data, poorer))
         if (evidence['advantage'] < max(LEAST_SHARE * loss, least)
                 or evidence['p_value'] > ALPHA or not sound(chosen.fits, [place])
-                or not carries_over(data, poorer, chosen.fits, len(chosen.kinds))):
+                or not carries_over(poorer, chosen.fits, len(chosen.kinds))):
             chosen.fits, any_gone = refitted(chosen.fits, place), True
             place = len(poorer[0].terms)
         place -= 1

@@ -181,7 +181,7 @@ def first_sound(data: FitData, fits: list[Fit], residual: np.ndarray, loss: floa
         best = simplest_of_the_best(data, left)
         adjust_constants(data, residual, best, thorough=True)
         if deserves(best) and sound(best.fits, [-1]) and carries_over(
-                data, fits, best.fits, len(best.fits[0].terms)):
+                fits, best.fits, len(best.fits[0].terms)):
             return best
         left = [trial for trial in left if trial is not best]
     return None
