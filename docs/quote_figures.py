@@ -1,13 +1,14 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps the figures that the README quotes: taken from what a command wrote, and from nowhere else.
+"""Keeps the figures that README and docs/results.md quote: they come from what a command wrote.
 
     make demo && python3 docs/quote_figures.py demo friction_comp_demo/report.json
     python3 -m friction_comp reproduce --output reproduction --cycles 200
     python3 docs/quote_figures.py reproduce reproduction/results.json
 
-stores the few numbers in docs/figures/ and writes the README's table anew. Tests compare the README
-with what is stored, and what is stored with the experiments themselves.
+stores the few numbers in docs/figures/, writes the page's table anew, and draws the demo's picture
+from the recordings beside its report. Tests compare the pages with what is stored, and what is
+stored with the experiments themselves.
 """
 
 from __future__ import annotations
@@ -19,9 +20,22 @@ from pathlib import Path
 import re
 from typing import Any
 
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.recordings import read_recording
+from friction_comp.reports.demo_report import EvaluatedTrial, torque_figure
+from friction_comp.reports.figures import thin, to_svg
+
 ROOT = Path(__file__).resolve().parent.parent
 STORED = ROOT / 'docs' / 'figures'
+PICTURE = ROOT / 'docs' / 'demo.svg'
 _CONFIGURATIONS = ('1', '2', '3')
+_TRIALS = {'none': 'no compensation', 'kinetic': 'kinetic friction only, d = 0',
+           'compensated': 'identified model, d = ±1', 'refined': 'refined model, d = ±1'}
+# Neither page colour nor text colour is known where a page shows the picture: both are its own.
+_LOOK = """<style>
+  svg { color: #1a2b3d; background: #ffffff }
+  @media (prefers-color-scheme: dark) { svg { color: #e4e9ee; background: #161c22 } }
+</style>"""
 
 
 def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
@@ -32,12 +46,10 @@ def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
 
 
 def demo_table(numbers: dict[str, Any]) -> list[str]:
-    """Return the README's table of the demo."""
+    """Return the table of the demo."""
     lines = ['| | peak, N·m | RMS, N·m | current error, mA |', '|---|---|---|---|']
     errors = dict(zip(('compensated', 'refined'), numbers['residual']))
-    for name, title in (('none', 'no compensation'), ('kinetic', 'kinetic friction only, d = 0'),
-                        ('compensated', 'identified model, d = ±1'),
-                        ('refined', 'refined model, d = ±1')):
+    for name, title in _TRIALS.items():
         peak, rms = numbers['trials'][name]
         error = f'{1e3 * errors[name]:#.3g}' if name in errors else ''
         lines.append(f'| {title} | {peak:#.3g} | {rms:#.3g} | {error} |'.replace('|  |', '| |'))
@@ -59,7 +71,7 @@ def reproduce_numbers(results: dict[str, Any]) -> dict[str, Any]:
 
 
 def reproduce_table(numbers: dict[str, Any]) -> list[str]:
-    """Return the README's table of the note's experiments."""
+    """Return the table of the note's experiments."""
     every = [numbers['configurations'][number] for number in _CONFIGURATIONS]
 
     def row(title: str, cell: Callable[[dict[str, Any]], str], note: tuple[str, ...] = ()) -> str:
@@ -94,11 +106,36 @@ def reproduce_table(numbers: dict[str, Any]) -> list[str]:
             lambda one: '{paper} / {continuous}'.format(**one['false_starts']))]
 
 
+def demo_words(numbers: dict[str, Any]) -> str:
+    """Return what the demo's picture shows, for those who do not see it."""
+    peaks = ', '.join(f'{title} {numbers["trials"][name][0]:#.3g}'
+                      for name, title in _TRIALS.items())
+    return f'Torque in N·m that a person needs to move the joint, over time. Peaks: {peaks}.'
+
+
+def demo_picture(numbers: dict[str, Any], folder: Path) -> str:
+    """Return the picture of the demo's trials as SVG, drawn from their recordings."""
+    drive = FrictionModel.load(folder / 'models' / 'armin_1.yaml').drive
+    trials = [EvaluatedTrial(name, title, read_recording(
+        folder / 'recordings' / name, 'armin_1', drive.torque_constant, drive.gear_ratio)[0])
+        for name, title in _TRIALS.items()]
+    for condition in (one for trial in trials for one in trial.evaluation.conditions):
+        condition.time, condition.torque, condition.torque_std = thin(
+            condition.time, condition.torque, condition.torque_std, points=200)
+    text = to_svg(torque_figure(trials))
+    start = text.index('>', text.index('<svg')) + 1
+    return (f'{text[:start]}\n<!-- Copyright 2026 The friction_comp authors, '
+            'SPDX-License-Identifier: Apache-2.0 -->\n'
+            '<title>Back-driving torque in the demo</title>\n'
+            f'<desc>{demo_words(numbers)}</desc>\n{_LOOK}{text[start:]}')
+
+
+PAGES = {'demo': ROOT / 'README.md', 'reproduce': ROOT / 'docs' / 'results.md'}
 KINDS = {'demo': (demo_numbers, demo_table), 'reproduce': (reproduce_numbers, reproduce_table)}
 
 
 def quoted(text: str, name: str) -> list[str]:
-    """Return the table of that name in the README's text.
+    """Return the table of that name in a page's text.
 
     Raises
     ------
@@ -107,7 +144,7 @@ def quoted(text: str, name: str) -> list[str]:
     """
     found = re.search(_pattern(name), text, re.DOTALL)
     if not found:
-        raise SystemExit(f'README.md: no table between <!-- {name} --> and <!-- end -->')
+        raise SystemExit(f'no table between <!-- {name} --> and <!-- end -->')
     return found[1].splitlines()
 
 
@@ -123,15 +160,17 @@ def main() -> None:
     arguments = parser.parse_args()
     numbers_of, table_of = KINDS[arguments.name]
     numbers = numbers_of(json.loads(arguments.result.read_text(encoding='utf-8')))
-    readme = ROOT / 'README.md'
-    text = readme.read_text(encoding='utf-8')
+    page = PAGES[arguments.name]
+    text = page.read_text(encoding='utf-8')
     quoted(text, arguments.name)
     STORED.mkdir(exist_ok=True)
     (STORED / f'{arguments.name}.json').write_text(
         json.dumps(numbers, indent=1, ensure_ascii=False) + '\n', encoding='utf-8')
     table = '\n'.join(table_of(numbers))
-    readme.write_text(re.sub(_pattern(arguments.name), lambda _: table, text, flags=re.DOTALL),
-                      encoding='utf-8')
+    page.write_text(re.sub(_pattern(arguments.name), lambda _: table, text, flags=re.DOTALL),
+                    encoding='utf-8')
+    if arguments.name == 'demo':
+        PICTURE.write_text(demo_picture(numbers, arguments.result.parent), encoding='utf-8')
 
 
 if __name__ == '__main__':

@@ -58,26 +58,29 @@ def test_quoted_tables_are_what_is_stored_of_their_command(name):
     quote = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(quote)
     numbers = json.loads((ROOT / 'docs' / 'figures' / f'{name}.json').read_text(encoding='utf-8'))
-    assert quote.quoted(README, name) == quote.KINDS[name][1](numbers)
+    text = quote.PAGES[name].read_text(encoding='utf-8')
+    assert quote.quoted(text, name) == quote.KINDS[name][1](numbers)
     # The command stands beside the table.
-    assert f'`{numbers["command"]}' in README.partition(f'<!-- {name} -->')[0][-700:]
+    assert f'`{numbers["command"]}' in text.partition(f'<!-- {name} -->')[0][-700:]
+    if name == 'demo':
+        assert f'<desc>{quote.demo_words(numbers)}</desc>' in quote.PICTURE.read_text(
+            encoding='utf-8')
 
 
-def test_the_figure_is_sound():
-    document = minidom.parse(str(ROOT / 'docs' / 'loop.svg'))
+@pytest.mark.parametrize('name', ['loop', 'demo'])
+def test_the_pictures_are_sound(name):
+    document = minidom.parse(str(ROOT / 'docs' / f'{name}.svg'))
     assert document.getElementsByTagName('title')
     assert document.getElementsByTagName('desc')
 
 
-def test_plateaus_show_that_two_rows_of_the_note_are_swapped():
-    for number, (as_printed, set_right, measured) in {
-            2: (0.36, 0.16, 0.138), 3: (0.16, 0.36, 0.336)}.items():
-        assert f'| configuration {number} | {as_printed} A | {set_right} A | {measured} A |' \
-            in README
-        model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
-        assert model.sigmoid.upper == pytest.approx(set_right, abs=0.006)
-        assert model.breakaway.positive_mean == pytest.approx(measured, abs=5e-4)
-        assert abs(model.sigmoid.upper / measured - 1.0) < 0.2
+@pytest.mark.parametrize(('number', 'plateau', 'breakaway'), [(2, 0.16, 0.138), (3, 0.36, 0.336)])
+def test_plateaus_are_near_breakaway_since_two_rows_of_the_note_are_swapped(
+        number, plateau, breakaway):
+    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
+    assert model.sigmoid.upper == pytest.approx(plateau, abs=0.006)
+    assert model.breakaway.positive_mean == pytest.approx(breakaway, abs=5e-4)
+    assert abs(model.sigmoid.upper / breakaway - 1.0) < 0.2
 
 
 def test_changelog_has_this_version():

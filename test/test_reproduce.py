@@ -59,7 +59,7 @@ def test_whole_tool(tmp_path):
         assert peaks['paper'] < peaks['kinetic']
         assert peaks['kinetic'] < peaks['none']
         assert found['false_starts'] == {'paper': 0, 'continuous': 0}
-        # What README quotes is still so: docs/quote_figures.py writes it anew.
+        # What docs/results.md quotes is still so: docs/quote_figures.py writes it anew.
         quoted = QUOTED['configurations'][str(experiment.number)]
         for name, value in quoted['peak_torque'].items():
             assert peaks[name] == pytest.approx(value, rel=0.05, abs=0.02), name
