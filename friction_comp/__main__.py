@@ -13,6 +13,7 @@ import threading
 from typing import NoReturn
 
 from friction_comp import __version__
+from friction_comp.compiling import begin_plain
 from friction_comp.errors import InputError
 from friction_comp.package_files import name_this_environment
 
@@ -88,6 +89,9 @@ def run(name: str, argv: list[str] | None = None) -> int:
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
     if name in NODES or name in ('demo', 'doctor'):
         name_this_environment()
+    if name == 'compensator':
+        # A motor waits for it; the law runs in plain Python until its compiled form is loaded.
+        begin_plain()
     if name in NODES and threading.current_thread() is threading.main_thread():
         # Until the node looks after signals itself there is nothing to clean up.
         signal.signal(signal.SIGINT, _leave)

@@ -13,11 +13,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
 import numpy as np
 
 from friction_comp.compensation.guards import in_doubt, soft_end
 from friction_comp.compensation.records import FREE, HELD, LEADING
+from friction_comp.compiling import njit
 
 LEAST_BORNE = 0.5
 """The preload is never lowered below this share."""

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
 import numpy as np
 
 from friction_comp.compensation.friction_operator import continuous_current
 from friction_comp.compensation.guards import observe
 from friction_comp.compensation.records import CONTINUOUS, KINETIC, NONE
+from friction_comp.compiling import njit
 from friction_comp.model.compiled import compiled_kinetic_current
 
 BUMP_TIME = 0.05
@@ -87,7 +87,7 @@ def decide(p: Any, s: Any, direction: float, forward: float, backward: float, ca
 def observe_bank(p: np.ndarray, s: np.ndarray, time: float, position: np.ndarray,
                  velocity: np.ndarray, known: bool, usable: np.ndarray) -> None:
     """Take in a sample of every joint; rows are joints."""
-    for j in range(p.shape[0]):
+    for j in range(len(p)):
         usable[j] = observe(p[j], s[j], time, position[j], velocity[j], known)
 
 
@@ -96,7 +96,7 @@ def decide_bank(p: np.ndarray, s: np.ndarray, usable: np.ndarray, direction: np.
                 forward: np.ndarray, backward: np.ndarray, carried: np.ndarray,
                 current: np.ndarray) -> None:
     """Write every joint's current in A; 0 where the sample cannot be used."""
-    for j in range(p.shape[0]):
+    for j in range(len(p)):
         if usable[j]:
             current[j] = decide(
                 p[j], s[j], direction[j], forward[j], backward[j], carried[j])

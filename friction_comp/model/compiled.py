@@ -4,8 +4,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from friction_comp.compiling import njit
 from friction_comp.model.sigmoid import kinetic_current
 
 compiled_kinetic_current = njit(cache=True)(kinetic_current)

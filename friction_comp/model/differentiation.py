@@ -7,9 +7,9 @@ from __future__ import annotations
 import math
 from typing import Any, TYPE_CHECKING
 
-from numba import njit
 import numpy as np
 
+from friction_comp.compiling import njit
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ import re
 import signal
 import sys
 import threading
+import time
 import traceback
 from typing import Any, NoReturn
 
@@ -21,6 +22,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from friction_comp.compiling import compile_rest
 from friction_comp.errors import InputError
 from friction_comp.nodes.executor import StreamExecutor
 
@@ -90,6 +92,8 @@ def run(name: str, description: str, make_node: Callable[[], Any],
         # What lives until the end is not to be searched for garbage between two samples.
         gc.collect()
         gc.freeze()
+        threading.Thread(
+            target=_compile, args=(node.get_logger(),), name='compiling', daemon=True).start()
         try:
             return _spin(executor, node, signals.caught)
         finally:
@@ -100,6 +104,16 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
+
+
+def _compile(logger: Any) -> None:
+    """Exchange kernels that began as plain Python for compiled ones, while the node spins."""
+    begin = time.monotonic()
+    try:
+        if compile_rest():
+            logger.info(f'compiled code is in place after {time.monotonic() - begin:.2g} s')
+    except Exception as error:
+        logger.warning(f'goes on in plain Python, since compiled code cannot be had: {error!r}')
 
 
 class _Signals:

@@ -17,9 +17,13 @@ import select
 import threading
 import time
 
+from friction_comp.compiling import compiling
+
 # The alarm comes this share of the timeout, at most so many seconds, before its end: what it
 # sets off is to arrive within the timeout.
 _EARLY, _EARLIEST = 0.1, 0.005
+# The same while code is compiled in this process, which may hold up all its threads.
+_EARLY_COMPILING, _EARLIEST_COMPILING = 0.3, 0.02
 
 
 class Watchdog:
@@ -40,6 +44,7 @@ class Watchdog:
     def __init__(self, timeout: float, alarm: Callable[[], None],
                  clock: Callable[[], float] = time.monotonic) -> None:
         self._patience = timeout - min(_EARLY * timeout, _EARLIEST)
+        self._less_patience = timeout - min(_EARLY_COMPILING * timeout, _EARLIEST_COMPILING)
         self._alarm, self._clock = alarm, clock
         self._fed: float | None = None
         self._idle = True
@@ -82,7 +87,8 @@ class Watchdog:
         """Call the alarm if it is time; return the s until it may be, None while idle."""
         with self._lock:
             if self._fed is not None:
-                left = self._fed + self._patience - self._clock()
+                patience = self._less_patience if compiling() else self._patience
+                left = self._fed + patience - self._clock()
                 if left > 0.0:
                     return left
             alarm = self._fed is not None

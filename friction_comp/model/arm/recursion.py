@@ -7,8 +7,9 @@ Featherstone, Rigid Body Dynamics Algorithms (2008), Table 5.1, in the frames of
 
 from __future__ import annotations
 
-from numba import njit
 import numpy as np
+
+from friction_comp.compiling import njit
 
 # Three numbers in a tuple, which cost no memory from the heap.
 Vector = tuple[float, float, float]

@@ -7,9 +7,9 @@ from __future__ import annotations
 import math
 from typing import Any, TYPE_CHECKING
 
-from numba import njit
 import numpy as np
 
+from friction_comp.compiling import njit
 from friction_comp.model.effects.base import Effect, geometric, segment_starts, too_coarse
 from friction_comp.model.effects.scene import Search
 

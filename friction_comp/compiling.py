@@ -1,0 +1,178 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Functions that numba compiles: at once, or while plain Python does their work already.
+
+To import numba and to load compiled code takes most of the time in which a node starts, and to
+compile anew takes many seconds. A process that is to begin soon calls `begin_plain` before it
+imports what is compiled: its kernels are then plain Python until `compile_rest`, in another
+thread, has compiled them for what they were called with. Each is exchanged between two calls, and
+gives the same numbers before and after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import update_wrapper
+import gc
+import sys
+from typing import Any, TypeVar
+
+import numpy as np
+
+F = TypeVar('F', bound=Callable[..., Any])
+
+# The kernels of this process that begin as plain Python; None where all are compiled at once.
+_later: list[Kernel] | None = None
+_plain = False
+_compiling = False
+
+
+def begin_plain() -> None:
+    """Let kernels that are imported from now on begin as plain Python.
+
+    Where numba is there already there is nothing to be gained, and nothing changes.
+    """
+    global _later, _plain
+    if 'numba' not in sys.modules and _later is None:
+        _later, _plain = [], True
+
+
+def njit(*, cache: bool = False) -> Callable[[F], F]:
+    """Return numba's decorator of that name, or in its place one whose functions begin plain.
+
+    Parameters
+    ----------
+    cache : bool
+        Whether compiled code is kept on disk.
+    """
+    if _later is None:
+        import numba
+        return numba.njit(cache=cache)
+    return lambda function: Kernel(function, cache)  # type: ignore[return-value]
+
+
+def compiling() -> bool:
+    """Return whether kernels are being compiled beside what runs.
+
+    Libraries are then opened, which holds up every thread of the process: for 10 ms at most on a
+    machine with nothing else to do.
+    """
+    return _compiling
+
+
+def compile_rest() -> int:
+    """Compile the kernels that begin as plain Python, for what they have been called with.
+
+    For another thread than the one that calls them, which goes on meanwhile.
+
+    Returns
+    -------
+    int
+        How many were exchanged.
+    """
+    global _plain, _compiling
+    if not _later or not _plain:
+        return 0
+    _compiling = True
+    # A search for garbage holds up all threads, the longer the more was imported.
+    gc.disable()
+    try:
+        import numba
+        exchanged = 0 if numba.config.DISABLE_JIT else sum(k.exchange() for k in _later)
+        _plain = bool(numba.config.DISABLE_JIT)
+        return exchanged
+    finally:
+        gc.freeze()
+        gc.enable()
+        _compiling = False
+
+
+class Row:
+    """One record of a structured array, its fields as attributes."""
+
+
+class Kernel:
+    """A function that runs as plain Python until its compiled form is there.
+
+    Structured arrays reach the plain function as lists of `Row`, since numpy's own records are
+    slow to read by name; what it writes there is written back.
+
+    Parameters
+    ----------
+    function : callable
+        What numba can compile.
+    cache : bool
+        Whether compiled code is kept on disk.
+    """
+
+    def __init__(self, function: Callable[..., Any], cache: bool) -> None:
+        update_wrapper(self, function)
+        self.py_func, self._cache = function, cache
+        self._run: Any = None
+        self._dispatcher: Any = None
+        self._first: tuple[Any, ...] | None = None
+        assert _later is not None
+        _later.append(self)
+
+    def __call__(self, *args: Any) -> Any:
+        """Run the function, compiled where it can be."""
+        run = self._run
+        if run is not None:
+            return run(*args)
+        if args and isinstance(args[0], Row):
+            # From within another plain kernel.
+            return self.py_func(*args)
+        if not _plain:
+            self._run = self.dispatcher
+            return self._run(*args)
+        if self._first is None:
+            self._first = args
+        return self._call_plain(args)
+
+    @property
+    def dispatcher(self) -> Any:
+        """Numba's own object for the function."""
+        if self._dispatcher is None:
+            import numba
+            self._dispatcher = numba.njit(cache=self._cache)(self.py_func)
+        return self._dispatcher
+
+    @property
+    def _numba_type_(self) -> Any:
+        # What compiled functions see that call this one.
+        from numba import types
+        return types.Dispatcher(self.dispatcher)
+
+    def exchange(self) -> bool:
+        """Compile it for the arguments that it was first called with, and take that from now on."""
+        if self._first is None:
+            return False
+        from numba import typeof
+        self.dispatcher.compile(tuple(typeof(value) for value in self._first))
+        self._run, self._first = self._dispatcher, None
+        return True
+
+    def _call_plain(self, args: tuple[Any, ...]) -> Any:
+        given, records = list(args), []
+        for place, value in enumerate(args):
+            if isinstance(value, np.ndarray) and value.dtype.names:
+                given[place], before = _rows(value)
+                records.append((value, given[place], before))
+        found = self.py_func(*given)
+        for array, rows, before in records:
+            for j, row in enumerate(rows):
+                after = tuple(vars(row).values())
+                if after != before[j]:
+                    array[j] = after
+        return found
+
+
+def _rows(array: np.ndarray) -> tuple[list[Row], list[tuple[Any, ...]]]:
+    """Return the records of an array, shape (J,), as objects and as tuples."""
+    names, rows, values = array.dtype.names or (), [], []
+    for j in range(len(array)):
+        values.append(array[j].item())
+        row = Row()
+        vars(row).update(zip(names, values[-1]))
+        rows.append(row)
+    return rows, values
