@@ -154,6 +154,23 @@ def test_processes_evaluate_what_one_does(tmp_path):
         assert (tmp_path / '1' / name).read_text() == (tmp_path / '2' / name).read_text()
 
 
+@pytest.mark.slow
+def test_a_cluster_started_elsewhere_finds_the_recordings(tmp_path, monkeypatch):
+    distributed = pytest.importorskip('distributed', reason='Dask is an extra')
+    trials(tmp_path / 'r', 2)
+    (tmp_path / 'elsewhere').mkdir()
+    monkeypatch.chdir(tmp_path / 'elsewhere')
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None,
+                                  host='127.0.0.1') as cluster:
+        monkeypatch.chdir(tmp_path)
+        for name, more in (('alone', ['--jobs', '1']),
+                           ('cluster', ['--scheduler', cluster.scheduler_address])):
+            assert run('evaluate', ['r', '--output', name, *more]) == 0
+    table, same = ((tmp_path / name / 'repetitions.csv').read_text().replace(f'{tmp_path}/', '')
+                   for name in ('alone', 'cluster'))
+    assert table == same
+
+
 def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch, capsys):
     pytest.importorskip('distributed', reason='Dask is an extra')
     monkeypatch.setattr(tool, '_PATIENCE', 0.5)
@@ -163,6 +180,17 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch, capsys):
     told = capsys.readouterr().err
     assert told.count('\n') == 1
     assert '--scheduler tcp://127.0.0.1:1' in told
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_is_told(tmp_path, monkeypatch, capsys):
+    distributed = pytest.importorskip('distributed', reason='Dask is an extra')
+    monkeypatch.setattr(tool, '_WORKER_PATIENCE', 0.2)
+    trials(tmp_path / 'r', 2)
+    with distributed.LocalCluster(n_workers=0, dashboard_address=None, host='127.0.0.1') as empty:
+        assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out'),
+                                '--scheduler', empty.scheduler_address]) == 2
+    assert 'no workers' in capsys.readouterr().err
 
 
 @pytest.mark.slow

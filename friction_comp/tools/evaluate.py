@@ -9,7 +9,7 @@ import io
 from pathlib import Path
 
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
-from friction_comp.tools.workers import add_workers, workers
+from friction_comp.tools.workers import add_workers, for_workers, workers
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -39,7 +39,7 @@ def main(argv: list[str] | None = None) -> int:
         help='model file: tells, also without a torque sensor, what current the movements asked '
              'for beyond what was commanded')
     add_workers(parser)
-    arguments = parser.parse(argv)
+    arguments = for_workers(parser.parse(argv))
     from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import find_recordings

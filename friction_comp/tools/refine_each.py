@@ -17,7 +17,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
 from friction_comp.tools.processes import interrupts_deferred
-from friction_comp.tools.workers import workers
+from friction_comp.tools.workers import for_workers, workers
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,7 @@ def refine_each(arguments: Namespace) -> int:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
     from friction_comp.reports.each_report import each_report
 
+    arguments = for_workers(arguments)
     begin = time.monotonic()
     with progress('reading') as report:
         parts, failures = _parts(arguments)

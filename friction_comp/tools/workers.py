@@ -33,6 +33,8 @@ U = TypeVar('U')
 WORTH_IT = 8
 # s within which a scheduler must answer.
 _PATIENCE = 10.0
+# s within which it must have a worker.
+_WORKER_PATIENCE = 60.0
 _CONFIGURATION = {
     # One recording at a time for each process, so that the loss of a process is the loss of one;
     # what has killed a process is not tried on the next.
@@ -54,6 +56,18 @@ def add_workers(parser: Arguments) -> Arguments:
         help='Dask scheduler of a cluster that does the work instead, such as tcp://host:8786; '
         'its workers need this package, and the recordings under the same paths')
     return parser
+
+
+def for_workers(arguments: Namespace) -> Namespace:
+    """Return a tool's arguments with paths that a cluster's workers can follow.
+
+    They were started in folders of their own, from which a relative path leads elsewhere.
+    """
+    if arguments.scheduler is None:
+        return arguments
+    return Namespace(**{
+        **vars(arguments), 'recordings': [path.absolute() for path in arguments.recordings],
+        'model': arguments.model and arguments.model.absolute()})
 
 
 def installed() -> bool:
@@ -112,6 +126,7 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
                 raise InputError(f'--scheduler {scheduler}: no Dask scheduler answers there '
                                  f'({" ".join(str(error).split())})') from None
             with client:
+                _wait_for_worker(client, scheduler)
                 yield client
             return
         # An interrupt from the keyboard goes to all processes of the terminal. It is this one's to
@@ -131,6 +146,15 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
         finally:
             client.close()
             cluster.close()
+
+
+def _wait_for_worker(client: Client, scheduler: str) -> None:
+    """Wait until there is somebody to do the work; clusters that grow on demand begin with none."""
+    try:
+        client.wait_for_workers(1, timeout=_WORKER_PATIENCE)
+    except TimeoutError:
+        raise InputError(f'--scheduler {scheduler}: it has had no workers for '
+                         f'{_WORKER_PATIENCE:.3g} s') from None
 
 
 def _spread(client: Client, work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
