@@ -11,6 +11,7 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
+from friction_comp.identification.supervision import Supervision
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
@@ -184,3 +185,18 @@ def test_a_rotor_that_trembles_by_many_counts_stands():
     assert drive.position_resolution < 1e-7
     result = bench.finish()
     assert result.breakaway.positive_mean == pytest.approx(0.0995, rel=0.1)
+
+
+def look_at_rattle(mean):
+    """Command a current that rattles about a mean, of which the amplifier gives two fifths."""
+    supervision = Supervision(IdentificationGoal(**GOAL), model().drive)
+    rattle = 0.4 * np.sign(np.sin(2.0 * math.pi * (np.arange(3000) + 0.5) / 6.0))
+    for k, command in enumerate(rattle + mean):
+        supervision.look(1e-3 * k, 0.0, None, 0.4 * command, command, None, math.nan)
+
+
+def test_a_controller_that_rattles_is_no_wrong_unit():
+    """As on a rotor that is much lighter than its link, until the run tries lower gains."""
+    look_at_rattle(0.008)
+    with pytest.raises(IdentificationError, match='another unit'):
+        look_at_rattle(0.2)

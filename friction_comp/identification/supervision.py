@@ -24,6 +24,8 @@ _SMOOTHING = 0.05
 _MEMORY = 0.5
 # Measured over commanded current that is believed; beyond, a unit or a constant is wrong.
 _LEAST_GAIN, _MOST_GAIN = 0.5, 2.0
+# Share of what smoothing takes away of the commanded current that has to be left of it.
+_STANDS_OUT = 0.2
 # Overall gain beyond which the result says so.
 _DOUBTFUL = 0.15
 # s over which the way by position and the way by velocity are compared.
@@ -58,6 +60,7 @@ class Supervision:
         # Commanded and measured current, smoothed; their products, remembered and over all.
         self._commanded = self._measured = 0.0
         self._recent, self._all = [0.0] * 3, [0.0] * 3
+        self._rattle = 0.0
         self._quiet: list[float] = []
         self._begin_block()
         self._moving = False        # whether a velocity other than zero was ever measured
@@ -110,10 +113,15 @@ class Supervision:
         self._measured += share * (current - self._measured)
         products = (self._commanded ** 2, self._commanded * self._measured, 1.0)
         fading = math.exp(-step / _MEMORY)
+        self._rattle = fading * self._rattle + step * (command - self._commanded) ** 2
         for k, value in enumerate(products):
             self._recent[k] = fading * self._recent[k] + step * value
             self._all[k] += step * value
         if self._recent[2] < 0.3 * _MEMORY or not self._is_loud(self._recent):
+            return
+        # What smoothing leaves of a controller that rattles is no current to compare: an amplifier
+        # follows it late and in part.
+        if self._recent[0] < _STANDS_OUT ** 2 * self._rattle:
             return
         gain = self._recent[1] / self._recent[0]
         if not _LEAST_GAIN <= gain <= _MOST_GAIN:
