@@ -39,7 +39,23 @@ def final_fit(data: Measured, fits: list[Fit]) -> Fit:
         size = float(np.mean(np.abs(fit.residual[data.usable])))
         if best is None or size < best[0]:
             best = (size, fit)
-    return tune_transition(optimizer.center_sigmoid(best[1]))
+    return _with_transition(best[1])
+
+
+def _with_transition(fit: Fit) -> Fit:
+    """Return the fit with the change of sign where and as steep as all samples show it.
+
+    It is centred at zero velocity, unless motion objects and standstill does not: a velocity that
+    reads a little off zero at rest would move it to where the model is sure of friction at rest.
+    """
+    centred = tune_transition(optimizer.center_sigmoid(fit))
+    if not fit.shift:
+        return centred
+    judge = _Judge(fit, _AS_GOOD)
+    if judge.errors(centred)[0] < judge.allowed:
+        return centred
+    tilted = tune_transition(fit)
+    return tilted if judge.errors(tilted)[1] < judge.errors(centred)[1] else centred
 
 
 class _Judge:
@@ -56,7 +72,7 @@ class _Judge:
         self._scale, self._rows = fit.scale, fit.data.usable
         self._limit = float(np.quantile(np.abs(fit.residual), 0.999))
         in_motion, self._least = self.errors(fit)
-        self._allowed = slack * in_motion
+        self.allowed = slack * in_motion
         self.best = fit
 
     def errors(self, fit: Fit) -> tuple[float, float]:
@@ -68,8 +84,8 @@ class _Judge:
     def hear(self, fit: Fit) -> float:
         """Keep a fit if it is the best so far; return what to make small."""
         in_motion, everywhere = self.errors(fit)
-        if in_motion > self._allowed:
-            return everywhere + 1e3 * (in_motion - self._allowed)
+        if in_motion > self.allowed:
+            return everywhere + 1e3 * (in_motion - self.allowed)
         if everywhere < self._least:
             self.best, self._least = fit, everywhere
         return everywhere

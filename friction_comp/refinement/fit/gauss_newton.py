@@ -193,17 +193,13 @@ def gauss_newton_restarted(fit: Fit) -> Fit:
 
 
 def center_sigmoid(fit: Fit) -> Fit:
-    """Return the fit with its sigmoid's transition at zero velocity, unless the data object.
+    """Return the fit with its sigmoid's transition at zero velocity.
 
     Between standstill and the slowest motion recorded, the place of the transition is a matter of
     chance. It decides on the current at standstill, so that the plain choice is the safe one.
     """
-    scale, index = fit.scale, fit.index
     twin = fit.copy()
     twin.shift = 0.0
     twin.fill()
     twin.solve()
-    twin = gauss_newton(twin, centered=True)
-    plain = float(np.mean(huber_loss(twin.residual[index], scale)))
-    tilted = float(np.mean(huber_loss(fit.residual[index], scale)))
-    return twin if plain < 1.01 * tilted else fit
+    return gauss_newton(twin, centered=True)
