@@ -8,7 +8,7 @@ from arm_maker import PLANE, random_urdf, recorded, small_arm, waves
 import numpy as np
 import pytest
 
-from friction_comp.arm.find_coupling import find_coupling
+from friction_comp.arm.find_coupling import find_coupling, groups_for
 from friction_comp.arm.fit import fit_arm
 from friction_comp.arm.link_inertia import Bodies, nearest_possible, possible
 from friction_comp.arm.urdf import Chain, match_names
@@ -304,6 +304,20 @@ def test_the_weight_of_the_next_link_is_found_without_a_urdf(seed):
         again = Coupling.from_dict(found.to_dict())
         assert again.current(names, *motion) == pytest.approx(found.current(names, *motion))
     assert find_coupling(currents[2], names, 'wrist', motion, zeros, moving[2]) is None
+
+
+@pytest.mark.parametrize('own', 'abcd')
+def test_what_mechanics_rules_out_is_not_tried(own):
+    for group in groups_for('abcd', own):
+        turned = {name for name, _ in group.angles}
+        if group.kind == 'weight':
+            assert own in turned
+            assert turned != {own}
+        elif group.kind == 'inertia':
+            assert not {own, *group.joints} <= turned
+            assert turned | set(group.joints) != {own}
+        else:
+            assert set(group.joints) != {own}
 
 
 def test_joints_that_move_independently_show_no_coupling():

@@ -221,3 +221,18 @@ def test_an_encoder_that_stands_still_most_of_the_time_does_no_harm():
     nothing = np.zeros(len(samples), dtype=bool)
     assert not saturated(samples.with_(velocity=seldom, acceleration=seldom), nothing).any()
     assert not saturated(samples.with_(velocity=0.0 * seldom), nothing).any()
+
+
+def test_standstill_has_a_say_in_where_friction_changes_its_sign():
+    # In motion friction changes its sign at -0.06 rad/s, as a sensor that is off zero has it; at
+    # rest, which is no motion, the drive asks for nothing.
+    rng, step = np.random.default_rng(5), 0.005
+    time = np.arange(0.0, 60.0, step)
+    asked = np.sin(2.0 * np.pi * time / 7.3) + 0.7 * np.sin(2.0 * np.pi * time / 2.9)
+    speed = np.where(np.abs(asked) < 0.6, 0.0, 0.8 * (asked - np.sign(asked) * 0.6))
+    rest = speed == 0.0
+    friction = np.where(rest, 0.0, 0.3 * np.tanh((speed + 0.06) / 0.005)) + 0.1 * speed
+    samples = Samples(time=time, position=np.cumsum(speed) * step, velocity=speed,
+                      current=friction + 0.01 * rng.standard_normal(time.size))
+    found = refine([samples])
+    assert np.sqrt(np.mean(found.model.predict(samples)[rest] ** 2)) < 0.1

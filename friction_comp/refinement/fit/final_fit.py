@@ -17,6 +17,7 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import Term
 from friction_comp.refinement.fit.robust_regression import huber_loss
+from friction_comp.refinement.judge.carry_over import parts_of, shows_in_parts
 from friction_comp.refinement.prepare.fit_data import Measured
 
 if TYPE_CHECKING:
@@ -49,10 +50,8 @@ def _with_transition(fit: Fit) -> Fit:
     reads a little off zero at rest would move it to where the model is sure of friction at rest.
     """
     centred = tune_transition(optimizer.center_sigmoid(fit))
-    if not fit.shift:
-        return centred
     judge = _Judge(fit, _AS_GOOD)
-    if judge.errors(centred)[0] < judge.allowed:
+    if not fit.shift or judge.errors(centred)[0] < _AS_GOOD * judge.errors(fit)[0]:
         return centred
     tilted = tune_transition(fit)
     return tilted if judge.errors(tilted)[1] < judge.errors(centred)[1] else centred
@@ -65,14 +64,15 @@ class _Judge:
     tells nothing of friction. Without them, though, how fast friction changes its sign is a guess,
     an effect may differ from the sigmoid in it for no reason, and one form of a lag is as good as
     another. Of all ways that explain the motion as well, the one is taken that fits best where the
-    joint starts, stops and turns round.
+    joint starts, stops and turns round. One that costs more in motion than that has to make up for
+    it in all samples together, in more parts of the recordings than chance lets it.
     """
 
     def __init__(self, fit: Fit, slack: float) -> None:
         self._scale, self._rows = fit.scale, fit.data.usable
         self._limit = float(np.quantile(np.abs(fit.residual), 0.999))
         in_motion, self._least = self.errors(fit)
-        self.allowed = slack * in_motion
+        self._allowed = slack * in_motion
         self.best = fit
 
     def errors(self, fit: Fit) -> tuple[float, float]:
@@ -84,11 +84,17 @@ class _Judge:
     def hear(self, fit: Fit) -> float:
         """Keep a fit if it is the best so far; return what to make small."""
         in_motion, everywhere = self.errors(fit)
-        if in_motion > self.allowed:
-            return everywhere + 1e3 * (in_motion - self.allowed)
+        if in_motion > self._allowed:
+            return everywhere + 1e3 * (in_motion - self._allowed)
         if everywhere < self._least:
             self.best, self._least = fit, everywhere
         return everywhere
+
+    def prefers(self, other: Fit, plain: Fit) -> bool:
+        """Tell whether another fit explains all samples better, in most parts of the recordings."""
+        squares = [np.minimum(np.abs(one.residual), self._limit) ** 2 for one in (plain, other)]
+        part = parts_of(np.ones(len(squares[0]), dtype=bool))
+        return shows_in_parts(np.bincount(part, squares[0] - squares[1]))
 
 
 def with_steepness(fit: Fit, steepness: float) -> Fit:
@@ -104,7 +110,15 @@ def with_steepness(fit: Fit, steepness: float) -> Fit:
 def tune_transition(fit: Fit) -> Fit:
     """Return the fit with the change of sign around standstill as all samples show it."""
     fit = tune_lag(fit)
-    judge, speed = _Judge(fit, _AS_GOOD), fit.data.scene.speed
+    careful, free = _tuned(fit, _AS_GOOD), _tuned(fit, np.inf)
+    if free.steepness == careful.steepness:
+        return careful
+    return free if _Judge(fit, _AS_GOOD).prefers(free, careful) else careful
+
+
+def _tuned(fit: Fit, slack: float) -> Fit:
+    """Return the fit with the steepness that is best everywhere, at so much loss in motion."""
+    judge, speed = _Judge(fit, slack), fit.data.scene.speed
 
     def tried(logarithm: float) -> float:
         return judge.hear(with_steepness(fit, np.exp(logarithm)))

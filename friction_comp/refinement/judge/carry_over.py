@@ -103,7 +103,18 @@ def carries_over(poorer: list[Fit], richer: list[Fit], number: int) -> bool:
     number : int
         How many effects the richer model has.
     """
-    gain = gains(poorer, richer)
+    return shows_in_parts(gains(poorer, richer), number)
+
+
+def shows_in_parts(gain: np.ndarray, number: int = 1) -> bool:
+    """Tell whether gains in the parts of the recordings are more than chance.
+
+    Parameters
+    ----------
+    gain : ndarray, shape (PARTS,)
+    number : int
+        How many such questions are asked of the same data.
+    """
     error = float(np.std(gain, ddof=1)) * np.sqrt(len(gain))
     if not gain.sum() > error:
         return False
