@@ -33,6 +33,9 @@ class Threshold(float):
 
 # What an effect has to show before it is named.
 ALPHA = Threshold(0.01, '', 'chance of any wrong effect in a step, over all candidates together')
+EXPECTED = Threshold(
+    0.1, '', 'chance that what every drive has is allowed: that it is there is no question, only '
+    'whether this recording tells how large; it has to carry over like everything else')
 LEAST_SHARE = Threshold(
     0.04, 'of the held-out loss', 'an effect that lowers the error by less than a fiftieth may be '
     'a base that is not quite of the right shape')

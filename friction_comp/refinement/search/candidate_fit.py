@@ -15,7 +15,7 @@ from friction_comp.refinement.fit.robust_regression import huber_loss, robust_sc
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual
 from friction_comp.refinement.judge.physics import objection
 from friction_comp.refinement.search.candidates import best_forms, best_term
-from friction_comp.refinement.thresholds import ALPHA, LEAST_SHARE
+from friction_comp.refinement.thresholds import ALPHA, EXPECTED, LEAST_SHARE
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
@@ -125,9 +125,9 @@ def least_share(trial: CandidateFit, data: FitData) -> float:
 def chance_of(kind: type[Effect], number: int) -> float:
     """Return the p-value an effect must stay below as one of a number tried (Bonferroni).
 
-    Half of the chance is kept for what every drive has; the others share the rest.
+    What every drive has is not one of many candidates for what is going on.
     """
-    return 0.5 * ALPHA if kind.expected else 0.5 * ALPHA / max(number - 1, 1)
+    return EXPECTED if kind.expected else ALPHA / max(number, 1)
 
 
 def adjust_constants(data: FitData, residual: np.ndarray, trial: CandidateFit,

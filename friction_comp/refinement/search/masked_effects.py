@@ -15,7 +15,6 @@ from friction_comp.refinement.judge.physics import objection
 from friction_comp.refinement.judge.scores import noise_floor
 from friction_comp.refinement.search.candidate_fit import (
     adjust_constants,
-    chance_of,
     mean_loss,
     try_kind,
 )
@@ -117,7 +116,7 @@ def hidden_expected(data: FitData, fits: list[Fit], residual: np.ndarray,
     free = beside_nuisance(data, fits)
     without = held_out_residual(data, free)
     trial = try_kind(data, free, without, kind)
-    if trial is None or trial.p_value > chance_of(kind, len(kinds)):
+    if trial is None or trial.p_value > 0.5 * ALPHA:
         return None
     loss = mean_loss(data, without)
     grown = with_expected(fits, kind)

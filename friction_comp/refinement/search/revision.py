@@ -35,6 +35,7 @@ from friction_comp.refinement.thresholds import (
     ADJUSTED,
     ALPHA,
     EXCHANGE,
+    EXPECTED,
     IN_DOUBT,
     LEAST_SHARE,
     PRODUCT,
@@ -136,8 +137,9 @@ def prune(data: FitData, chosen: Chosen) -> bool:
             continue
         evidence, poorer = evidence_of(data, chosen, place)
         loss = mean_loss(data, held_out_residual(data, poorer))
+        chance = EXPECTED if kind.expected else ALPHA
         if (evidence['advantage'] < max(LEAST_SHARE * loss, least)
-                or evidence['p_value'] > ALPHA or not sound(chosen.fits, [place])
+                or evidence['p_value'] > chance or not sound(chosen.fits, [place])
                 or not carries_over(poorer, chosen.fits, len(chosen.kinds))):
             chosen.fits, any_gone = refitted(chosen.fits, place), True
             place = len(poorer[0].terms)
