@@ -15,10 +15,11 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
 from friction_comp.refinement.fit.effect_sum import first_fit, Term
 from friction_comp.refinement.judge.carry_over import carries_over, gains
+from friction_comp.refinement.prepare.coupling_choice import repeats_after
 from friction_comp.refinement.prepare.folds import runs_of, split
 from friction_comp.refinement.prepare.prepared import prepare
 from friction_comp.refinement.prepare.saturation import saturated
-from friction_comp.samples import Samples
+from friction_comp.samples import JointStates, Samples
 
 FREQUENCY = 40.0
 
@@ -236,3 +237,12 @@ def test_standstill_has_a_say_in_where_friction_changes_its_sign():
                       current=friction + 0.01 * rng.standard_normal(time.size))
     found = refine([samples])
     assert np.sqrt(np.mean(found.model.predict(samples)[rest] ** 2)) < 0.1
+
+
+def test_motion_of_all_joints_that_comes_again_is_seen():
+    time = np.arange(0.0, 30.0, 0.01)
+    fast, slow = np.sin(2.0 * np.pi * time / 3.0), np.sin(2.0 * np.pi * time / 7.5)
+    for other, expected in ((slow, 15.0), (np.sin(time ** 1.5), None)):
+        states = JointStates(('a', 'b'), np.column_stack((fast, other)))
+        samples = Samples(time=time, position=fast, current=fast, joint='a', arm=states)
+        assert repeats_after(samples) == (expected and pytest.approx(expected, abs=0.1))

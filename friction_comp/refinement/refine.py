@@ -119,7 +119,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     result = _result(question, found, settings)
     if arm and any('coupling' in effect.needs for effect in result.model.effects):
         result.model.arm = arm
-        say_so(result.report, arm)
+        say_so(result.report, arm, raw)
     return result
 
 

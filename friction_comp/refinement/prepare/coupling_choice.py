@@ -17,6 +17,8 @@ from friction_comp.samples import Samples
 _STILL = 0.01
 # A joint that moves less than this is not looked at, rad.
 _LEAST = 1e-3
+# Motion comes again where positions differ by less than this share of how much they vary.
+_AGAIN, _ANEW, _ROWS = 0.01, 0.3, 1500
 
 
 def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, Any]
@@ -72,7 +74,34 @@ def moved_beside(samples: Samples) -> list[str]:
             if moved > _LEAST and name != samples.joint]
 
 
-def say_so(report: dict[str, Any], arm: Arm) -> None:
+def repeats_after(samples: Samples) -> float | None:
+    """Return the time in s after which the motion of all joints comes again, None where it is new.
+
+    What is held out of such motion was driven before, so that it says little of other motion.
+
+    Parameters
+    ----------
+    samples : Samples
+        As recorded, with `arm`.
+    """
+    every = max(1, len(samples) // _ROWS)
+    position = samples.arm.position[::every]
+    position = position[:, np.ptp(position, axis=0) > _LEAST]
+    if not position.size:
+        return None
+    position = (position - position.mean(axis=0)) / position.std(axis=0)
+    apart = np.array([0.5 * np.mean((position[lag:] - position[:-lag]) ** 2)
+                      for lag in range(1, 2 * len(position) // 3)])
+    if not (apart > _ANEW).any():
+        return None
+    first = int(np.argmax(apart > _ANEW))
+    again = np.nonzero(apart[first:] < _AGAIN)[0]
+    if not again.size:
+        return None
+    return float((first + again[0] + 1) * every * samples.sample_time)
+
+
+def say_so(report: dict[str, Any], arm: Arm, samples: Samples) -> None:
     """Name other joints in a report that has an effect of theirs."""
     groups = [group.describe() for group in arm.coupling.groups]
     for entry in report['effects']:
@@ -83,3 +112,9 @@ def say_so(report: dict[str, Any], arm: Arm) -> None:
         f'The current depends on other joints ({", ".join(arm.coupling.joints)}). The terms found '
         'hold for postures like the recorded ones; with a URDF of the arm (--urdf) its weight and '
         'inertia follow from mechanics.')
+    again = repeats_after(samples)
+    if again:
+        report['warnings'].append(
+            f'All joints repeat their motion every {again:.3g} s, so that what is held out was '
+            'driven before: on other motion expect a larger error than the held-out one. To judge '
+            'the model, record another motion of all joints.')
