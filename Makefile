@@ -54,7 +54,9 @@ lint: setup
 # Two processes share two cores: more threads for small matrices only get in each other's way.
 test: export OPENBLAS_NUM_THREADS = 1
 test: export OMP_NUM_THREADS = 1
-test: lint
+# The types are one of the tests: by themselves they would keep one of the two waiting.
+test: setup
+	@$(BIN)/python -m ruff check .
 	@$(BIN)/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder $(TESTS)
 
 docs: setup
@@ -95,7 +97,8 @@ $(VENV)/installed: $(VENV)/requirements $(SOURCES)
 	@echo 'Installing friction_comp into $(VENV)/'
 	@rm -rf build/lib* build/bdist*
 # Compiled functions are cached beside the module, and the cache does not see that a function they
-# call in another module has changed.
+# call in another module has changed. Nobody is to wait for it when nodes start.
 	@find $(VENV)/lib friction_comp -path '*friction_comp/*' -name '*.nb[ic]' -delete
 	@$(PIP) install --no-build-isolation .
+	@$(BIN)/python -m friction_comp.nodes.compile_nodes
 	@touch $@

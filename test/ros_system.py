@@ -27,12 +27,8 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.compensation.law import CompensationLaw
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.goals import compile_ahead
+from friction_comp.nodes.compile_nodes import compile_nodes
 from friction_comp.nodes.joint_io import UNASKED
-from friction_comp.nodes.model_loading import warm_up
-from friction_comp.simulation.joint import Plant
 from friction_comp.tools.ros_domain import leased_domain
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -49,18 +45,8 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 PATIENCE = 60.0
 
 
-def _compile_ahead():
-    """Have what nodes run compiled and cached, as it is after their first start.
-
-    Compiling takes seconds, and ten times as many on a busy machine, for which no test waits.
-    """
-    model = FrictionModel.load(MODELS[0])
-    warm_up(CompensationLaw([model]), 1)
-    compile_ahead(model.drive)
-    Plant([model])
-
-
-_compile_ahead()
+# As an installation does: no test waits for it.
+compile_nodes()
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # Each process that runs tests has a domain that nobody else has, for as long as it lives.
 _SESSION = ExitStack()

@@ -42,10 +42,16 @@ def blocks(language):
     return found
 
 
-COMMANDS = [
-    pytest.param(line.strip(), id=f'{block.id} {line.split("#")[0].strip()[:60]}')
-    for block in blocks('sh')
-    for line in block.values[0].replace('\\\n', ' ').splitlines() if line.split('#')[0].strip()]
+def commands():
+    """Give every command once, with the first place where it stands."""
+    found = {}
+    for block in blocks('sh'):
+        for line in block.values[0].replace('\\\n', ' ').splitlines():
+            command = line.split('#')[0].strip()
+            if command:
+                found.setdefault(command, pytest.param(
+                    line.strip(), id=f'{block.id} {command[:60]}'))
+    return found.values()
 
 
 def trial(name, direction):
@@ -135,7 +141,7 @@ def test_files_that_a_page_names_are_there(page):
     assert [name for name in named if 'NAME' not in name and not (ROOT / name).exists()] == []
 
 
-@pytest.mark.parametrize('command', COMMANDS)
+@pytest.mark.parametrize('command', commands())
 def test_commands(command, workplace, monkeypatch):
     words = shlex.split(command, comments=True)
     if words[:3] not in (['python3', '-m', 'friction_comp'], ['ros2', 'run', 'friction_comp']):

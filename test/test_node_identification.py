@@ -126,10 +126,11 @@ def system(room):
     """A plant in lockstep and the server, for all tests that let them live."""
     with probe_node() as probe, Process(room, 'plant', {
             'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'clock': 'lockstep',
-            'seed': 4, 'wrench_period': 0.01}), Process(room, 'identification', {
-                'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'use_sim_time': True,
-                'output_folder': str(room / 'models'), 'input_reliability': 'reliable',
-                'joint_state_timeout': 10.0}):
+            'seed': 4, 'wrench_period': 0.01, 'sample_time': 2e-3}), Process(
+                room, 'identification', {
+                    'joints': [JOINT, 'wrist'], 'model_files': MODELS[:2], 'use_sim_time': True,
+                    'output_folder': str(room / 'models'), 'input_reliability': 'reliable',
+                    'joint_state_timeout': 10.0}):
         client = Client(probe)
         client.commands = probe.listen(Float64MultiArray, 'current_command')
         client.models = room / 'models'

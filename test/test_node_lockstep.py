@@ -42,7 +42,7 @@ def run(folder, law, disturbed=False):
                     and probe.count_publishers('current_command') == 1
                     and probe.count_subscribers('joint_states') == 2, 'all nodes')
         burners = [subprocess.Popen([sys.executable, '-c', 'while True: pass'])
-                   for _ in range(3 if disturbed else 0)]
+                   for _ in range(2 if disturbed else 0)]
         try:
             with Process(folder, 'exercise', {
                     'joints': [JOINT], **follower, **MOVEMENT, 'clock': 'ticks',

@@ -258,8 +258,8 @@ def workspace(tmp_path_factory):
     left_out = shutil.ignore_patterns('.*', 'build', 'install', 'log', '__pycache__', '*.egg-info')
     shutil.copytree(ROOT, folder / 'src' / 'friction_comp', ignore=left_out)
     built = subprocess.run(
-        [colcon, 'build'], cwd=folder, env=environment(), capture_output=True, text=True,
-        check=False)
+        [colcon, 'build'], cwd=folder, env=environment() | {'CFLAGS': '-O0', 'CXXFLAGS': '-O0'},
+        capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stdout + built.stderr
     return folder
 
@@ -349,6 +349,14 @@ def test_the_action_comes_from_the_install_space(workspace):
     install = workspace / 'install' / 'friction_comp'
     assert len(files.split()) == 2
     assert all(install in Path(name).parents for name in files.split())
+
+
+@pytest.mark.slow
+def test_types_are_kept():
+    pytest.importorskip('mypy', reason='mypy is not installed (requirements/test.txt)')
+    checked = subprocess.run([sys.executable, '-m', 'mypy'], cwd=ROOT, capture_output=True,
+                             text=True, check=False)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
 def test_the_same_ruff_runs_before_a_commit_and_in_make_lint():

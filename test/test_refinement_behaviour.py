@@ -86,11 +86,11 @@ def plant_of(declared, name, parameters, seed=3):
 def moved_by_hand(declared, model, name, parameters, compensated=True, **changes):
     """Return RMS over the movements and mean of their peaks of the person's torque, N·m."""
     movement = ReferenceMovement(
-        **{'repetitions': 2, 'standstill': 1.5, 'compensated': compensated, **changes})
+        **{'repetitions': 1, 'standstill': 1.5, 'compensated': compensated, **changes})
     log = closed_loop(plant_of(declared, name, parameters), CompensationLaw([model]), movement,
                       movement.duration)
     squares, peaks = [], []
-    for number in range(4):
+    for number in range(2):
         begin = movement.begins(number)
         torque = log['interaction_torque'][
             (log['time'] > begin) & (log['time'] < begin + movement.movement_time), 0]

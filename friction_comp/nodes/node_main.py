@@ -22,7 +22,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from friction_comp.compiling import compile_rest
+from friction_comp.compiling import compile_rest, import_numba
 from friction_comp.errors import InputError
 from friction_comp.nodes.executor import StreamExecutor
 
@@ -86,6 +86,8 @@ def run(name: str, description: str, make_node: Callable[[], Any],
         raise InputError(f'ROS arguments: {words}') from None
     try:
         parser.parse_args(own)
+        if 'numba' in sys.modules:
+            import_numba()
         node = make_node()
         signals.tell(getattr(node, 'let_go', None))
         executor = StreamExecutor(node)

@@ -159,16 +159,17 @@ def _wait_for_worker(client: Client, scheduler: str) -> None:
 
 def _spread(client: Client, work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
     """Do the work on a cluster; results are given back as they come, and then forgotten there."""
-    from distributed import as_completed
+    from distributed import as_completed, KilledWorker
 
     futures = client.map(partial(attempt, work), things, pure=False)
     numbers = {future.key: k for k, future in enumerate(futures)}
     try:
         for future in as_completed(futures):
             number = numbers[future.key]
-            if future.status == 'finished':
+            try:
+                # What was done, but not yet fetched when its process was killed, is done again.
                 yield number, future.result()
-            else:
+            except KilledWorker:
                 yield number, Failure(f'{things[number]}: the process that had it was killed '
                                       '(out of memory?)')
             future.release()

@@ -260,7 +260,7 @@ class Fit:
             return 0.0
         columns = columns[:, fresh] / after[fresh]
         gram = columns.T @ columns
-        gram[np.diag_indices_from(gram)] += 1e-9
+        gram.flat[::len(gram) + 1] += 1e-9
         product = columns.T @ residual
         found = np.linalg.solve(gram, product)
         wanted = (*term.kind.signs, *[0] * len(fresh))[:len(fresh)]

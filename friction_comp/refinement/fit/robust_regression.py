@@ -49,7 +49,7 @@ def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray,
         rows, norm = np.where(fine[:, None], rows, 0.0), np.where(fine, norm, 1.0)
     weighted = rows * np.sqrt(weights)
     gram = weighted @ weighted.T / np.outer(norm, norm)
-    gram[np.diag_indices_from(gram)] += _RIDGE * max(rows.shape[1], 1)
+    gram.flat[::len(gram) + 1] += _RIDGE * max(rows.shape[1], 1)
     goal = rows @ (weights * current) / norm
     found = np.linalg.lstsq(gram, goal, rcond=1e-12)[0]
     if len(signs):
