@@ -60,7 +60,11 @@ class RampFriction:
         return float(self.current[self.peak])
 
     def presliding(self, breakaway: float) -> float:
-        """Return the way in rad until friction takes 95 % of breakaway, A."""
+        """Return the way in rad until friction takes 95 % of what it took when it broke, A.
+
+        On this very ramp, since friction differs from place to place: a contact that takes 4 %
+        less here than elsewhere would reach 95 % of the mean at the flat end of its curve.
+        """
         k = int(np.argmax(self.current >= min(_GONE * breakaway, self.breakaway)))
         return float(self.position[k])
 

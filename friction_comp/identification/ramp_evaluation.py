@@ -89,9 +89,8 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     begun = float(np.mean(np.abs(records.current)) / np.mean(np.abs(at_peaks.current)))
     if not shares or _surely(shares) > 0.5 * (1.0 + begun):
         records = at_peaks
-    levels = {sign: float(np.mean(np.abs(records.currents(sign)))) for sign in (1, -1)
-              if sign in records.direction}
-    return RampEvaluation(records, _presliding(kept, peaks, levels, resolution), warnings)
+    return RampEvaluation(
+        records, _presliding(kept, peaks, np.abs(records.current), resolution), warnings)
 
 
 def _surely(shares: Sequence[float]) -> float:
@@ -127,14 +126,13 @@ def _at_peaks(records: BreakawayRecords, ramps: Sequence[Ramp],
         position=np.array([ramp.samples[0, 1] for ramp in ramps]) + sign * way)
 
 
-def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction],
-                levels: dict[int, float], resolution: float) -> Presliding | None:
-    ways = [(ramp.before == ramp.direction, peak.presliding(levels[ramp.direction]))
-            for ramp, peak in zip(ramps, peaks)]
-    distance = combined_presliding(ways)
+def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], breakaway: np.ndarray,
+                resolution: float) -> Presliding | None:
+    sides = [ramp.before == ramp.direction for ramp in ramps]
+    distance = combined_presliding([
+        (side, peak.presliding(level)) for side, peak, level in zip(sides, peaks, breakaway)])
     # Less than two counts is not known.
     if distance <= 2.0 * resolution:
         return None
-    onward = [peak for ramp, peak in zip(ramps, peaks) if ramp.before == ramp.direction]
-    stiffness = common_stiffness(onward, float(np.mean(list(levels.values()))), resolution)
-    return Presliding(distance, stiffness)
+    onward = [peak for side, peak in zip(sides, peaks) if side]
+    return Presliding(distance, common_stiffness(onward, float(np.mean(breakaway)), resolution))
