@@ -225,6 +225,28 @@ def test_equal_and_older_times_change_nothing():
         assert law.update(time, [0.15], [0.3], [1])[0] == current
 
 
+def follow_with_stamps(stamps):
+    """Return the currents along a steady motion that turns round after 0.6 s, (N,)."""
+    law = CompensationLaw([small_model()])
+    return np.array([law.update(stamp, [3e-4 * min(k, 1200 - k)], None, [0])[0]
+                     for k, stamp in enumerate(stamps)])
+
+
+@pytest.mark.parametrize('leap', [10.0, -10.0])
+def test_a_stamp_that_leaps_does_not_stop_the_law(leap):
+    """Else the current stays as it is until the clock has caught up, wherever the joint goes."""
+    stamps = 100.0 + 1e-3 * np.arange(1200)
+    expected = follow_with_stamps(stamps)
+    once, for_good = stamps.copy(), stamps.copy()
+    once[500] += leap
+    for_good[500:] += leap
+    for spoiled in (once, for_good):
+        found = follow_with_stamps(spoiled)
+        assert np.all(np.abs(found) <= LEVEL)
+        np.testing.assert_allclose(found[900:], expected[900:], atol=1e-3 * LEVEL)
+    assert expected[-1] == pytest.approx(-0.9 * LEVEL, rel=0.01)
+
+
 def test_without_a_direction_a_joint_at_rest_gets_nothing():
     """Whichever way it came, and without breakaway currents with a direction too."""
     for model, direction in ((small_model(), 0), (replace(small_model(), breakaway=None), 1)):

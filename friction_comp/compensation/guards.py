@@ -18,7 +18,7 @@ from friction_comp.compiling import njit
 from friction_comp.low_pass import low_pass_weight
 
 LONGEST_STEP = 0.1
-"""s; after a longer pause the operator knows nothing any more."""
+"""s; after a longer pause, or a clock that was set, the operator knows nothing any more."""
 AGREEING = 5
 """Samples in a row that have to agree before a place that cannot be is believed."""
 ABSURD = 1e6
@@ -73,14 +73,24 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
     # To whole nanoseconds, the resolution of stamps: a law that is driven by messages and one in
     # a plain loop then see the same step.
     step = round((time - s.time) * 1e9) * 1e-9
-    if step <= 0.0:
+    leaps = step > LONGEST_STEP or step < -LONGEST_STEP
+    again = leaps and 0.0 < time - s.leapt <= LONGEST_STEP
+    if again or (p.law != CONTINUOUS and step > LONGEST_STEP):
+        # Two in a row: it was a pause, or the clock was set. Other laws remember nothing.
+        settle(s, position)
+        step, s.bump = p.sample_time, 0.0
+    elif leaps and step > 0.0:
+        # One alone is a wrong stamp. Taken over, it would make all that follow too old.
+        s.leapt = time
+        s.dropped += 1.0
+        return False
+    elif step <= 0.0:
         s.step = 0.0
+        if leaps:
+            s.leapt = time
         if p.law != CONTINUOUS and known:
             s.speed = velocity
         return True
-    if step > LONGEST_STEP:
-        settle(s, position)
-        step, s.bump = p.sample_time, 0.0
     s.step, s.time = step, time
     travel = position - s.position
     if p.law != CONTINUOUS:

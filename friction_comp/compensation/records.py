@@ -44,8 +44,9 @@ PARAMETERS = _record(
 """Parameters of one joint."""
 
 STATE = _record(
-    # The last sample that was believed, and the last one seen; s, rad, rad/s.
-    'time step position seen half_speed speed '
+    # The last sample that was believed, the last one seen, and the last stamp that leapt; s, rad,
+    # rad/s.
+    'time step position seen half_speed speed leapt '
     # The operator: z in -1..1, what takes longer to turn round, place of the backlash in rad.
     'z turned backlash_place '
     # Rest: since when and where it stands, where it rested, where leading began; s and rad.
