@@ -5,6 +5,7 @@
 from collections import defaultdict
 from contextlib import ExitStack
 from pathlib import Path
+from xml.dom import minidom
 from xml.etree import ElementTree
 
 import pytest
@@ -62,6 +63,13 @@ def test_follows_the_schema():
             assert set(element.attrib.values()) == {'ALLOW'}
     paths = [enclave.get('path') for enclave in root.iter('enclave')]
     assert len(paths) == len(set(paths))
+
+
+def test_the_tool_that_makes_keys_meets_nothing_but_enclaves():
+    """`ros2 security generate_artifacts` takes whatever stands there for one, comments too."""
+    enclaves, = minidom.parse(str(POLICY)).getElementsByTagName('enclaves')
+    nodes = [node for node in enclaves.childNodes if node.nodeType != node.TEXT_NODE]
+    assert {node.nodeName for node in nodes} == {'enclave'}
 
 
 def test_few_may_command_a_current_or_announce_a_direction():

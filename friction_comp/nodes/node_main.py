@@ -19,6 +19,7 @@ from typing import Any, NoReturn
 import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -80,15 +81,17 @@ def run(name: str, description: str, make_node: Callable[[], Any],
         own = remove_ros_args([name, *argv])[1:]
         rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
-        # Bad ROS arguments and parameter files come as different errors without a common base,
-        # and with places in rcl's source, which help nobody.
-        words = re.sub(r',? at \S+:\d+', '', str(error))
-        raise InputError(f'ROS arguments: {words}') from None
+        # Bad ROS arguments and parameter files come as different errors without a common base.
+        raise InputError(f'ROS arguments: {_without_places(error)}') from None
     try:
         parser.parse_args(own)
         if 'numba' in sys.modules:
             import_numba()
-        node = make_node()
+        try:
+            node = make_node()
+        except _rclpy.RCLError as error:
+            # Keys that are missing, a middleware without security.
+            raise InputError(_without_places(error)) from None
         signals.tell(getattr(node, 'let_go', None))
         executor = StreamExecutor(node)
         # What lives until the end is not to be searched for garbage between two samples.
@@ -106,6 +109,11 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
+
+
+def _without_places(error: Exception) -> str:
+    """Return the words of an error of rcl without the places in its source, which help nobody."""
+    return re.sub(r',? at \S+:\d+', '', str(error))
 
 
 def _compile(logger: Any) -> None:
