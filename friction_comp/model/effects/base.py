@@ -62,6 +62,8 @@ class Effect(ABC):
         How many of the kind a model may have, with other constants.
     expected : bool
         Whether every drive has it, so that it takes less to believe in it.
+    shown_before : bool
+        Whether a search of its own found it in the recording, which counted its chance already.
     holds_on_another_day : bool
         Whether it may be expected in another recording of the same drive.
     sees_history : bool
@@ -86,12 +88,10 @@ class Effect(ABC):
     carried : bool
         Whether its constants hold the load that the other effects of the model carry.
     fades_at_rest : bool
-        Whether it is fed back in motion only: what the teeth hold at rest is held by friction, and
-        fed to the motor it would push a joint that nobody touches.
+        Whether it is fed back in motion only: at rest it would push a joint that nobody touches.
     held : dict of str to float
-        Signals of which nothing says how it goes on beyond what was seen, and the share of the
-        width of that by which it is continued on either side; from there on it keeps its value.
-        What follows a law of mechanics, repeats or fades is not held.
+        Signals of which no law says how it goes on beyond what was seen, and the share of that
+        width by which it is continued on either side; from there on it keeps its value.
     """
 
     name = ''
@@ -103,6 +103,7 @@ class Effect(ABC):
     signs: tuple[int, ...] = ()
     most = 1
     expected = False
+    shown_before = False
     holds_on_another_day = True
     sees_history = False
     reshapes = False

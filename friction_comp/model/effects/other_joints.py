@@ -94,6 +94,7 @@ class OtherJoints(Effect):
     role = CARRIES
     needs = ('coupling',)
     signs = (1,)
+    shown_before = True
     weight = True
 
     @classmethod

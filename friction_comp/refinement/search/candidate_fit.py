@@ -125,9 +125,16 @@ def least_share(trial: CandidateFit, data: FitData) -> float:
 def chance_of(kind: type[Effect], number: int) -> float:
     """Return the p-value an effect must stay below as one of a number tried (Bonferroni).
 
-    What every drive has is not one of many candidates for what is going on.
+    What every drive has is not one of many candidates for what is going on, and what a search of
+    its own has found is none any more.
+
+    Parameters
+    ----------
+    kind : type
+    number : int
+        How many were tried; 1 for what is in the model.
     """
-    return EXPECTED if kind.expected else ALPHA / max(number, 1)
+    return EXPECTED if kind.expected or kind.shown_before else ALPHA / max(number, 1)
 
 
 def adjust_constants(data: FitData, residual: np.ndarray, trial: CandidateFit,

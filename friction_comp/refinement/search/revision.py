@@ -19,6 +19,7 @@ from friction_comp.refinement.prepare.fit_data import FitData
 from friction_comp.refinement.search.candidate_fit import (
     adjust_constants,
     CandidateFit,
+    chance_of,
     mean_loss,
     Step,
     try_kind,
@@ -33,9 +34,7 @@ from friction_comp.refinement.search.stepwise import (
 )
 from friction_comp.refinement.thresholds import (
     ADJUSTED,
-    ALPHA,
     EXCHANGE,
-    EXPECTED,
     IN_DOUBT,
     LEAST_SHARE,
     PRODUCT,
@@ -137,9 +136,8 @@ def prune(data: FitData, chosen: Chosen) -> bool:
             continue
         evidence, poorer = evidence_of(data, chosen, place)
         loss = mean_loss(data, held_out_residual(data, poorer))
-        chance = EXPECTED if kind.expected else ALPHA
         if (evidence['advantage'] < max(LEAST_SHARE * loss, least)
-                or evidence['p_value'] > chance or not sound(chosen.fits, [place])
+                or evidence['p_value'] > chance_of(kind, 1) or not sound(chosen.fits, [place])
                 or not carries_over(poorer, chosen.fits, len(chosen.kinds))):
             chosen.fits, any_gone = refitted(chosen.fits, place), True
             place = len(poorer[0].terms)
