@@ -106,6 +106,8 @@ def try_once(folder, make):
             'joint_state_timeout': TIMEOUT, 'use_sim_time': simulated}) as process:
         rig = Rig(probe, process, simulated)
         rig.drive()
+        # What was sent before the fault is answered before it.
+        probe.spin_for(0.02)
         go_on = make(rig)
         begin = time.monotonic()
         delay = None
