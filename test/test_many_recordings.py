@@ -188,14 +188,24 @@ def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_a_cluster_without_workers_is_told(tmp_path, monkeypatch, capsys):
+def test_a_cluster_without_workers_that_can_do_the_work_is_told(tmp_path, monkeypatch, capsys):
     distributed = pytest.importorskip('distributed', reason='Dask is an extra')
     monkeypatch.setattr(tool, '_WORKER_PATIENCE', 0.2)
     trials(tmp_path / 'r', 2)
-    with distributed.LocalCluster(n_workers=0, dashboard_address=None, host='127.0.0.1') as empty:
+    with distributed.LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None,
+                                  host='127.0.0.1') as empty:
         assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out'),
                                 '--scheduler', empty.scheduler_address]) == 2
-    assert 'no workers' in capsys.readouterr().err
+        assert 'no workers' in capsys.readouterr().err
+        # One of another version, or without this package, is told before it gets anything to do.
+        empty.scale(1)
+        monkeypatch.setattr(tool, '_WORKER_PATIENCE', 60.0)
+        monkeypatch.setattr(tool, '__version__', 'of tomorrow')
+        assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out'),
+                                '--scheduler', empty.scheduler_address]) == 2
+    told = capsys.readouterr().err
+    assert 'has no friction_comp of tomorrow' in told
+    assert told.count('\n') == 1
 
 
 @pytest.mark.slow

@@ -19,6 +19,7 @@ import os
 import signal
 from typing import TYPE_CHECKING, TypeVar
 
+from friction_comp import __version__
 from friction_comp.attempts import attempt, Failure, in_turn, Outcomes, Runner
 from friction_comp.errors import InputError
 from friction_comp.tools.common import Arguments, whole_number
@@ -126,7 +127,7 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
                 raise InputError(f'--scheduler {scheduler}: no Dask scheduler answers there '
                                  f'({" ".join(str(error).split())})') from None
             with client:
-                _wait_for_worker(client, scheduler)
+                _check_workers(client, scheduler)
                 yield client
             return
         # An interrupt from the keyboard goes to all processes of the terminal. It is this one's to
@@ -148,13 +149,22 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
             cluster.close()
 
 
-def _wait_for_worker(client: Client, scheduler: str) -> None:
-    """Wait until there is somebody to do the work; clusters that grow on demand begin with none."""
+def _check_workers(client: Client, scheduler: str) -> None:
+    """Wait until somebody is there who can do the work: a worker without this package dies of it.
+
+    Clusters that grow on demand begin with no workers.
+    """
     try:
         client.wait_for_workers(1, timeout=_WORKER_PATIENCE)
     except TimeoutError:
         raise InputError(f'--scheduler {scheduler}: it has had no workers for '
                          f'{_WORKER_PATIENCE:.3g} s') from None
+    # Nothing of this package can be sent to ask whether it is there.
+    there = client.run(eval, "__import__('friction_comp').__version__", on_error='return')
+    for worker, version in there.items():
+        if version != __version__:
+            raise InputError(f'--scheduler {scheduler}: the worker {worker} has no friction_comp '
+                             f'{__version__} ({version})')
 
 
 def _spread(client: Client, work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
