@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,8 @@ _MOST_SAMPLES = 200_000
 # Losses in motion that differ by less are as good as each other.
 _AS_GOOD = 1.01
 _NEARLY_AS_GOOD = 1.05
+# Steepness times shift at which Eq. 6 is a quarter of the way from one plateau to the other.
+_MIDDLE_HALF = math.log(3.0)
 
 
 def final_fit(data: Measured, fits: list[Fit]) -> Fit:
@@ -48,12 +51,16 @@ def _with_transition(fit: Fit) -> Fit:
 
     It is centred at zero velocity, unless motion objects and standstill does not: a velocity that
     reads a little off zero at rest would move it to where the model is sure of friction at rest.
+    Wherever it is, standstill stays within its middle half, as in the note's three drives: at rest
+    friction has no direction.
     """
     centred = tune_transition(optimizer.center_sigmoid(fit))
     judge = _Judge(fit, _AS_GOOD)
     if not fit.shift or judge.errors(centred)[0] < _AS_GOOD * judge.errors(fit)[0]:
         return centred
     tilted = tune_transition(fit)
+    if abs(tilted.shift * tilted.steepness) > _MIDDLE_HALF:
+        return centred
     return tilted if judge.errors(tilted)[1] < judge.errors(centred)[1] else centred
 
 
