@@ -7,7 +7,8 @@
 A driver publishes joint states at 1 kHz and takes the time until the current that answers each;
 the compensator and a bare node, which sends back the positions that it gets, take turns. The table
 has the ratios of median, 99th percentile, and processor time, each the median over the pairs, and
-the ratio of the times from a process's start to its first answer. The longest pause is the longest
+the ratio of the times from a process's start to its first answer, and of the processor time that
+it took, which depends less on what else the machine does. The longest pause is the longest
 time between two answers in the SETTLING seconds after the first, while the compensator loads or
 compiles what it has begun with in plain Python; all pauses stand in the JSON.
 """
@@ -75,7 +76,10 @@ def processor_time(pid):
 
 
 def measure(kind, count, seconds, folder):
-    """Return s: round trips (N,), processor time per s, first answer, longest pause after it."""
+    """Return s: round trips (N,), processor time per s, first answer, longest pause after it.
+
+    And what it took of the processor until that answer.
+    """
     from ros_system import BEST_EFFORT, own_domain, probe_node
     from sensor_msgs.msg import JointState
     from std_msgs.msg import Float64MultiArray, Int8MultiArray
@@ -104,7 +108,7 @@ def measure(kind, count, seconds, folder):
                 send(0.0)
                 probe.spin_for(0.005)
                 assert time.perf_counter() - begin < 60.0, f'{kind} never answers'
-            first = arrived[0] - begin
+            first, spent = arrived[0] - begin, processor_time(process.pid)
             after = settle(probe, send, arrived)
             pause = float(np.diff(after).max())
             trips, used, began = [], processor_time(process.pid), time.perf_counter()
@@ -123,7 +127,7 @@ def measure(kind, count, seconds, folder):
         finally:
             process.terminate()
             process.wait()
-    return np.array(trips), share, first, pause
+    return np.array(trips), share, first, pause, spent
 
 
 def settle(probe, send, arrived):
@@ -146,7 +150,8 @@ def main():
     parser.add_argument('--json', metavar='FILE')
     arguments = parser.parse_args()
     results = {}
-    print('joints   median   99th percentile   processor   first answer   compensator / echo: '
+    print('joints   median   99th percentile   processor   first answer   its processor   '
+          'compensator / echo: '
           'median µs, first answer s, longest pause ms')
     with tempfile.TemporaryDirectory() as folder:
         for count in arguments.joints:
@@ -154,11 +159,11 @@ def main():
             for pair in range(arguments.pairs):
                 found = {kind: measure(kind, count, arguments.seconds, folder)
                          for kind in (('echo', 'compensator'), ('compensator', 'echo'))[pair % 2]}
-                ours, cost, first, pause = found['compensator']
-                bare, least, soon, rest = found['echo']
+                ours, cost, first, pause, spent = found['compensator']
+                bare, least, soon, rest, little = found['echo']
                 rows.append([np.median(ours) / np.median(bare),
                              np.percentile(ours, 99) / np.percentile(bare, 99), cost / least,
-                             first / soon])
+                             first / soon, spent / little])
                 times.append([1e6 * np.median(ours), 1e6 * np.median(bare), first, soon,
                               1e3 * pause, 1e3 * rest])
             ratios, sizes = np.median(rows, axis=0), np.median(times, axis=0)
@@ -166,7 +171,7 @@ def main():
                               'median_us': sizes[:2].tolist(), 'first_s': sizes[2:4].tolist(),
                               'pauses_ms': np.array(times)[:, 4:].tolist()}
             print(f'{count:6d} {ratios[0]:8.2f} {ratios[1]:17.2f} {ratios[2]:11.2f} '
-                  f'{ratios[3]:14.2f}   {sizes[0]:.0f} / {sizes[1]:.0f}, '
+                  f'{ratios[3]:14.2f} {ratios[4]:15.2f}   {sizes[0]:.0f} / {sizes[1]:.0f}, '
                   f'{sizes[2]:.2f} / {sizes[3]:.2f}, {sizes[4]:.1f} / {sizes[5]:.1f}', flush=True)
     if arguments.json:
         Path(arguments.json).write_text(json.dumps(results, indent=1), encoding='utf-8')
