@@ -44,6 +44,10 @@ class _PlainLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+class _QuotingDumper(yaml.SafeDumper):
+    """Quotes words that either version of YAML would take for a number: 3:00 as well as 0E0."""
+
+
 def _whole_number(loader: Any, node: Any) -> int:
     return int(loader.construct_scalar(node))
 
@@ -60,8 +64,9 @@ for _tag, _pattern, _first in (
         ('float', r'^(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?'
                   r'|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))$', '-+0123456789.'),
         ('null', r'^(?:~|null|Null|NULL|)$', ['~', 'n', 'N', ''])):
-    _PlainLoader.add_implicit_resolver(
-        f'tag:yaml.org,2002:{_tag}', re.compile(_pattern), list(_first))
+    for _either in (_PlainLoader, _QuotingDumper):
+        _either.add_implicit_resolver(
+            f'tag:yaml.org,2002:{_tag}', re.compile(_pattern), list(_first))
 _PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
@@ -136,8 +141,8 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
 
 def to_yaml(document: Any) -> str:
     """Return plain values as a YAML document; rows of numbers stay on one line."""
-    return str(yaml.safe_dump(
-        document, sort_keys=False, allow_unicode=True, width=96, default_flow_style=None))
+    return str(yaml.dump(document, Dumper=_QuotingDumper, sort_keys=False, allow_unicode=True,
+                         width=96, default_flow_style=None))
 
 
 def write_yaml(path: str | Path, document: Any) -> None:

@@ -83,6 +83,15 @@ def test_a_model_predicts_the_same_after_a_round_trip(model):
     assert again.predict(motion()) == pytest.approx(model.predict(motion()), rel=1e-7, abs=1e-9)
 
 
+@pytest.mark.parametrize('name', ['0E0', '3:00', '1_000', '08', 'true', '~', 'no', '.5', '*a'])
+def test_a_name_that_looks_like_something_else_stays_a_name(name, tmp_path):
+    model = FrictionModel.load(CONFIG / 'armin_configuration_1.yaml')
+    model.joint, model.notes = name, {'drawing': name}
+    model.save(tmp_path / 'model.yaml')
+    again = FrictionModel.load(tmp_path / 'model.yaml')
+    assert (again.joint, again.notes) == (name, {'drawing': name})
+
+
 @pytest.mark.parametrize('number', [1, 2, 3])
 def test_the_drives_of_the_note_load_and_survive_a_round_trip(number, tmp_path):
     model = FrictionModel.load(CONFIG / f'armin_configuration_{number}.yaml')
