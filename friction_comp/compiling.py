@@ -6,7 +6,7 @@ To import numba and to load compiled code takes most of the time in which a node
 compile anew takes many seconds. A process that is to begin soon calls `begin_plain` before it
 imports what is compiled: its kernels are then plain Python until `compile_rest`, in another
 thread, has compiled them for what they were called with. Each is exchanged between two calls, and
-gives the same numbers before and after.
+gives the same numbers before and after, but for the last bit of an exponential.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ def import_numba() -> None:
 
     Numba imports scipy only to see whether a BLAS is there, and coverage if it is installed. No
     kernel of this package multiplies matrices; in a process that compiles others the user is to
-    have them, so that libraries do not call this.
+    have them, so that libraries do not call this. Nor may another thread import scipy meanwhile:
+    the law, which runs beside it, needs none (`test_compiling`).
     """
     spared = [name for name in _SPARED if name not in sys.modules]
     # To Python's importer None is a module that is known to be missing.
