@@ -179,7 +179,7 @@ def test_ball_screw_of_the_emps_benchmark(tmp_path):
 def test_the_current_limit_is_the_largest_recorded_one_unless_given(given, limit, said):
     from argparse import Namespace
 
-    from friction_comp.tools.refine import limited
+    from friction_comp.tools.recorded_drive import limited
 
     time = np.arange(300) * 0.01
     recorded = Samples(time=time, position=np.sin(time), current=7.25 * np.cos(time))

@@ -85,8 +85,8 @@ def run(name: str, description: str, make_node: Callable[[], Any],
         raise InputError(f'ROS arguments: {_without_places(error)}') from None
     try:
         parser.parse_args(own)
-        # Where kernels are compiled at once: numba would import the rest of itself, and more, at the
-        # first call.
+        # Where kernels are compiled at once: numba would import the rest of itself, and more, at
+        # the first call.
         if 'numba' in sys.modules:
             import_numba()
         try:

@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
-import re
 from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import output_folder, progress, to_json
+from friction_comp.tools.recorded_drive import drive_of, folder_name, limited
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -41,7 +41,6 @@ def refine_whole_arm(arguments: Namespace) -> int:
     """
     from friction_comp.recordings.arm_reader import read_arm
     from friction_comp.refinement.whole_arm import refine_arm
-    from friction_comp.tools.refine import drive_of, limited
 
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
     models = _start_models(arguments)
@@ -126,11 +125,6 @@ def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None)
         folder / 'report.html')
     write_yaml(folder / 'model.yaml', arm_document(
         {name: one.model.to_dict() for name, one in result.results.items()}))
-
-
-def folder_name(joint: str) -> str:
-    """Return a joint's name as a folder may be called."""
-    return re.sub(r'[^\w.-]', '_', joint).lstrip('.') or '_'
 
 
 def _print(result: ArmResult) -> None:

@@ -17,6 +17,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
 from friction_comp.tools.processes import interrupts_deferred
+from friction_comp.tools.recorded_drive import drive_of, folder_name, limited, unit_of
 from friction_comp.tools.workers import for_workers, workers
 
 
@@ -109,7 +110,6 @@ def refine_each(arguments: Namespace) -> int:
 def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
     """Return what is refined by itself, and why some recordings cannot be."""
     from friction_comp.recordings import find_recordings, recorded_joints
-    from friction_comp.tools.refine_arm import folder_name
 
     found = find_recordings(arguments.recordings)
     above = Path(os.path.commonpath([path.absolute().parent for path in found]))
@@ -139,7 +139,6 @@ def _refined(arguments: Namespace, part: Part) -> Refined:
     from friction_comp.recordings import read_recording_with_info
     from friction_comp.refinement import refine
     from friction_comp.reports.refinement_report import refinement_report
-    from friction_comp.tools.refine import drive_of, limited, unit_of
 
     begin = time.monotonic()
     model = FrictionModel.load(arguments.model, part.joint) if arguments.model else None

@@ -1,0 +1,69 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a tool's arguments and a recording say together of the drive that was recorded."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import replace
+import re
+from typing import TYPE_CHECKING
+
+from friction_comp.drive import Drive
+
+if TYPE_CHECKING:
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.samples import Samples
+
+
+def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
+    """Return the drive: that of the model, else of the arguments, else of one A per N·m."""
+    given = {name: value for name, value in (
+        ('torque_constant', arguments.torque_constant), ('gear_ratio', arguments.gear_ratio))
+        if value is not None}
+    if model is not None:
+        return replace(model.drive, **given)
+    return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **given})
+
+
+def limited(arguments: Namespace, drive: Drive, recorded: list[Samples]
+            ) -> tuple[Drive, dict[str, str]]:
+    """Return the drive with its current limit, and a note on where that is from.
+
+    A recording that nobody has said a limit for shows one current that the drive can take for
+    certain: the largest one in it. It is taken as it is, neither more nor less.
+
+    Parameters
+    ----------
+    arguments : Namespace
+    drive : Drive
+    recorded : list of Samples
+    """
+    import numpy as np
+
+    if arguments.current_limit:
+        return replace(drive, current_limit=arguments.current_limit), {}
+    largest = max((float(np.nanmax(np.abs(samples.current))) for samples in recorded
+                   if np.isfinite(samples.current).any()), default=0.0)
+    if arguments.model or not largest > 0.0:
+        return drive, {}
+    return (replace(drive, current_limit=float(f'{largest:.4g}')),
+            {'current_limit': 'the largest current recorded, since no other limit was given'})
+
+
+def unit_of(arguments: Namespace, model: FrictionModel | None) -> str:
+    """Return the unit of what is fitted: current where the drive is known, else effort's own.
+
+    Where effort holds something else still (a servo's voltage, a linear axis' force) only the
+    user knows: then ``--unit`` says so.
+    """
+    known = model is not None or arguments.torque_constant is not None or (
+        arguments.gear_ratio is not None)
+    if model is not None and not (arguments.torque_constant or arguments.gear_ratio):
+        return str(model.notes.get('unit', 'A'))
+    return 'A' if known else 'N·m'
+
+
+def folder_name(joint: str) -> str:
+    """Return a joint's name as a folder may be called."""
+    return re.sub(r'[^\w.-]', '_', joint).lstrip('.') or '_'
