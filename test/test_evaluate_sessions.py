@@ -14,6 +14,7 @@ from test_evaluate import PERIOD, REST, STEP, trial
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate
+from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.repetitions import log_dimensionless_jerk, spectral_arc_length
 from friction_comp.evaluation.sessions import evaluate_recordings
@@ -223,6 +224,46 @@ def test_a_stream_finds_the_same_movements_as_the_whole(tmp_path):
             assert b.begin == pytest.approx(a.begin, abs=1e-6)
             assert b.figures['peak_torque'] == pytest.approx(a.figures['peak_torque'])
             assert b.figures['rms_torque'] == pytest.approx(a.figures['rms_torque'], rel=1e-3)
+
+
+def test_averages_are_those_of_all_curves_though_none_is_kept():
+    random = np.random.default_rng(0)
+    lengths = [2400, 2700, 2500, 2600]
+    curves = [{'load': random.normal(1.0, 0.2, n), 'position': 3.0 + random.normal(size=n)}
+              for n in lengths]
+    # One begins late, as after a short standstill.
+    for one in curves[1].values():
+        one[:300] = np.nan
+    two, all_of_them = Ensemble(), Ensemble()
+    for one in curves[:2]:
+        two.add(Ensemble.of(one))
+    for part in (two, Ensemble.of(curves[2]), Ensemble.of(curves[3])):
+        all_of_them.add(part)
+    time, points = all_of_them.points(10.0)
+    assert (points[0], points[-1]) == (300, 2399)
+    assert time[0] == pytest.approx(-0.7)
+    for name in ('load', 'position'):
+        rows = np.array([one[name][300:2400] for one in curves])
+        mean, spread = all_of_them.mean_and_std(name, points)
+        np.testing.assert_allclose(mean, rows.mean(axis=0))
+        np.testing.assert_allclose(spread, rows.std(axis=0, ddof=1), rtol=1e-6)
+        assert all_of_them.rms(name, points) == pytest.approx(np.sqrt((rows ** 2).mean()))
+        assert all_of_them.known_by_all(name, points)
+    assert not all_of_them.known_by_all('reference_position', points)
+    assert np.isnan(all_of_them.mean_and_std('reference_position', points)[0]).all()
+    # A thousand more take no more memory.
+    size = sum(sums.nbytes for sums in all_of_them.sums.values())
+    for _ in range(1000):
+        all_of_them.add(two)
+    assert sum(sums.nbytes for sums in all_of_them.sums.values()) == size
+    assert all_of_them.count == 2004
+
+
+def test_curves_go_when_they_are_summed_up(tmp_path):
+    write_samples(tmp_path / 'r', both([1.0] * 6))
+    evaluation, = evaluate_recordings([tmp_path / 'r'])
+    assert not any(r.curves for r in evaluation.repetitions)
+    assert all(np.isfinite(c.torque).all() for c in evaluation.conditions)
 
 
 def record_with_diagnostics(path, samples, changes, change=lambda message: None):

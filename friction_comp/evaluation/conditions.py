@@ -15,12 +15,13 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.evaluation.compare import compare
+from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.outcome import Condition, Evaluation
 from friction_comp.evaluation.repetitions import (
     FIGURES,
-    LEAD,
+    Help,
     measure,
     NAMES,
     PEAK_LEAD,
@@ -33,8 +34,11 @@ if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-__all__ = ['Condition', 'Evaluation', 'evaluate', 'evaluate_repetitions', 'repetitions_of']
+__all__ = ['Averages', 'Condition', 'Evaluation', 'evaluate', 'evaluate_repetitions',
+           'repetitions_of', 'sum_up']
 
+# The curves of movements of one kind.
+Averages = dict[tuple[Help, int, int, int], Ensemble]
 # Repetitions that last much longer or shorter than the usual one, by this share, are odd.
 _ODD = 0.25
 # s by which sums of sample times may be off.
@@ -80,11 +84,20 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
         if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
         repetitions.extend(found)
-    return evaluate_repetitions(recordings[0].joint, repetitions, model, notes)
+    averages: Averages = {}
+    sum_up(repetitions, averages)
+    return evaluate_repetitions(recordings[0].joint, repetitions, averages, model, notes)
 
 
-def evaluate_repetitions(joint: str, repetitions: list[Repetition], model: str | None = None,
-                         notes: list[str] | None = None) -> Evaluation:
+def sum_up(repetitions: Sequence[Repetition], averages: Averages) -> None:
+    """Take the curves of movements into the averages; they are not kept."""
+    for repetition in repetitions:
+        averages.setdefault(repetition.kind, Ensemble()).add(Ensemble.of(repetition.curves))
+        repetition.curves = {}
+
+
+def evaluate_repetitions(joint: str, repetitions: list[Repetition], averages: Averages,
+                         model: str | None = None, notes: list[str] | None = None) -> Evaluation:
     """Evaluate movements that were measured one by one.
 
     Parameters
@@ -92,6 +105,8 @@ def evaluate_repetitions(joint: str, repetitions: list[Repetition], model: str |
     joint : str
     repetitions : list of Repetition
         At least one.
+    averages : dict
+        What `sum_up` made of their curves.
     model : str, optional
         The model file that was active.
     notes : list of str, optional
@@ -116,7 +131,7 @@ def evaluate_repetitions(joint: str, repetitions: list[Repetition], model: str |
     for key in sorted(groups):
         usual = _usual(groups[key], evaluation.notes)
         kept.extend(usual)
-        evaluation.conditions.append(_condition(usual, evaluation.notes))
+        evaluation.conditions.append(_condition(usual, averages, evaluation.notes))
     evaluation.comparisons = compare(kept)
     evaluation.trends = trends(kept)
     return evaluation
@@ -181,9 +196,8 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
 
 
 def _usual(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
-    durations = np.array([r.duration for r in repetitions])
-    usual = float(np.median(durations))
-    kept = [r for r, d in zip(repetitions, durations) if abs(d - usual) <= _ODD * usual]
+    usual = float(np.median([r.usual_duration for r in repetitions]))
+    kept = [r for r in repetitions if abs(r.usual_duration - usual) <= _ODD * usual]
     if len(kept) < len(repetitions):
         notes.append(
             f'{len(repetitions) - len(kept)} repetitions with {repetitions[0].help.label} lasted '
@@ -192,12 +206,15 @@ def _usual(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
     return kept or repetitions
 
 
-def _condition(kept: list[Repetition], notes: list[str]) -> Condition:
-    first = kept[0]
-    time, curves = _ensemble(kept)
-    mean, spread = _mean_and_std(curves['load'])
-    middle, deviation = _mean_and_std(curves['position'])
-    peak, rms, constant = _of_average(kept, time, curves['load'], mean)
+def _condition(kept: list[Repetition], averages: Averages, notes: list[str]) -> Condition:
+    first, ensemble = kept[0], Ensemble()
+    for kind in dict.fromkeys(r.kind for r in kept):
+        ensemble.add(averages[kind])
+    time, points = ensemble.points(float(np.median([r.duration for r in kept])))
+    mean, spread = ensemble.mean_and_std('load', points)
+    middle, deviation = ensemble.mean_and_std('position', points)
+    shown = ensemble.known_by_all('reference_position', points)
+    peak, constant = _of_average(kept, time, mean)
     peaks = [r.figures['peak_torque'] for r in kept if 'peak_torque' in r.figures]
     restless = sum(r.restless for r in kept)
     if restless:
@@ -211,57 +228,23 @@ def _condition(kept: list[Repetition], notes: list[str]) -> Condition:
         peak_torque=float(abs(mean[peak])),
         peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
             0.0 if peaks else float('nan')),
-        peak_time=float(time[peak]) if peaks else float('nan'), rms_torque=rms,
+        peak_time=float(time[peak]) if peaks else float('nan'),
+        rms_torque=ensemble.rms('load', points[time >= 0.0]),
         mean_torque_constant_velocity=constant, false_starts=starts,
         figures={name: mean_interval(values) for name in FIGURES if (values := [
             r.figures[name] for r in kept if name in r.figures])},
         false_start_share=share_interval(starts, len(kept)),
         time=time, torque=mean, torque_std=spread, position=middle, position_std=deviation,
-        reference=np.mean(curves['reference_position'], axis=0)
-        if np.isfinite(curves['reference_position']).all() else None)
+        reference=ensemble.mean_and_std('reference_position', points)[0] if shown else None)
 
 
-def _ensemble(kept: list[Repetition]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return the curves of all repetitions on one time base, each of shape (R, N).
-
-    It ends where the first of them ends: an average over fewer would jump there.
-    """
-    step = max(float(np.median(np.diff(r.time))) for r in kept)
-    usual = float(np.median([r.duration for r in kept]))
-    time = np.arange(-round(LEAD / step), round(usual / step) + 1) * step
-    curves = {}
-    for name in ('load', 'position', 'reference_position'):
-        curves[name] = np.array([
-            np.interp(time, r.time, r.curves[name], left=np.nan, right=np.nan)
-            if name in r.curves else np.full(len(time), np.nan) for r in kept])
-    whole = np.isfinite(curves['position']).all(axis=0)
-    if not (whole & (time >= 0)).any():
-        whole = np.isfinite(curves['position']).any(axis=0)
-    return time[whole], {name: values[:, whole] for name, values in curves.items()}
-
-
-def _of_average(kept: list[Repetition], time: np.ndarray, torque: np.ndarray,
-                mean: np.ndarray) -> tuple[int, float, float]:
-    """Return where the averaged torque peaks, its RMS and its mean at constant velocity."""
+def _of_average(kept: list[Repetition], time: np.ndarray, mean: np.ndarray) -> tuple[int, float]:
+    """Return where the averaged torque peaks, and its mean at constant velocity."""
     slowing = np.median([r.movement.constant_end - r.movement.begin for r in kept])
     steady = np.median([r.movement.constant_begin - r.movement.begin for r in kept])
     # Samples at the ends count, however their times were rounded.
     counted = (time >= -PEAK_LEAD - _ROUNDING) & (time <= slowing + _ROUNDING)
     peak = int(np.argmax(np.where(counted, np.nan_to_num(np.abs(mean), nan=-1.0), -1.0)))
-    moving, constant = time >= 0.0, (time <= slowing) & (time >= steady)
-    known = np.isfinite(torque).all(axis=1)
-    if not known.any():
-        return peak, float('nan'), float('nan')
-    rms = float(np.sqrt(np.mean(torque[known][:, moving] ** 2)))
-    along = float(kept[0].movement.sign * np.mean(mean[constant])) if constant.any() \
-        else float('nan')
-    return peak, rms, along
-
-
-def _mean_and_std(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    known = values[np.isfinite(values).all(axis=1)]
-    if not len(known):
-        nothing = np.full(values.shape[1], np.nan)
-        return nothing, nothing
-    spread = np.std(known, axis=0, ddof=1) if len(known) > 1 else np.zeros(values.shape[1])
-    return np.mean(known, axis=0), spread
+    constant = (time <= slowing) & (time >= steady)
+    return peak, (float(kept[0].movement.sign * np.mean(mean[constant]))
+                  if constant.any() else float('nan'))

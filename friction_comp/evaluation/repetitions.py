@@ -6,12 +6,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+import math
 from pathlib import Path
 import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.evaluation.ensemble import grid, LEAD
 from friction_comp.evaluation.movements import measured_velocity
 
 if TYPE_CHECKING:
@@ -19,16 +21,16 @@ if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-# s before a movement that the figure shows, and that count for its peak.
-LEAD, PEAK_LEAD = 1.0, 0.5
+# s before a movement that count for its peak.
+PEAK_LEAD = 0.5
 # A joint has started by itself when it covers this share of the movement while the person does
 # not push that way, by this share of the torque's peak.
 STARTED, _PUSHED = 0.01, 0.1
 # s for which the joint must have been still before; an oscillation is no start.
 _STILL = 0.2
-# s between the points of the curves that are kept: every sample at 1 kHz, for a coarser curve may
-# miss the peak.
-_CURVE_STEP = 1e-3
+# Movements whose durations differ by no more than this share are of one pace: whether they are
+# averaged is decided for all of a pace together.
+_PACE = 0.05
 # Encoder steps that a joint moves when it has set out.
 _LEAST_STEPS = 3
 # Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): Hz that count, share of
@@ -94,11 +96,10 @@ class Repetition:
         The joint set out during the standstill and, as far as torque was measured, unpushed.
     restless : bool
         The joint kept moving to and fro before the movement.
-    time : ndarray
-        s since the movement began, shape (N,), evenly spaced.
     curves : dict of str to ndarray
-        'load', 'position' and 'reference_position', as far as recorded, NaN beyond the
-        recording and before the standstill, shape (N,).
+        'load', 'position' and 'reference_position', as far as recorded, at the times of
+        `friction_comp.evaluation.ensemble.grid`, NaN beyond the recording and before the
+        standstill; empty once they are summed up.
     """
 
     recording: str
@@ -109,13 +110,27 @@ class Repetition:
     figures: dict[str, float]
     false_start: bool
     restless: bool
-    time: np.ndarray
     curves: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
         """Time in s from begin to end of the movement."""
         return self.movement.end - self.movement.begin
+
+    @property
+    def pace(self) -> int:
+        """Which durations it is alike to."""
+        return round(math.log(self.duration) / _PACE)
+
+    @property
+    def usual_duration(self) -> float:
+        """Duration in s in the middle of its pace."""
+        return math.exp(_PACE * self.pace)
+
+    @property
+    def kind(self) -> tuple[Help, int, int, int]:
+        """What all movements have in common whose curves are summed up together."""
+        return self.help, self.movement.sign, self.movement.direction, self.pace
 
 
 def measure(samples: Samples, movement: Movement, name: str = '',
@@ -157,14 +172,11 @@ def measure(samples: Samples, movement: Movement, name: str = '',
         jerk = log_dimensionless_jerk(velocity, samples.sample_time)
         if np.isfinite(jerk):
             figures['log_jerk'] = jerk
-    step = max(samples.sample_time, _CURVE_STEP)
-    time = np.arange(-round(LEAD / step), round((movement.end - movement.begin) / step * 1.25)
-                     + 1) * step
     return Repetition(
         name, _day(info, movement), movement.begin, movement, _help(samples, movement, info),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         _started_by_itself(samples, movement, figures.get('peak_torque')),
-        _restless(samples, movement), time, _curves(samples, movement, time))
+        _restless(samples, movement), _curves(samples, movement))
 
 
 def _between(samples: Samples, begin: float, end: float) -> slice:
@@ -297,8 +309,8 @@ def log_dimensionless_jerk(velocity: np.ndarray, sample_time: float) -> float:
     return float(-np.log(duration ** 3 / top ** 2 * total)) if top > 0 < total else float('nan')
 
 
-def _curves(samples: Samples, movement: Movement, time: np.ndarray) -> dict[str, np.ndarray]:
-    at = movement.begin + time
+def _curves(samples: Samples, movement: Movement) -> dict[str, np.ndarray]:
+    at = movement.begin + grid(movement.end - movement.begin)
     curves = {}
     for name in ('load', 'position', 'reference_position'):
         values = getattr(samples, name)

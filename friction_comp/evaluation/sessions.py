@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,10 +13,13 @@ from typing import TYPE_CHECKING
 from friction_comp.attempts import Failure, in_turn, Runner
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import (
+    Averages,
     evaluate_repetitions,
     Evaluation,
     repetitions_of,
+    sum_up,
 )
+from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.repetitions import Repetition
 from friction_comp.recordings import (
     find_recordings,
@@ -48,9 +51,18 @@ class Measured:
     """What was measured of a piece."""
 
     joint: str
-    repetitions: list[Repetition]
-    notes: list[str]
-    model: str | None
+    repetitions: list[Repetition] = field(default_factory=list)
+    averages: Averages = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    models: list[str] = field(default_factory=list)
+
+    def add(self, other: Measured) -> None:
+        """Take in what was measured of another piece of the same joint."""
+        self.repetitions += other.repetitions
+        for kind, ensemble in other.averages.items():
+            self.averages.setdefault(kind, Ensemble()).add(ensemble)
+        self.notes += other.notes
+        self.models += other.models
 
 
 def pieces_of(paths: Sequence[str | Path], joint: str | None = None
@@ -138,29 +150,39 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     InputError
         If nothing can be used; the first reason.
     """
-    outcomes: dict[int, Measured | Failure] = {}
-    work = partial(_measured, friction=friction, seconds=seconds)
-    for number, outcome in run(work, pieces) if pieces else ():
-        outcomes[number] = outcome
-        if progress:
-            progress(len(outcomes) / len(pieces))
-    joints: dict[str, list[Measured]] = {}
+    joints: dict[str, Measured] = {}
     left_out = list(failures)
-    for number in sorted(outcomes):
-        outcome = outcomes[number]
+    work = partial(_measured, friction=friction, seconds=seconds)
+    for outcome in _in_order(run(work, pieces) if pieces else (), len(pieces), progress):
         if isinstance(outcome, Failure):
             left_out.append(outcome)
         else:
-            joints.setdefault(outcome.joint, []).append(outcome)
+            joints.setdefault(outcome.joint, Measured(outcome.joint)).add(outcome)
     if not joints:
         raise InputError(left_out[0].reason)
     said = [f'left out: {failure.reason}' for failure in left_out]
     active = ', '.join(dict.fromkeys(
-        part.model for parts in joints.values() for part in parts if part.model)) or None
+        model for found in joints.values() for model in found.models)) or None
     return [evaluate_repetitions(
-        name, [r for part in parts for r in part.repetitions], active,
-        [note for part in parts for note in part.notes] + said)
-        for name, parts in joints.items()]
+        name, found.repetitions, found.averages, active, found.notes + said)
+        for name, found in joints.items()]
+
+
+def _in_order(outcomes: Iterable[tuple[int, Measured | Failure]], count: int,
+              progress: Callable[[float], None] | None) -> Iterator[Measured | Failure]:
+    """Yield outcomes in the order of the pieces: sums are the same however the work is shared."""
+    waiting: dict[int, Measured | Failure] = {}
+    done = due = 0
+    for number, outcome in outcomes:
+        waiting[number], done = outcome, done + 1
+        if progress:
+            progress(done / count)
+        while due in waiting:
+            yield waiting.pop(due)
+            due += 1
+    # Behind one that never came, where the work was broken off.
+    for number in sorted(waiting):
+        yield waiting[number]
 
 
 def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> Measured:
@@ -169,6 +191,7 @@ def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> M
     drive = friction.drive if friction is not None else None
     constants = (drive.torque_constant, drive.gear_ratio) if drive is not None else (1.0, 1.0)
     found: list[Repetition] = []
+    averages: Averages = {}
     notes: list[str] = []
     held: Samples | None = None
     info = None
@@ -184,12 +207,13 @@ def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> M
         end = held.time[-1] - (0.0 if whole else seconds)
         closed = [r for r in repetitions_of(held, str(path), info, friction, notes, whole)
                   if whole or r.movement.end < end]
+        sum_up(closed, averages)
         found.extend(closed)
         held = held.take(held.time >= (closed[-1].movement.end if closed else end))
     assert info is not None
     if not found:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
-    return Measured(info.joint, found, notes, info.model)
+    return Measured(info.joint, found, averages, notes, [info.model] if info.model else [])
 
 
 def _joined(first: Samples, second: Samples) -> Samples:
