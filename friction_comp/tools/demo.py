@@ -21,17 +21,7 @@ SCENES = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the demo.
-
-    Parameters
-    ----------
-    argv : list of str, optional
-        The process's own arguments by default.
-
-    Returns
-    -------
-    int
-        0.
+    """Run one scene of the demo and write its report; returns 0.
 
     Raises
     ------

@@ -37,12 +37,7 @@ _STYLES = {'ok': ('green', 'ok'), 'note': ('cyan', 'note'), 'warning': ('yellow'
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Look and report.
-
-    Parameters
-    ----------
-    argv : list of str, optional
-        The process's own arguments by default.
+    """Look at the installation and at what runs, and print what was found.
 
     Returns
     -------

@@ -13,17 +13,7 @@ from friction_comp.tools.workers import add_workers, for_workers, workers
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Evaluate recorded trials, compare their conditions, and follow them over the days.
-
-    Parameters
-    ----------
-    argv : list of str, optional
-        The process's own arguments by default.
-
-    Returns
-    -------
-    int
-        0.
+    """Evaluate recorded trials and write report.json, report.html and repetitions.csv; returns 0.
 
     Raises
     ------

@@ -20,17 +20,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write one row per joint state: time (s), measured and predicted current (A).
-
-    Parameters
-    ----------
-    argv : list of str, optional
-        The process's own arguments by default.
-
-    Returns
-    -------
-    int
-        0.
+    """Write a row for each joint state: time (s), measured, predicted current (A); returns 0.
 
     Raises
     ------

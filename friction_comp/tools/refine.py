@@ -14,17 +14,7 @@ from friction_comp.tools.workers import add_workers
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Refine a model and write report.json, report.html and model.yaml.
-
-    Parameters
-    ----------
-    argv : list of str, optional
-        The process's own arguments by default.
-
-    Returns
-    -------
-    int
-        0.
+    """Refine a model and write report.json, report.html and model.yaml; returns 0.
 
     Raises
     ------

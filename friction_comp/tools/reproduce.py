@@ -17,17 +17,7 @@ figures beside ours."""
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Reproduce the note.
-
-    Parameters
-    ----------
-    argv : list of str, optional
-        The process's own arguments by default.
-
-    Returns
-    -------
-    int
-        0.
+    """Repeat the note's experiments and write results.json and report.html; returns 0.
 
     Raises
     ------

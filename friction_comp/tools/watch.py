@@ -31,17 +31,7 @@ _RATE = 100.0
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Serve the page until it is interrupted.
-
-    Parameters
-    ----------
-    argv : list of str, optional
-        The process's own arguments by default.
-
-    Returns
-    -------
-    int
-        0.
+    """Serve the page until it is interrupted; returns 0.
 
     Raises
     ------
