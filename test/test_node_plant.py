@@ -191,9 +191,46 @@ def test_a_plant_starts_only_with_usable_input(room, parameters, words):
     refuses(room, 'plant', parameters, words)
 
 
-def answers(references, stamp):
-    """Tell whether the last reference is that of a tick; one before it may have come late."""
-    return references and nanoseconds(references[-1].header.stamp) == stamp
+class Ticks:
+    """Gives an exercise of `JOINTS` its time by hand, and hears what it makes of it."""
+
+    begin = 10**9
+
+    def __init__(self, probe):
+        self.probe = probe
+        self.clock = probe.talk(Clock, '/clock')
+        self.states = probe.talk(JointState, 'joint_states')
+        self.references = probe.listen(JointState, 'reference')
+        self.directions = probe.listen(Int8MultiArray, 'direction')
+        probe.matched(self.clock)
+        probe.matched(self.states)
+        probe.until(lambda: probe.count_publishers('reference'), 'a publisher')
+        probe.spin_for(0.2)
+        # Before a joint state has come, nobody holds the joints.
+        probe.until(lambda: self.tick(self.begin) or probe.spin_for(0.1) or self.references,
+                    'a reference')
+
+    def tick(self, stamp):
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
+        self.clock.publish(message)
+
+    def find_joints(self):
+        """Tell where the joints are: the elbow at 2 rad, the shoulder at 1 rad."""
+        self.states.publish(joint_state(self.begin, ['shoulder', 'elbow'], [1.0, 2.0]))
+
+    def reference(self, stamp):
+        """Tick and return the reference of that tick; one before it may have come late."""
+        self.tick(stamp)
+        self.probe.until(
+            lambda: self.references and nanoseconds(self.references[-1].header.stamp) == stamp,
+            'the reference of the tick')
+        return self.references[-1]
+
+    def announced(self, count):
+        """Return the first directions, when there are so many."""
+        self.probe.until(lambda: len(self.directions) >= count, 'all directions')
+        return [tuple(message.data) for message in self.directions[:count]]
 
 
 def test_the_exercise_follows_the_ticks(room):
@@ -205,43 +242,24 @@ def test_the_exercise_follows_the_ticks(room):
             'when_done': 'exit', 'input_reliability': 'reliable', 'amplitude': 0.2, 'speed': 0.4,
             'acceleration_time': 0.1, 'standstill': 0.3, 'announcement': 0.1,
             'repetitions': 1}) as process:
-        clock = probe.talk(Clock, '/clock')
-        states = probe.talk(JointState, 'joint_states')
-        references = probe.listen(JointState, 'reference')
-        directions = probe.listen(Int8MultiArray, 'direction')
-        probe.matched(clock)
-        probe.matched(states)
-        probe.until(lambda: probe.count_publishers('reference'), 'a publisher')
-        probe.spin_for(0.2)
-        start = 10**9
-
-        def tick(stamp):
-            message = Clock()
-            message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
-            clock.publish(message)
-        # Before a joint state has come, nobody holds the joints.
-        probe.until(lambda: tick(start) or probe.spin_for(0.1) or references, 'a reference')
-        assert not references[-1].name
+        ticks = Ticks(probe)
+        assert not ticks.references[-1].name
         # Nor does it begin at a later tick before it knows where they are.
-        references.clear()
-        tick(start + 5_000_000)
+        ticks.references.clear()
+        ticks.tick(ticks.begin + 5_000_000)
         probe.spin_for(0.3)
-        assert all(nanoseconds(m.header.stamp) == start for m in references)
-        states.publish(joint_state(start, ['shoulder', 'elbow'], [1.0, 2.0]))
+        assert all(nanoseconds(m.header.stamp) == ticks.begin for m in ticks.references)
+        ticks.find_joints()
         count = round(movement.duration * 100) + 1
-        stamps = [start + (k + 1) * 10_000_000 for k in range(count)]
+        stamps = [ticks.begin + (k + 1) * 10_000_000 for k in range(count)]
         for stamp in stamps:
-            tick(stamp)
-            probe.until(lambda stamp=stamp: answers(references, stamp),
-                        'the reference of the tick')
-            got = references[-1]
+            got = ticks.reference(stamp)
             position, velocity, _ = movement.at((stamp - stamps[0]) / 1e9)
             assert list(got.name) == JOINTS
             np.testing.assert_allclose(got.position, [2.0, 1.0 + position], atol=1e-12)
             np.testing.assert_allclose(got.velocity, [0.0, velocity], atol=1e-12)
-        probe.until(lambda: len(directions) >= count, 'all directions')
-        wanted = [[0, movement.at((stamp - stamps[0]) / 1e9)[2]] for stamp in stamps]
-        assert [list(m.data) for m in directions[:count]] == wanted
+        wanted = [(0, movement.at((stamp - stamps[0]) / 1e9)[2]) for stamp in stamps]
+        assert ticks.announced(count) == wanted
         assert {1, -1} <= {row[1] for row in wanted}
         assert process.wait() == 0
 
@@ -271,34 +289,17 @@ def test_an_exercise_of_two_joints_announces_each_by_itself(room):
     with probe_node() as probe, Process(room, 'exercise', {
             'joints': JOINTS, 'exercise_file': str(example), 'clock': 'ticks',
             'when_done': 'exit', 'input_reliability': 'reliable'}) as process:
-        clock = probe.talk(Clock, '/clock')
-        states = probe.talk(JointState, 'joint_states')
-        references = probe.listen(JointState, 'reference')
-        directions = probe.listen(Int8MultiArray, 'direction')
-        probe.matched(clock)
-        probe.matched(states)
-        probe.until(lambda: probe.count_publishers('reference'), 'a publisher')
-        probe.spin_for(0.2)
-        start = 10**9
-
-        def tick(stamp):
-            message = Clock()
-            message.clock.sec, message.clock.nanosec = divmod(stamp, 10**9)
-            clock.publish(message)
-        probe.until(lambda: tick(start) or probe.spin_for(0.1) or references, 'a reference')
-        states.publish(joint_state(start, ['shoulder', 'elbow'], [1.0, 2.0]))
+        ticks = Ticks(probe)
+        ticks.find_joints()
         # After the last of these the node ends, and answers no more.
-        stamps = [start + (k + 1) * 50_000_000 for k in range(round(script.duration * 20) + 1)]
+        stamps = [ticks.begin + (k + 1) * 50_000_000
+                  for k in range(round(script.duration * 20) + 1)]
         for stamp in stamps:
-            tick(stamp)
-            probe.until(lambda stamp=stamp: answers(references, stamp),
-                        'the reference of the tick')
+            got = ticks.reference(stamp)
             position, velocity, _ = script.at((stamp - stamps[0]) / 1e9)
-            np.testing.assert_allclose(
-                references[-1].position, [2.0, 1.0] + position, atol=1e-12)
-            np.testing.assert_allclose(references[-1].velocity, velocity, atol=1e-12)
-        probe.until(lambda: len(directions) >= len(stamps), 'all directions')
-        got = [tuple(m.data) for m in directions[:len(stamps)]]
-        assert got == [tuple(script.at((s - stamps[0]) / 1e9)[2]) for s in stamps]
-        assert {(1, 1), (-1, 1)} <= set(got), 'the elbow turns round, the shoulder goes on'
+            np.testing.assert_allclose(got.position, [2.0, 1.0] + position, atol=1e-12)
+            np.testing.assert_allclose(got.velocity, velocity, atol=1e-12)
+        announced = ticks.announced(len(stamps))
+        assert announced == [tuple(script.at((s - stamps[0]) / 1e9)[2]) for s in stamps]
+        assert {(1, 1), (-1, 1)} <= set(announced), 'the elbow turns round, the shoulder goes on'
         assert process.wait() == 0
