@@ -2,10 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `watch` costs the compensator: its processor time for each joint state, without and with.
 
-Seven joints at 1 kHz, five pieces without the page in turn with five with it; a client opens the
-page. Processor time, not wall-clock time: other processes on the machine matter little.
+    python3 bench/watch_cost.py [--beside KIND] [--pieces N] [--without-driver]
+
+Seven joints at 1 kHz under a driver that hears the commands, as every robot has one: DDS takes much
+longer for the first reader of a topic than for the next (--without-driver shows it). Pieces without
+company take turns with pieces with it. The company is the page with a client that opens it; or, to
+see where its cost comes from, one reader of a topic that does nothing with it
+(--beside current_command), or a process that only computes (--beside work). It is
+processor time, not wall-clock time, over the states that the compensator says it has taken; but
+processes that share caches and clock make each other slower, which `work` shows.
 """
 
+import argparse
 from contextlib import ExitStack
 import os
 from pathlib import Path
@@ -19,7 +27,25 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 JOINTS = [f'joint_{k}' for k in range(1, 8)]
-PIECES, SECONDS, RATE = 5, 4.0, 1000.0
+SECONDS, RATE = 5.0, 1000.0
+READER = """
+from importlib import import_module
+import sys
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+rclpy.init()
+node = rclpy.create_node('reader')
+room, _, name = sys.argv[2].partition('/')
+node.create_subscription(getattr(import_module(f'{room}.msg'), name), sys.argv[1], lambda _: None,
+                         qos_profile_sensor_data, raw=True)
+try:
+    rclpy.spin(node)
+except rclpy.executors.ExternalShutdownException:
+    pass
+"""
+KINDS = {'current_command': 'std_msgs/Float64MultiArray',
+         'joint_states': 'sensor_msgs/JointState',
+         '/diagnostics': 'diagnostic_msgs/DiagnosticArray'}
 
 
 def processor_time(pid):
@@ -29,9 +55,11 @@ def processor_time(pid):
 
 
 def drive(probe, publisher, seconds):
-    """Publish joint states for a time and return how many there were."""
-    from ros_system import joint_state
+    """Publish joint states for a time; return how many a second were taken."""
+    from ros_system import joint_state, value_of
 
+    probe.spin_for(0.01)
+    probe.heard['/diagnostics'].clear()
     begin, count = time.monotonic(), 0
     while (passed := time.monotonic() - begin) < seconds:
         if count < passed * RATE:
@@ -40,58 +68,87 @@ def drive(probe, publisher, seconds):
             count += 1
         else:
             time.sleep(2e-4)
-    return count
+    probe.spin_for(0.01)
+    rates = [float(value_of(status, 'joint_states rate [Hz]'))
+             for message in probe.heard['/diagnostics'] for status in message.status
+             if status.name.startswith('compensator')]
+    # The first second began before this piece.
+    return float(np.mean(rates[1:] or rates or [np.nan]))
 
 
-def open_page():
-    """Start the page and a client of it; return what ends them."""
-    server = subprocess.Popen(
-        [sys.executable, '-m', 'friction_comp', 'watch', '--port', '0', '--joint', *JOINTS],
-        cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    address = server.stdout.readline().split()[0]
-    client = subprocess.Popen([sys.executable, '-c', (
-        'import time\nfrom bokeh.client import pull_session\n'
-        f's = pull_session(url={address!r})\nwhile True:\n    s.force_roundtrip()\n'
-        '    time.sleep(0.2)')])
-    time.sleep(4.0)
-
-    def close():
-        for process in (client, server):
-            process.terminate()
-            process.wait()
-    return close
+def beside(kind, patience=4.0):
+    """Start the company of a kind and wait some s; return its processes, the last to end first."""
+    if kind == 'page':
+        server = subprocess.Popen(
+            [sys.executable, '-m', 'friction_comp', 'watch', '--port', '0', '--joint', *JOINTS],
+            cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        address = server.stdout.readline().split()[0]
+        started = [subprocess.Popen([sys.executable, '-c', (
+            'import time\nfrom bokeh.client import pull_session\n'
+            f's = pull_session(url={address!r})\nwhile True:\n    s.force_roundtrip()\n'
+            '    time.sleep(0.2)')]), server]
+    elif kind == 'work':
+        # As much as the page and its client do: a tenth of the time each.
+        work = ('import time\nwhile True:\n    end = time.process_time() + 0.01\n'
+                '    while time.process_time() < end:\n        sum(range(1000))\n'
+                '    time.sleep(0.04)')
+        started = [subprocess.Popen([sys.executable, '-c', work])]
+    else:
+        started = [subprocess.Popen([sys.executable, '-c', READER, kind, KINDS[kind]])]
+    time.sleep(patience)
+    return started
 
 
 def main():
     """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--beside', choices=['page', 'work', *KINDS], default='page')
+    parser.add_argument('--pieces', type=int, default=5)
+    parser.add_argument('--without-driver', action='store_true')
+    arguments = parser.parse_args()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    from diagnostic_msgs.msg import DiagnosticArray
     from ros_system import MODELS, own_domain, probe_node, Process
     from sensor_msgs.msg import JointState
 
-    costs = {False: [], True: []}
+    costs, taken, shares = ([], []), ([], []), []
     with ExitStack() as stack:
         stack.enter_context(own_domain())
         room = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         probe = stack.enter_context(probe_node())
         compensator = stack.enter_context(Process(room, 'compensator', {
             'joints': JOINTS, 'model_files': [MODELS[0]] * 7, 'joint_state_timeout': 1.0}))
+        if not arguments.without_driver:
+            driver, = beside('current_command', patience=0.0)
+            stack.callback(driver.wait)
+            stack.callback(driver.terminate)
+            probe.until(lambda: probe.count_subscribers('current_command'), 'a driver')
         publisher = probe.talk(JointState, 'joint_states')
         probe.matched(publisher)
+        probe.listen(DiagnosticArray, '/diagnostics')
         drive(probe, publisher, 2.0)
-        for piece in range(2 * PIECES):
-            watched = bool(piece % 2)
-            close = open_page() if watched else None
+        for piece in range(2 * arguments.pieces):
+            company = beside(arguments.beside) if piece % 2 else []
             before = processor_time(compensator._process.pid)
-            count = drive(probe, publisher, SECONDS)
-            costs[watched].append(1e6 * (processor_time(compensator._process.pid) - before) / count)
-            if close:
-                close()
-    plain, watched = (np.array(costs[key]) for key in (False, True))
+            theirs = [processor_time(one.pid) for one in company]
+            rate = drive(probe, publisher, SECONDS)
+            costs[piece % 2].append(1e6 * (
+                processor_time(compensator._process.pid) - before) / SECONDS / rate)
+            taken[piece % 2].append(rate)
+            shares += [(processor_time(one.pid) - since) / SECONDS
+                       for one, since in zip(company, theirs)]
+            for one in company:
+                assert one.poll() is None, f'what was to run beside it ended: {one.args}'
+                one.terminate()
+                one.wait()
+    plain, watched = (np.array(one) for one in costs)
     print(f'compensator, 7 joints: {np.median(plain):.0f} us of processor time a joint state, '
-          f'{np.median(watched):.0f} us while watched: ratio '
+          f'{np.median(watched):.0f} us beside {arguments.beside}: ratio '
           f'{np.median(watched) / np.median(plain):.3f} '
           f'(pieces without {plain.min():.0f} to {plain.max():.0f}, with {watched.min():.0f} to '
-          f'{watched.max():.0f})')
+          f'{watched.max():.0f}); {np.median(taken[0]):.0f} and {np.median(taken[1]):.0f} states a '
+          f'second were taken; its company took '
+          f'{100 * sum(shares) / arguments.pieces:.0f} % of a processor')
 
 
 if __name__ == '__main__':

@@ -46,7 +46,7 @@ def test_joint_current_and_residual_of_the_last_seconds():
         assert not feed._thread.is_alive()
 
 
-def test_models_are_those_of_the_compensator_where_none_is_given(tmp_path):
+def test_model_and_current_are_those_of_the_compensator(tmp_path):
     start = {'joints': ['elbow'], 'model_files': MODELS[:1], 'joint_state_timeout': 1.0}
     with probe_node() as probe, Process(tmp_path, 'compensator', start):
         publisher = probe.talk(JointState, 'joint_states')
@@ -67,6 +67,12 @@ def test_models_are_those_of_the_compensator_where_none_is_given(tmp_path):
                 item.key == 'elbow: residual' for item in s.values))
             said = next(item.value for item in status.values if item.key == 'elbow: residual')
             assert 'never heard' in said
+            # Kinetic friction is fed forward in the direction of motion.
+            assert np.nanmax(np.abs(feed.window('elbow', 0.0, 2.0)['command'])) > 0.02
+            # The page listens, and asks nobody anything.
+            names = [topic for topic, _ in probe.get_client_names_and_types_by_node(
+                'friction_comp_watch', '/')]
+            assert not names
         finally:
             feed.close()
 

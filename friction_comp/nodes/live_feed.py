@@ -13,10 +13,9 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -26,18 +25,28 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.joint_watch import frame_of
 from friction_comp.nodes.recorder import stamp_of
+from friction_comp.recordings.activity import compensator_says
 from friction_comp.samples import Samples
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 # ns between the states that are shown, rows kept for each joint, s after which a word is old.
 _STEP, _KEPT, _OLD = 20_000_000, 3000, 5.0
-# s between questions to the compensator.
-_ASK = 2.0
 _COLUMNS = ('time', 'position', 'velocity', 'torque', 'load', 'command', 'direction',
             'reference_velocity')
 _LEVELS = {0: 'ok', 1: 'warning', 2: 'problem', 3: 'problem'}
+
+
+class _Listener(Node):
+    """Hears without haste: a page is drawn five times a second."""
+
+    fast_timers = ()
+    nap = 0.01
+
+    def __init__(self, context):
+        super().__init__('friction_comp_watch', context=context)
 
 
 class LiveFeed:
@@ -62,14 +71,16 @@ class LiveFeed:
                              f'{", ".join(joints)}')
         self.joints, self._fixed = list(joints), bool(joints)
         self._models, self._given = list(models), bool(models)
-        self._found, self._asked = {}, 0.0
+        self._found = {}
         self._rows, self._lock = {}, threading.Lock()
         self._held, self._status = {}, {}
         self._due, self._first, self._heard = 0, None, 0.0
         self._context = Context()
         rclpy.init(args=['watch', *arguments], context=self._context,
                    signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node('friction_comp_watch', context=self._context)
+        self._node = _Listener(self._context)
+        # A second reader of a topic costs its publisher little; the first one, a motor's driver,
+        # does: 45 us for each command (bench/watch_cost.py).
         for kind, topic in ((Float64MultiArray, 'current_command'), (Int8MultiArray, 'direction'),
                             (JointState, 'reference')):
             self._node.create_subscription(
@@ -81,9 +92,7 @@ class LiveFeed:
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _QOS)
         self._node.create_subscription(
             JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
-        self._compensator = self._node.create_client(GetParameters, 'compensator/get_parameters')
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._executor = StreamExecutor(self._node)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._spin, name='live feed', daemon=True)
         self._thread.start()
@@ -92,33 +101,23 @@ class LiveFeed:
         with contextlib.suppress(ExternalShutdownException):
             while not self._over.is_set():
                 self._executor.spin_once(timeout_sec=0.1)
-                self._ask()
-
-    def _ask(self):
-        """Ask the compensator now and then which models it uses."""
-        now = time.monotonic()
-        if self._given or now < self._asked + _ASK or not self._compensator.service_is_ready():
-            return
-        self._asked = now
-        self._compensator.call_async(GetParameters.Request(
-            names=['joints', 'model_files'])).add_done_callback(self._on_models)
-
-    def _on_models(self, future):
-        if future.exception() is not None or future.result() is None:
-            return
-        joints, files = (value.string_array_value for value in future.result().values)
-        for joint, path in zip(joints, files):
-            if self._found.get(joint, ('', None))[0] != path:
-                model = None
-                # A model file on another machine cannot be shown here.
-                with contextlib.suppress(InputError):
-                    model = FrictionModel.load(path, joint)
-                self._found[joint] = path, model
 
     def _on_diagnostics(self, message):
         for status in message.status:
             self._status[status.name] = (
                 _LEVELS.get(ord(status.level), 'note'), status.message, time.monotonic())
+            said = None if self._given else compensator_says(status)
+            for joint, path in said.models.items() if said else ():
+                self._use(joint, path)
+
+    def _use(self, joint, path):
+        """Show a joint beside the model that its compensator says it uses."""
+        if self._found.get(joint, ('', None))[0] != path:
+            model = None
+            # A model file on another machine cannot be shown here.
+            with contextlib.suppress(InputError):
+                model = FrictionModel.load(path, joint)
+            self._found[joint] = path, model
 
     def _on_joint_states(self, cdr):
         stamp = stamp_of(cdr) or time.time_ns()

@@ -39,12 +39,15 @@ class Activity:
     model: str
     joints: str = ''
 
+    @property
+    def models(self) -> dict[str, str]:
+        """Joint to its model file; empty where these are not told."""
+        joints, models = self.joints.split(', '), self.model.split(', ')
+        return dict(zip(joints, models)) if self.model and len(joints) == len(models) else {}
+
     def of(self, joint: str) -> Activity:
         """Return the same with the model file of one joint, where several are named."""
-        joints, models = self.joints.split(', '), self.model.split(', ')
-        if joint not in joints or len(joints) != len(models):
-            return self
-        return replace(self, model=models[joints.index(joint)])
+        return replace(self, model=self.models.get(joint, self.model))
 
 
 def from_diagnostics(messages: Sequence[tuple[int, bytes]]) -> list[Activity]:
@@ -69,23 +72,34 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]]) -> list[Activity]:
         except Exception:
             continue
         for status in message.status:
-            values = {item.key: item.value for item in status.values}
             if 'identification' in status.name:
                 # It has a phase only while it moves a joint.
-                if 'phase' in values:
+                if any(item.key == 'phase' for item in status.values):
                     _note(found, Activity(time, 'identification', '', ''))
                 elif found and found[-1].state == 'identification':
                     _note(found, Activity(time, '', '', ''))
-                continue
-            if 'compensator' not in f'{status.name} {status.hardware_id}':
-                continue
-            model = next((values[key] for key in ('model_file', 'model_files', 'model')
-                          if values.get(key, '').strip('[] ')), '')
-            # One file a joint comes as a list: its brackets and quotes are no names.
-            now = Activity(time, values.get('state', ''), values.get('law', ''),
-                           re.sub(r"""['"\[\]]""", '', model), status.hardware_id)
-            _note(found, now)
+            elif (now := compensator_says(status, time)) is not None:
+                _note(found, now)
     return found
+
+
+def compensator_says(status: Any, time: int = 0) -> Activity | None:
+    """Return what a diagnostic status says of a compensator; None where it is another node's.
+
+    Parameters
+    ----------
+    status : diagnostic_msgs/msg/DiagnosticStatus
+    time : int
+        Receive time in ns.
+    """
+    if 'compensator' not in f'{status.name} {status.hardware_id}':
+        return None
+    values = {item.key: item.value for item in status.values}
+    model = next((values[key] for key in ('model_file', 'model_files', 'model')
+                  if values.get(key, '').strip('[] ')), '')
+    # One file a joint comes as a list: its brackets and quotes are no names.
+    return Activity(time, values.get('state', ''), values.get('law', ''),
+                    re.sub(r"""['"\[\]]""", '', model), status.hardware_id)
 
 
 def _note(found: list[Activity], now: Activity) -> None:
