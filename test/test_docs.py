@@ -67,6 +67,15 @@ def test_the_yaml_of_the_own_robot_loads():
     assert FrictionModel.from_dict(model).drive.current_limit == 0.5
 
 
+def test_prose_fits_into_a_window_of_120_columns():
+    root = DOCS.parent
+    for path in (*root.glob('*.md'), *root.glob('*/*.md')):
+        blocks = re.split(r'^ *```.*$', path.read_text(encoding='utf-8'), flags=re.MULTILINE)
+        for line in '\n'.join(blocks[::2]).splitlines():
+            # A row of a table and a picture's words cannot be broken.
+            assert len(line) <= 120 or re.match(r'\s*(\||!\[)', line), f'{path.name}: {line}'
+
+
 def test_it_builds_without_a_warning(tmp_path):
     pytest.importorskip('sphinx', reason='make docs installs requirements/docs.txt')
     pytest.importorskip('myst_parser', reason='make docs installs requirements/docs.txt')
