@@ -180,3 +180,14 @@ def test_the_machine_alone(capsys, monkeypatch):
     monkeypatch.setattr(doctor, '_PACKAGES', (('no_such_module', 'nothing', '', False),))
     assert doctor.main(['--installed']) == 1
     assert 'pip install nothing' in capsys.readouterr().out
+
+
+def test_a_middleware_that_is_not_installed_is_named_before_it_ends_the_process(
+        capsys, monkeypatch):
+    pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_of_another_world_cpp')
+    assert doctor.main(['--seconds', '0.1', '--json']) == 1
+    finding, = (one for one in json.loads(capsys.readouterr().out)['findings']
+                if one['about'] == 'middleware')
+    assert 'rmw_of_another_world_cpp' in finding['what']
+    assert 'unset RMW_IMPLEMENTATION' in finding['do']

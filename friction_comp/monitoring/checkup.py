@@ -31,6 +31,8 @@ _LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}
 _STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
 # Fewer joint states a second than this are no basis for feeding friction forward, Hz.
 _SLOW = 200.0
+# Nodes that hear commands and drive nothing.
+_LOOK_ON = ('recorder', 'refinement', 'watch', 'doctor')
 # Position and velocity are compared over so long at a time, s.
 _PIECE = 0.1
 
@@ -207,7 +209,7 @@ def _driver(seen: Observation) -> Iterator[Finding]:
                     WARNING if value <= 0 else OK, 'driver', f'{end.node}: {name} is {value:g}',
                     'let the driver itself fall back to zero current in less than 0.1 s'
                     if value <= 0 else '')
-        elif any(word in end.node for word in ('recorder', 'refinement', 'plant', 'doctor')):
+        elif any(word in end.node for word in _LOOK_ON):
             continue
         else:
             yield Finding(

@@ -36,7 +36,7 @@ class Arguments(argparse.ArgumentParser):
 
     def __init__(self, name: str, description: str, examples: Sequence[str] = (),
                  **options: Any) -> None:
-        lines = [f'  python3 -m friction_comp {name} {example}' for example in examples]
+        lines = [f'  python3 -m friction_comp {name} {example}'.rstrip() for example in examples]
         super().__init__(
             prog=f'python3 -m friction_comp {name}', description=description,
             allow_abbrev=False, epilog='\n'.join(['examples:', *lines]) if lines else None,

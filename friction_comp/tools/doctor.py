@@ -19,7 +19,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
-from friction_comp.package_files import name_this_environment
+from friction_comp.package_files import middlewares, name_this_environment
 from friction_comp.tools.common import Arguments, positive, progress, to_json
 
 if TYPE_CHECKING:
@@ -50,7 +50,9 @@ def main(argv: list[str] | None = None) -> int:
         If a model file cannot be used.
     """
     given = list(sys.argv[1:] if argv is None else argv)
-    parser = Arguments('doctor', __doc__)
+    parser = Arguments('doctor', __doc__, (
+        '', '--installed', '--seconds 10 --model elbow.yaml',
+        '--ros-args -r current_command:=/current_controller/commands'))
     parser.add_argument('--seconds', type=positive, default=5.0,
                         help='how long to look at what runs (%(default)s)')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
@@ -92,6 +94,7 @@ def check_machine() -> Iterator[Finding]:
     else:
         yield Finding(OK, 'ROS 2', os.environ.get('ROS_DISTRO', 'from wheels in this environment'))
         yield from _interfaces()
+        yield from _middleware()
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
     if load > 1.0:
         yield Finding(WARNING, 'load', f'{load:.1f} processes wait for each processor core',
@@ -113,6 +116,17 @@ def _interfaces() -> Iterator[Finding]:
                       'build the package again: make setup, or colcon build')
     else:
         yield Finding(OK, 'actions', 'IdentifyFriction, RefineModel')
+
+
+def _middleware() -> Iterator[Finding]:
+    """Give what would end every ROS 2 process at its first step, with words that name no remedy."""
+    from friction_comp.monitoring.observation import Finding, PROBLEM
+
+    wanted, found = os.environ.get('RMW_IMPLEMENTATION'), middlewares()
+    if wanted and found and wanted not in found:
+        yield Finding(PROBLEM, 'middleware', f'RMW_IMPLEMENTATION is {wanted}, which is not '
+                      f'installed; there is {", ".join(found)}', 'unset RMW_IMPLEMENTATION here '
+                      f'and on the robot alike, or install {wanted} on both')
 
 
 def _version(name: str) -> str:
