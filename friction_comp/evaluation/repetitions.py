@@ -29,7 +29,8 @@ STARTED, _PUSHED = 0.01, 0.1
 # s for which the joint must have been still before; an oscillation is no start.
 _STILL = 0.2
 # Movements whose durations differ by no more than this share are of one pace: whether they are
-# averaged is decided for all of a pace together.
+# averaged is decided for all of a pace together. Finer classes take more memory where people move
+# as they like; coarser ones blur the quarter by which a duration may differ from the usual one.
 _PACE = 0.05
 # Encoder steps that a joint moves when it has set out.
 _LEAST_STEPS = 3
@@ -39,8 +40,9 @@ _HIGHEST, _FAINTEST, _PADDING = 10.0, 0.05, 4
 NAMES = {1: 'positive', -1: 'negative'}
 # What each repetition is measured by, with its unit; the first that is known leads.
 FIGURES = {
-    'peak_torque': ('peak |τ_b|', 'N·m'), 'peak_time': ('peak at', 's'),
-    'rms_torque': ('RMS of τ_b', 'N·m'), 'constant_velocity_torque': ('constant velocity', 'N·m'),
+    'peak_torque': ('peak torque', 'N·m'), 'peak_time': ('time of the peak', 's'),
+    'rms_torque': ('RMS torque', 'N·m'),
+    'constant_velocity_torque': ('torque at constant velocity', 'N·m'),
     'residual_current': ('residual current', 'A'), 'rms_current': ('RMS current', 'A'),
     'onset': ('onset after reference', 's'),
     'announcement_to_motion': ('onset after announcement', 's'),

@@ -39,6 +39,7 @@ def reproduction_report(outcomes: list[Outcome]) -> Report:
         'The technical note, repeated in simulation',
         'Improving backdrivability in geared rehabilitation robots: all its experiments')
     hours = sum(outcome.drive_time for outcome in outcomes) / 60.0
+    report.verdict(_verdict(outcomes))
     report.text(f"""
 Three simulated drives, true to Table 1 and section 3 of the note, were identified by the note's
 procedures ({hours:.0f} minutes of drive time) and compensated with what was identified. What the
@@ -65,6 +66,17 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
     _add_standstill(report, outcomes)
     _add_sources(report, outcomes)
     return report
+
+
+def _verdict(outcomes: list[Outcome]) -> str:
+    reductions = ', '.join(
+        f'{100 * o.reduction("paper"):.0f} % ({100 * o.experiment.reduction:.0f} %)'
+        for o in outcomes)
+    better = ', '.join(f'{100 * o.reduction("continuous"):.0f} %' for o in outcomes)
+    off = max(abs(o.breakaway.positive_mean / o.experiment.breakaway - 1.0) for o in outcomes)
+    return (f"The note's law takes away {reductions} of the torque to start a movement, in "
+            f'brackets what the note measured; the continuous law takes away **{better}**. '
+            f"Breakaway currents are within {100 * off:.1g} % of the note's.")
 
 
 def _add_result(report: Report, outcomes: list[Outcome]) -> None:

@@ -36,6 +36,7 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: one.report for name, one in result.results.items()}
     unit = next(iter(reports.values()))['unit']
+    page.verdict(verdict(reports))
     page.table(
         ['joint', f'before ({unit})', f'after ({unit})', f'noise ({unit})', 'verdict', 'found'],
         [[Link(name, f'{folders[name]}/report.html'), report['before']['held_out_rmse'],
@@ -59,6 +60,26 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
         page.text('\n'.join(found or ['Nothing.']))
     _bodies(page, result, unit)
     return page
+
+
+def verdict(reports: dict[str, dict[str, Any]]) -> str:
+    """Return in words what came of all joints.
+
+    Parameters
+    ----------
+    reports : dict of str to dict
+        Joint to its report.
+    """
+    kinds: dict[str, list[str]] = {}
+    for name, report in reports.items():
+        kinds.setdefault(report['verdict'], []).append(name)
+    less = [100.0 * (1.0 - report['after']['held_out_rmse'] / report['before']['held_out_rmse'])
+            for report in reports.values() if report['before']['held_out_rmse'] > 0]
+    words = '; '.join(f'**{kind}**: {", ".join(kinds[kind])}' for kind in (
+        'trust', 'trust in part', 'record again') if kind in kinds)
+    change = f' The error on data not fitted is {min(less):.0f} to {max(less):.0f} % less than ' \
+             'before.' if less else ''
+    return f'Verdict by joint: {words}.{change}'
 
 
 @styled

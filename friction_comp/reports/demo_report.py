@@ -58,6 +58,14 @@ class EvaluatedTrial:
     def _mean(self, name: str) -> float:
         return float(np.mean([getattr(c, name) for c in self.evaluation.conditions]))
 
+    def reach(self, name: str) -> float | None:
+        """Return half of the 95 % interval of a figure's mean over both movements."""
+        spans = [c.figures[name] for c in self.evaluation.conditions if name in c.figures]
+        halves = [0.5 * (span.high - span.low) for span in spans
+                  if span.low is not None and span.high is not None]
+        known = halves and len(halves) == len(self.evaluation.conditions)
+        return float(np.hypot.reduce(halves)) / len(halves) if known else None
+
     @property
     def false_starts(self) -> int:
         """Movements that began without the person."""
@@ -141,15 +149,20 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     effects = refined.report['effects']
     page = Report('The whole loop, on a simulated joint',
                   'Identify, compensate, evaluate, refine, compensate again')
+    page.verdict(_summary(trials, effects, before, after))
     page.numbers([
         (f'{number(kinetic.peak_torque)} N·m', 'to set the joint in motion, d = 0'),
         (f'{number(compensated.peak_torque)} N·m', 'with the direction known, d = ±1'),
         (f'{number(last.peak_torque)} N·m', 'and with the refined model'),
         (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'error of the model')])
-    page.text(_summary(trials, effects, before, after))
-    page.table(['', 'peak [N·m]', 'RMS [N·m]', 'model error [mA]'], table_rows(trials, refined),
-               'Back-driving torque: mean over both directions of the peak of the ensemble '
-               'average, and of the RMS during movement. Model error: on data not fitted.')
+    page.table(
+        ['', 'peak [N·m]', '±', 'RMS [N·m]', '±', 'model error [mA]'],
+        [[name, peak, number(trial.reach('peak_torque'), 2), rms,
+          number(trial.reach('rms_torque'), 2), error]
+         for trial, (name, peak, rms, error) in zip(trials, table_rows(trials, refined))],
+        'Back-driving torque: mean over both directions of the peak of the ensemble average, and '
+        "of the RMS during movement; behind each, half of the 95 % interval of the repetitions' "
+        'mean. Model error: on data not fitted.')
     page.figure(torque_figure(trials), 'Back-driving torque of all trials, mean and standard '
                 'deviation over the repetitions.')
     page.heading('Identified')
@@ -160,8 +173,9 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                 'identification action measured them.')
     page.heading('What the model lacked')
     page.table(['effect', 'depends on', 'error with it [mA]', 'in words'],
-               [[effect['name'], effect['variable'], 1e3 * effect['held_out_rmse'],
-                 effect.get('in_words', '')] for effect in effects] or [['none', '', None, '']])
+               [[effect['name'].replace('_', ' '), effect['variable'],
+                 1e3 * effect['held_out_rmse'], effect.get('in_words', '')]
+                for effect in effects] or [['none', '', None, '']])
     page.figure(steps_figure(refined), 'Error on data not fitted as effects were added.')
     for name, label in (('position', 'position (rad)'), ('velocity', 'velocity (rad/s)')):
         page.figure(residual_figure(refined, name, label), f'Residual over {name}.')
@@ -182,7 +196,8 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
         f'{number(kinetic.peak_torque)} N·m, since before the joint moves nothing tells which way '
         f'to help. With the direction known it is **{number(compensated.peak_torque)} N·m**.']
     if effects:
-        found = ', '.join(f"{effect['name']} ({effect['variable']})" for effect in effects)
+        found = ', '.join(f"{effect['name'].replace('_', ' ')} ({effect['variable']})"
+                          for effect in effects)
         words.append(
             f'The recordings show what the identified model lacks: {found}. With it, the error of '
             f'the predicted current falls from {number(1e3 * before)} to {number(1e3 * after)} mA, '

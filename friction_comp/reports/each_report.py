@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 # Effects seen more seldom than in this share of a joint's recordings may be chance's.
 _OFTEN = 0.5
+# So many recordings can be named below a picture.
+_NAMED = 16
 
 
 def verdict(content: dict[str, Any]) -> str:
@@ -61,14 +63,15 @@ def each_report(content: dict[str, Any]) -> Report:
     joints = list(dict.fromkeys(row['joint'] for row in rows))
     page = Report('What friction models lacked, recording by recording',
                   f'{len(rows)} refined by themselves; joints: {", ".join(joints)}')
-    page.text(verdict(content))
+    page.verdict(verdict(content))
     for unit in dict.fromkeys(row['unit'] for row in rows):
         alike = [row for row in rows if row['unit'] == unit]
         page.figure(errors_figure(alike, unit), 'Error on data not fitted, before (open) and '
                     'after refinement (filled), and noise from sample to sample (line); ordered '
                     'by joint and recording.')
     page.heading('Effects, and how often they were found')
-    page.table(['joint', 'effect', 'depends on', 'recordings', 'of', ''], _effects(rows, joints))
+    page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'so it comes'],
+               _effects(rows, joints))
     page.text('What is found in some recordings of a joint and not in others either needs a '
               'movement that those lack (each report says what hardly varied), or is no property '
               'of the drive.')
@@ -108,8 +111,13 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
         ends = [*begins[1:], len(rows)]
         axes.set_xticks([0.5 * (a + b - 1) for a, b in zip(begins, ends)],
                         [joints[k] for k in begins])
+    elif len(rows) <= _NAMED:
+        axes.set_xticks(at, [Path(row['recording']).name for row in rows],
+                        rotation=30 if len(rows) > 4 else 0,
+                        ha='right' if len(rows) > 4 else 'center')
     else:
-        axes.set_xlabel('recording')
+        axes.set_xticks([])
+        axes.set_xlabel('recordings, as in the table below')
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel(f'RMS error [{unit}]')
     figure.legend(loc='outside lower center', ncols=3)

@@ -6,21 +6,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.evaluation.repetitions import FIGURES
+from friction_comp.reports.evaluation_words import (
+    chance,
+    heading,
+    probability,
+    share,
+    summary,
+    unbroken,
+    verdict,
+    with_interval,
+)
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from friction_comp.evaluation.compare import Comparison
-    from friction_comp.evaluation.conditions import Condition, Evaluation
-    from friction_comp.evaluation.intervals import Interval
+    from friction_comp.evaluation.conditions import Evaluation
     from friction_comp.evaluation.repetitions import Help
     from friction_comp.evaluation.trend import Trend
 
@@ -35,6 +42,8 @@ _TABLES = (
     ('How it went', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
                      'rms_current')),
 )
+# Recordings whose names a page lists.
+_NAMED = 12
 _MARKERS = 'osD^vPX*'
 
 
@@ -134,7 +143,7 @@ def add_evaluation(report: Report, evaluation: Evaluation) -> None:
     report : Report
     evaluation : Evaluation
     """
-    report.text(summary(evaluation))
+    report.verdict(summary(evaluation))
     tiles = _tiles(evaluation)
     if tiles:
         report.numbers(tiles)
@@ -157,11 +166,11 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
         if not known:
             continue
         report.table(
-            ['condition', '', *starts, *(_heading(name) for name in known)],
-            [[c.help.label, '+' if c.movement == 'positive' else '\u2212',
-              *([c.repetitions, f'{c.false_starts} ({_percent(c.false_start_share)})']
+            ['condition', '', *starts, *(heading(name) for name in known)],
+            [[unbroken(c.help.label), '+' if c.movement == 'positive' else '\u2212',
+              *([c.repetitions, f'{c.false_starts}\u00a0({share(c.false_start_share)})']
                 if starts else []),
-              *(_with_interval(c.figures.get(name)) for name in known)]
+              *(with_interval(c.figures.get(name)) for name in known)]
              for c in evaluation.conditions],
             f"{title}: mean over the repetitions of each one's own figure ± half its 95 % "
             'confidence interval, for movements in the positive (+) and negative (\u2212) '
@@ -198,8 +207,9 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     report.table(
         ['figure', 'first', 'second', 'pairs', 'mean of the first', 'of the second',
          'difference', 'p'],
-        [[_heading(c.figure), c.first.label, c.second.label, c.pairs, number(c.before),
-          number(c.after), _with_interval(c.difference), _probability(c)] for c in shown],
+        [[heading(c.figure), unbroken(c.first.label), unbroken(c.second.label), c.pairs,
+          number(c.before), number(c.after), with_interval(c.difference), probability(c)]
+         for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
         'movement.')
     left = len(evaluation.comparisons) - len(shown)
@@ -217,25 +227,23 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
     for figure in dict.fromkeys(trend.figure for trend in evaluation.trends):
         trends = [trend for trend in evaluation.trends if trend.figure == figure]
         report.figure(trend_figure(trends, colours),
-                      f"{_heading(figure)}: each day's mean with its 95 % interval; a line where "
+                      f"{heading(figure)}: each day's mean with its 95 % interval; a line where "
                       'the trend is more than chance.')
         report.table(
             ['condition', 'days', 'first', 'last', 'change per week', 'p'],
-            [[t.help.label, len(t.days), _with_interval(next(iter(t.days.values()))),
-              _with_interval(list(t.days.values())[-1]), _with_interval(t.per_week),
-              '–' if t.probability is None else _p(t.probability)] for t in trends],
+            [[unbroken(t.help.label), len(t.days), with_interval(next(iter(t.days.values()))),
+              with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
+              '–' if t.probability is None else chance(t.probability)] for t in trends],
             "A straight line through the days' means.")
 
 
-def evaluation_report(evaluations: Sequence[Evaluation], recordings: list[str]) -> Report:
+def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
     """Return the whole page of `evaluate`.
 
     Parameters
     ----------
     evaluations : sequence of Evaluation
         One a joint.
-    recordings : list of str
-        The recordings' names.
 
     Returns
     -------
@@ -245,15 +253,23 @@ def evaluation_report(evaluations: Sequence[Evaluation], recordings: list[str]) 
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
     count = sum(len(evaluation.repetitions) for evaluation in evaluations)
     torque = any(evaluation.measured for evaluation in evaluations)
+    recordings = list(dict.fromkeys(
+        r.recording for evaluation in evaluations for r in evaluation.repetitions))
     report = Report(
         f'{"Back-driving torque" if torque else "Movements"} of {joints}',
         f'{count} movements from {len(recordings)} recording{"s" if len(recordings) > 1 else ""}')
+    if several:
+        report.verdict('\n\n'.join(
+            f'**{evaluation.joint}.** {verdict(evaluation)}' for evaluation in evaluations))
     for evaluation in evaluations:
         if several:
             report.text(f'## Joint {evaluation.joint}')
         add_evaluation(report, evaluation)
     report.text('## Where this comes from')
-    report.text('\n'.join(f'- recording `{name}`' for name in recordings))
+    listed = [f'- recording `{name}`' for name in recordings[:_NAMED]]
+    if len(recordings) > _NAMED:
+        listed.append(f'- and {len(recordings) - _NAMED} more, all named in `repetitions.csv`')
+    report.text('\n'.join(listed))
     models = dict.fromkeys(e.model for e in evaluations if e.model)
     for model in models:
         report.text(f'The model files that were active: `{model}`.')
@@ -261,76 +277,6 @@ def evaluation_report(evaluations: Sequence[Evaluation], recordings: list[str]) 
     if notes:
         report.text('\n'.join(f'- {note}' for note in notes))
     return report
-
-
-def summary(evaluation: Evaluation) -> str:
-    """Return in plain words what the trials show, the verdict first."""
-    words = [_verdict(evaluation)]
-    words.extend(_trend_words(trend) for trend in evaluation.trends if trend.sure)
-    starts = sum(c.false_starts for c in evaluation.conditions)
-    words.append('The joint never started by itself.' if not starts else
-                 f'**In {starts} repetitions the joint started by itself.** A lower '
-                 '`breakaway_gain` or a new identification is called for.' if evaluation.measured
-                 else f'In {starts} repetitions the joint set out early, by itself or pushed.')
-    against = [c for c in evaluation.conditions if c.help.announced < 0]
-    if against:
-        words.append(
-            f'{sum(c.repetitions for c in against)} movements went against the direction '
-            'announced; they are listed apart.')
-    return ' '.join(words)
-
-
-def condition_line(condition: Condition) -> str:
-    """Return one condition in a line of a terminal."""
-    figures = [f'{FIGURES[name][0]} {_with_interval(condition.figures[name])} '
-               f'{FIGURES[name][1]}'.strip()
-               for name in ('peak_torque', 'rms_torque', 'residual_current', 'onset',
-                            'smoothness') if name in condition.figures]
-    return (f'{condition.help.label}, {condition.movement} movement '
-            f'({condition.repetitions} repetitions): {", ".join(figures)}')
-
-
-def _verdict(evaluation: Evaluation) -> str:
-    compared, change = evaluation.compared('peak_torque'), evaluation.peak_reduction
-    two = evaluation.pair()
-    if compared is not None and change is not None and two is not None:
-        before, after = compared
-        verb = 'less' if change >= 0 else 'more'
-        other = '' if (two[0].law, two[0].model) == (two[1].law, two[1].model) else (
-            f' ({two[0].label}; with it: {two[1].label})')
-        words = (f'With the direction announced (d = ±1) it took **{number(after)} N·m** to set '
-                 f'the joint in motion instead of **{number(before)} N·m** without (d = 0): '
-                 f'**{abs(100 * change):.0f} % {verb}**{other}')
-        test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
-                     and (c.first, c.second) == two), None)
-        if test is None or test.probability is None:
-            return words + ', of too few repetitions to rule out chance.'
-        span = test.difference
-        if not test.sure and span.low is not None and span.high is not None and (
-                span.low * span.high > 0):
-            return words + (f'; the difference is {_with_interval(span)} N·m (95 %), in '
-                            f'{test.pairs} pairs, too few for a test of all conditions to be sure '
-                            f'({_probability(test)}).')
-        if not test.sure:
-            return words + f', which may be chance ({_probability(test)}, {test.pairs} pairs).'
-        return words + f', more than chance ({_probability(test)}, {test.pairs} pairs).'
-    if not evaluation.measured:
-        return ('**The back-driving torque was not measured.** What follows is what position, '
-                'current and reference tell: when the joint set out and how smoothly it went, not '
-                'what it cost the person.')
-    return ('What the announced direction brings cannot be said: no movement was recorded both '
-            'with it (d = ±1) and without (d = 0, or no compensation). All comparisons are below.')
-
-
-def _trend_words(trend: Trend) -> str:
-    assert trend.per_week is not None
-    name, unit = FIGURES[trend.figure]
-    rises = trend.per_week.mean > 0
-    # Smoothness is the only figure of which more is better.
-    judged = 'better' if rises == (trend.figure == 'smoothness') else 'worse'
-    return (f'Over {len(trend.days)} days, {name} with {trend.help.label} '
-            f'**{"rises" if rises else "falls"} by {number(abs(trend.per_week.mean))} {unit} '
-            f'a week**, for the {judged} ({_p(trend.probability or 0.0)}).')
 
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
@@ -349,42 +295,6 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
             tiles.append((f'{abs(100 * value):.0f} %',
                           f'{"lower" if value >= 0 else "higher"} {name} with d = ±1'))
     return tiles
-
-
-def _heading(name: str) -> str:
-    title, unit = FIGURES[name]
-    return f'{title} [{unit}]' if unit else title
-
-
-def _with_interval(value: Interval | None) -> str:
-    if value is None:
-        return '–'
-    if value.low is None or value.high is None:
-        return number(value.mean)
-    half = 0.5 * (value.high - value.low)
-    size = max(abs(value.mean), half)
-    if not size:
-        return '0'
-    # As many decimals as the interval is worth, but no more than four digits in all.
-    most = 3 - math.floor(math.log10(size))
-    wanted = 1 - math.floor(math.log10(half)) if half > 0 else most
-    places = max(min(wanted, most), 0)
-    mean = f'{value.mean:.{places}f}'.replace('-', '\u2212')
-    # No break between a number and what belongs to it.
-    return f'{mean}\u00a0±\u00a0{half:.{places}f}'
-
-
-def _percent(value: Interval) -> str:
-    low, high = 100 * (value.low or 0.0), 100 * (value.high or 0.0)
-    return f'{low:.0f}\u2009–\u2009{high:.0f}\u00a0%'
-
-
-def _p(probability: float) -> str:
-    return 'p < 0.001' if probability < 0.001 else f'p = {probability:.2g}'
-
-
-def _probability(comparison: Comparison) -> str:
-    return '–' if comparison.probability is None else _p(comparison.probability)
 
 
 def _colours(evaluation: Evaluation) -> dict[Help, str]:

@@ -43,7 +43,7 @@ class Report:
     Examples
     --------
     >>> report = Report('Backdrivability of the elbow')
-    >>> report.text('The joint was **much** easier to move.')
+    >>> report.verdict('The joint was **much** easier to move.')
     >>> report.table(['condition', 'peak [N·m]'], [['d = 0', 1.28], ['d = ±1', 0.44]])
     >>> '<h1>Backdrivability of the elbow</h1>' in report.html()
     True
@@ -93,6 +93,18 @@ class Report:
                 self._parts.append(f'<blockquote><p>{_inline(words)}</p></blockquote>')
             else:
                 self._parts.append(f'<p>{_inline(" ".join(lines))}</p>')
+
+    def verdict(self, text: str) -> None:
+        """Say what came out, set apart; the first thing on every page.
+
+        Parameters
+        ----------
+        text : str
+            Paragraphs parted by blank lines, marked as in `text`.
+        """
+        words = ''.join(f'<p>{_inline(" ".join(block.split()))}</p>'
+                        for block in re.split(r'\n\s*\n', text.strip()))
+        self._parts.append(f'<div class="verdict">{words}</div>')
 
     def numbers(self, tiles: list[tuple[str, str]]) -> None:
         """Show a few figures large.

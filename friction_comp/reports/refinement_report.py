@@ -40,14 +40,15 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     page = Report(f'What the friction model of {joint} lacked',
                   f'Refined on {", ".join(names)}')
     before, after, unit = report['before'], report['after'], report['unit']
-    page.heading(f"Verdict: {report['verdict']}")
-    page.text(verdict_words(report))
+    first, _, rest = summary(report).partition('\n\n')
+    page.verdict(f"**Verdict: {report['verdict']}.** {first}")
     page.numbers([
         (f"{number(before['held_out_rmse'])} {unit}", 'error before, on data not fitted'),
         (f"{number(after['held_out_rmse'])} {unit}", 'error after, on data not fitted'),
         (f"{number(report['noise_floor'])} {unit}", 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
-    page.text(summary(report))
+    page.text('Why this verdict:\n\n' + verdict_words(report))
+    page.text(rest)
     if report['effects']:
         page.table(['effect', 'number', 'value', '95 % interval'], interval_rows(report))
     page.heading('Errors')
@@ -92,7 +93,7 @@ def summary(report: dict[str, Any]) -> str:
     before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
     unit = report['unit']
     if report['verdict'] == 'record again':
-        lines = ['Of these recordings no model of friction can be trusted: see the reasons above.']
+        lines = ['Of these recordings no model of friction can be trusted: see the reasons.']
     elif not report['effects']:
         lines = [f'The model describes the drive as well as these recordings can tell: it misses '
                  f'the measured current by {number(before)} {unit} RMS, and no further effect '

@@ -45,9 +45,10 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
         tiles.append((f'{number(compared[0])} → {number(compared[1])} N·m', f'{one.joint}, peak'))
         change = round(100 * (compared[1] / compared[0] - 1))
         words.append(f'the {one.joint} **{abs(change)} %** {"more" if change > 0 else "less"}')
-    page.text("With each joint's direction announced as it changes, setting it in motion and "
-              f'turning it round takes of the person at most: {", ".join(words) or "not known"} '
-              'than with kinetic friction compensated alone.')
+    page.verdict("With each joint's direction announced as it changes, setting it in motion and "
+                 'turning it round takes of the person at most: '
+                 f'{", ".join(words) or "not known"} than with kinetic friction compensated '
+                 'alone.')
     page.numbers(tiles)
     page.figure(exercise_figure(shown), 'What was shown to the person (dashed), where the joints '
                 'went, and the direction announced for each (shaded: blue positive, orange '
@@ -148,7 +149,7 @@ def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
     """
     page = Report('A drive that changes, and a loop that is closed live',
                   'Watch, refine, load on trial, judge: without a restart')
-    page.text(wear_words(stages, facts))
+    page.verdict(wear_words(stages, facts))
     page.numbers([(f'{_text(effort(part))} N·m', f'{name}: RMS torque, {len(part)} movements')
                   for name, part in stages.items()])
     page.figure(session_figure(evaluation, marks, samples),
@@ -182,7 +183,7 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
                    color=COLOURS[colour], markersize=4.5,
                    label=('model at the start' if model == models[0] else 'refined model'))
     above.set_ylim(bottom=0.0)
-    above.set_ylabel('RMS of τ_b [N·m]')
+    above.set_ylabel('RMS torque [N·m]')
     for below in axes[:, 0]:
         for at in marks.values():
             below.axvline(at, color=COLOURS['grey'], linewidth=0.9, linestyle=':')

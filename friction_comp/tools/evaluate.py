@@ -32,12 +32,11 @@ def main(argv: list[str] | None = None) -> int:
     arguments = for_workers(parser.parse(argv))
     from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import find_recordings
-    from friction_comp.reports.evaluation_report import condition_line, evaluation_report, summary
+    from friction_comp.reports.evaluation_report import evaluation_report
+    from friction_comp.reports.evaluation_words import condition_line, summary
 
     friction = FrictionModel.load(arguments.model) if arguments.model else None
     with progress('reading') as report:
-        names = [str(path) for path in find_recordings(arguments.recordings)]
         pieces, failures = pieces_of(arguments.recordings, arguments.joint)
         with workers(arguments, len(pieces)) as run:
             evaluations = evaluate_pieces(
@@ -54,7 +53,7 @@ def main(argv: list[str] | None = None) -> int:
         with output_folder(arguments.output) as folder:
             (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
             (folder / 'repetitions.csv').write_text(table.getvalue(), encoding='utf-8')
-            evaluation_report(evaluations, names).save(folder / 'report.html')
+            evaluation_report(evaluations).save(folder / 'report.html')
     if arguments.json:
         print(to_json(content), end='')
         return 0

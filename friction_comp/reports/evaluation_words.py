@@ -1,0 +1,136 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What an evaluation says, in words and in numbers with their intervals."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from friction_comp.evaluation.repetitions import FIGURES
+from friction_comp.reports.html import number
+
+if TYPE_CHECKING:
+    from friction_comp.evaluation.compare import Comparison
+    from friction_comp.evaluation.conditions import Condition, Evaluation
+    from friction_comp.evaluation.intervals import Interval
+    from friction_comp.evaluation.trend import Trend
+
+
+def summary(evaluation: Evaluation) -> str:
+    """Return in plain words what the trials show, the verdict first."""
+    words = [verdict(evaluation)]
+    words.extend(_trend_words(trend) for trend in evaluation.trends if trend.sure)
+    starts = sum(c.false_starts for c in evaluation.conditions)
+    words.append('The joint never started by itself.' if not starts else
+                 f'**In {starts} repetitions the joint started by itself.** A lower '
+                 '`breakaway_gain` or a new identification is called for.' if evaluation.measured
+                 else f'In {starts} repetitions the joint set out early, by itself or pushed.')
+    against = [c for c in evaluation.conditions if c.help.announced < 0]
+    if against:
+        words.append(
+            f'{sum(c.repetitions for c in against)} movements went against the direction '
+            'announced; they are listed apart.')
+    return ' '.join(words)
+
+
+def condition_line(condition: Condition) -> str:
+    """Return one condition in a line of a terminal."""
+    figures = [f'{FIGURES[name][0]} {with_interval(condition.figures[name])} '
+               f'{FIGURES[name][1]}'.strip()
+               for name in ('peak_torque', 'rms_torque', 'residual_current', 'onset',
+                            'smoothness') if name in condition.figures]
+    return (f'{condition.help.label}, {condition.movement} movement '
+            f'({condition.repetitions} repetitions): {", ".join(figures)}')
+
+
+def verdict(evaluation: Evaluation) -> str:
+    """Return in a sentence what the direction announced is worth to the person."""
+    compared, change = evaluation.compared('peak_torque'), evaluation.peak_reduction
+    two = evaluation.pair()
+    if compared is not None and change is not None and two is not None:
+        before, after = compared
+        verb = 'less' if change >= 0 else 'more'
+        other = '' if (two[0].law, two[0].model) == (two[1].law, two[1].model) else (
+            f' ({two[0].label}; with it: {two[1].label})')
+        words = (f'With the direction announced (d = ±1) it took **{number(after)} N·m** to set '
+                 f'the joint in motion instead of **{number(before)} N·m** without (d = 0): '
+                 f'**{abs(100 * change):.0f} % {verb}**{other}')
+        test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
+                     and (c.first, c.second) == two), None)
+        if test is None or test.probability is None:
+            return words + ', of too few repetitions to rule out chance.'
+        span = test.difference
+        if not test.sure and span.low is not None and span.high is not None and (
+                span.low * span.high > 0):
+            return words + (f'; the difference is {with_interval(span)} N·m. {test.pairs} pairs '
+                            'are too few to rule out chance among so many comparisons '
+                            f'({probability(test)}).')
+        if not test.sure:
+            return words + f', which may be chance ({probability(test)}, {test.pairs} pairs).'
+        return words + f', more than chance ({probability(test)}, {test.pairs} pairs).'
+    if not evaluation.measured:
+        return ('**The back-driving torque was not measured.** What follows is what position, '
+                'current and reference tell: when the joint set out and how smoothly it went, not '
+                'what it cost the person.')
+    return ('What the announced direction brings cannot be said: no movement was recorded both '
+            'with it (d = ±1) and without (d = 0, or no compensation). All comparisons are below.')
+
+
+def _trend_words(trend: Trend) -> str:
+    assert trend.per_week is not None
+    name, unit = FIGURES[trend.figure]
+    rises = trend.per_week.mean > 0
+    # Smoothness is the only figure of which more is better.
+    judged = 'better' if rises == (trend.figure == 'smoothness') else 'worse'
+    return (f'Over {len(trend.days)} days, {name} with {trend.help.label} '
+            f'**{"rises" if rises else "falls"} by {number(abs(trend.per_week.mean))} {unit} '
+            f'a week**, for the {judged} ({chance(trend.probability or 0.0)}).')
+
+
+def heading(name: str) -> str:
+    """Return the name of a figure of `FIGURES` with its unit."""
+    title, unit = FIGURES[name]
+    return f'{title} [{unit}]' if unit else title
+
+
+def with_interval(value: Interval | None) -> str:
+    """Return a mean with half of its interval, in as many digits as that is worth."""
+    if value is None:
+        return '–'
+    if value.low is None or value.high is None:
+        return number(value.mean)
+    half = 0.5 * (value.high - value.low)
+    size = max(abs(value.mean), half)
+    if not size:
+        return '0'
+    # As many decimals as the interval is worth, but no more than four digits in all.
+    most = 3 - math.floor(math.log10(size))
+    wanted = 1 - math.floor(math.log10(half)) if half > 0 else most
+    places = max(min(wanted, most), 0)
+    mean = f'{value.mean:.{places}f}'.replace('-', '\u2212')
+    reach = f'{half:.{places}f}' if half == 0 or half >= 0.5 * 10.0 ** -places else (
+        f'<\u202f{10.0 ** -places:.{places}f}')
+    # No break between a number and what belongs to it.
+    return f'{mean}\u00a0±\u00a0{reach}'
+
+
+def share(value: Interval) -> str:
+    """Return the interval of a share in per cent."""
+    low, high = 100 * (value.low or 0.0), 100 * (value.high or 0.0)
+    return f'{low:.0f}\u202f–\u202f{high:.0f}\u00a0%'
+
+
+def chance(probability: float) -> str:
+    """Return a probability as tables of statistics have it."""
+    return 'p < 0.001' if probability < 0.001 else f'p = {probability:.2g}'
+
+
+def probability(comparison: Comparison) -> str:
+    """Return the probability of a difference by chance; a dash where there are too few pairs."""
+    return '–' if comparison.probability is None else chance(comparison.probability)
+
+
+def unbroken(label: str) -> str:
+    """Return a condition's name so that a table breaks it only between its parts."""
+    return label.replace(' = ', '\u00a0=\u00a0').replace(' · ', '\u00a0· ')
