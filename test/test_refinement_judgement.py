@@ -224,3 +224,22 @@ def test_low_pass_and_its_inverse_stay_within_stretches(constant):
         else:
             expected[part] -= constant * np.gradient(values[part], samples.sample_time, axis=0)
     assert delayed(values, samples, constant) == pytest.approx(expected, abs=1e-9)
+
+
+def test_effects_are_named_rightly_where_a_person_carries_the_load():
+    """Under a law, the measured load belongs to model and start alike, and is nothing found."""
+    time, position, velocity, _, rng = sines(4)
+    drive = Drive(0.119, 100.0)
+    model = FrictionModel(drive=drive, sigmoid=Sigmoid(0.1, -0.1, 40.0, 0.0, 0.05))
+    friction = model.sigmoid(velocity)
+    current = 0.8 * friction
+    load = (friction + 0.05 * np.cos(position) - current) * drive.torque_per_current
+    samples = Samples(
+        time=time, position=position, velocity=velocity, command=current,
+        current=current + 0.001 * rng.normal(size=len(time)),
+        load=load + 0.005 * rng.normal(size=len(time)),
+        direction=np.sign(velocity).astype(int))
+    result = refine([samples], model, drive)
+    named = [effect['name'] for effect in result.report['effects']]
+    assert 'gravity' in named
+    assert [effect.name for effect in result.model.effects] == [*named, 'load_torque']

@@ -157,7 +157,8 @@ def between(interval: list[float | None]) -> str:
 def steps_figure(result: RefineResult) -> Figure:
     """Return the error over the steps of the choice."""
     figure, axes = new_figure(height=2.6)
-    labels = [f'+ {name}' if k else name for k, (name, _) in enumerate(result.trail)]
+    labels = [f'+ {name.replace("_", " ")}' if k else name
+              for k, (name, _) in enumerate(result.trail)]
     errors = [error for _, error in result.trail]
     axes.plot(range(len(errors)), errors, 'o-', color=COLOURS['blue'])
     axes.axhline(result.report['noise_floor'], color=COLOURS['grey'], linestyle='--')

@@ -114,11 +114,13 @@ def report_of(outcome: Outcome) -> dict[str, Any]:
 
 def _effects(o: Outcome) -> list[dict[str, Any]]:
     """Return the entries of the effects; ripples of one family are one entry with their base."""
-    first = len(o.start.effects)
-    own = o.model.effects[first:] if o.steps else []
+    # A load that mechanics asks for is the last effect of either model, and was not found.
+    first = len(o.start.effects) - bool(o.data.load_coefficient)
+    found = slice(first, first + len(o.steps))
+    own = o.model.effects[found]
     if not own:
         return []
-    bounds = intervals(o.model, o.data)[first:]
+    bounds = intervals(o.model, o.data)[found]
     entries = [
         {'name': effect.name, 'variable': effect.variable, 'held_out_rmse': error,
          'evidence': step.evidence, 'parameters': effect.parameters, 'intervals': bound,
