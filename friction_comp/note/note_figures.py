@@ -34,10 +34,10 @@ def ramp_figure(outcome: Outcome) -> Figure:
         ramps.time[window:] - ramps.time[:-window])
     time, current, speed = thin(ramps.time, 1e3 * ramps.current, np.degrees(speed))
     upper.plot(time, current, color=COLOURS['blue'], linewidth=0.8)
-    upper.set_ylabel('motor current [mA]')
+    upper.set_ylabel('motor current (mA)')
     lower.plot(time, speed, color=COLOURS['orange'])
-    lower.set_ylabel('velocity [deg/s]')
-    lower.set_xlabel('time [s]')
+    lower.set_ylabel('velocity (deg/s)')
+    lower.set_xlabel('time (s)')
     records = ramps.records
     for k in range(min(2, len(records))):
         for axes in (upper, lower):
@@ -66,8 +66,8 @@ def friction_figure(outcomes: list[Outcome]) -> Figure:
             [0.0, 0.0], [1e3 * both.positive_mean, 1e3 * both.negative_mean],
             [1e3 * both.positive_std, 1e3 * both.negative_std], fmt='_', markersize=14,
             color=COLOURS[colour], capsize=3, label='breakaway ± standard deviation')
-    axes.set_xlabel('joint velocity [deg/s]')
-    axes.set_ylabel('motor current [mA]')
+    axes.set_xlabel('joint velocity (deg/s)')
+    axes.set_ylabel('motor current (mA)')
     axes.legend(ncols=3, loc='upper left', fontsize=7.5)
     return figure
 
@@ -93,11 +93,11 @@ def trial_figure(outcomes: list[Outcome]) -> Figure:
                 band(row[column], condition.time, condition.torque, condition.torque_std, colour,
                      label)
             row[column].set_title(f'configuration {outcome.experiment.number}')
-        rows[-1][column].set_xlabel('time since the movement began [s]')
-    rows[0][0].set_ylabel('position [deg]')
+        rows[-1][column].set_xlabel('time since the movement began (s)')
+    rows[0][0].set_ylabel('position (deg)')
     rows[0][0].legend()
     for row in rows[1:]:
-        row[0].set_ylabel('τ$_b$ [N·m]')
+        row[0].set_ylabel('τ$_b$ (N·m)')
     rows[1][0].legend(fontsize=7.5)
     return figure
 
@@ -126,7 +126,7 @@ def gain_figure(outcomes: list[Outcome]) -> Figure:
         upper.set_ylim(bottom=0.0)
         lower.set_ylim(-6.0, 106.0)
         lower.set_xlabel('breakaway gain')
-    rows[0][0].set_ylabel('peak torque [N·m]')
+    rows[0][0].set_ylabel('peak torque (N·m)')
     rows[1][0].set_ylabel('false starts [%]')
     rows[0][0].legend(fontsize=7.5)
     return figure
@@ -145,8 +145,8 @@ def mechanism_figure(outcomes: list[Outcome]) -> Figure:
                       textcoords='offset points', fontsize=8, ha='right')
         axes.set_ylim(0.0, 1.15 * max(level, peaks.max()))
         axes.set_title(f'configuration {outcome.experiment.number}')
-        axes.set_xlabel('left out up to [deg/s]')
-    columns[0][0].set_ylabel('peak torque, d = 0 [N·m]')
+        axes.set_xlabel('left out up to (deg/s)')
+    columns[0][0].set_ylabel('peak torque, d = 0 (N·m)')
     return figure
 
 

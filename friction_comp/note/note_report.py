@@ -85,19 +85,19 @@ def _add_result(report: Report, outcomes: list[Outcome]) -> None:
     for outcome in outcomes:
         experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
         rows += [
-            ['breakaway, positive [mA]', experiment.number,
+            ['breakaway, positive (mA)', experiment.number,
              f'{1e3 * experiment.breakaway:.1f} ± {1e3 * experiment.breakaway_std:.1f}',
              f'{1e3 * both.positive_mean:.1f} ± {1e3 * both.positive_std:.1f}'],
-            ['breakaway, negative [mA]', experiment.number, 'the same',
+            ['breakaway, negative (mA)', experiment.number, 'the same',
              f'{1e3 * both.negative_mean:.1f} ± {1e3 * both.negative_std:.1f}'],
-            ['peak without compensation [N·m]', experiment.number, '', f'{peaks["none"]:.2f}'],
-            ['peak with d = 0 [N·m] (calibrated)', experiment.number,
+            ['peak without compensation (N·m)', experiment.number, '', f'{peaks["none"]:.2f}'],
+            ['peak with d = 0, calibrated (N·m)', experiment.number,
              f'{experiment.peak_kinetic:.2f}', f'{peaks["kinetic"]:.2f}'],
-            ['peak with d = ±1, printed law [N·m]', experiment.number,
+            ['peak with d = ±1, printed law (N·m)', experiment.number,
              f'{experiment.peak_compensated:.2f}', f'{peaks["paper"]:.2f}'],
-            ['peak with d = ±1, continuous law [N·m]', experiment.number, '',
+            ['peak with d = ±1, continuous law (N·m)', experiment.number, '',
              f'{peaks["continuous"]:.2f}'],
-            ['peak of the inertia alone [N·m]', experiment.number, '', f'{peaks["inertia"]:.2f}'],
+            ['peak of the inertia alone (N·m)', experiment.number, '', f'{peaks["inertia"]:.2f}'],
             ['reduction by the printed law', experiment.number,
              f'{100 * experiment.reduction:.0f} %', f'{100 * outcome.reduction("paper"):.0f} %'],
             ['reduction by the continuous law', experiment.number, '',
@@ -129,8 +129,8 @@ def _add_table(report: Report, outcomes: list[Outcome]) -> None:
             outcome.table.sigmoid_error, float(np.sum(np.abs(printed(speeds) - currents))),
             1e3 * difference])
     report.table(
-        ['configuration', 'c1 … c6 (ω in deg/s)', 'E [A]', 'E of Eq. 11 as printed [A]',
-         'largest difference to Eq. 11 from 5 deg/s on [mA]'], rows,
+        ['configuration', 'c1 … c6 (ω in deg/s)', 'E (A)', 'E of Eq. 11 as printed (A)',
+         'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
         "Rows 2 and 3 of Eq. 11 are taken in each other's place, as Fig. 4 and the breakaway "
         'currents ask for. Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
     text = []
@@ -183,7 +183,7 @@ def _add_standstill(report: Report, outcomes: list[Outcome]) -> None:
             rows.append([outcome.experiment.number, law, found.duration / 3600.0,
                          found.standstills, found.false_starts, math.degrees(found.farthest)])
     report.table(
-        ['configuration', 'law', 'hours', 'standstills', 'false starts', 'farthest [deg]'], rows,
+        ['configuration', 'law', 'hours', 'standstills', 'false starts', 'farthest (deg)'], rows,
         'Nobody touches the joint, d is ±1, and the breakaway currents in use are 10 % too large. '
         'Every standstill is a rest of its own with new breakaway levels.')
     report.text(f"""
@@ -216,10 +216,10 @@ def _add_sources(report: Report, outcomes: list[Outcome]) -> None:
             movement['speed'], movement['acceleration_time'],
             ', '.join(f'{speed:g}' for speed in outcome.experiment.slow)])
     report.table(
-        ['configuration', 'inertia [kg·m²]', 'presliding stiffness [N·m/rad]',
-         'presliding damping [N·m·s/rad]', "person's stiffness [N·m/rad]",
-         "person's damping [N·m·s/rad]", 'speed [deg/s]', 'acceleration time [s]',
-         'slowest speeds of the table [deg/s]'], rows,
+        ['configuration', 'inertia (kg·m²)', 'presliding stiffness (N·m/rad)',
+         'presliding damping (N·m·s/rad)', "person's stiffness (N·m/rad)",
+         "person's damping (N·m·s/rad)", 'speed (deg/s)', 'acceleration time (s)',
+         'slowest speeds of the table (deg/s)'], rows,
         'Inertia and stiffness from data sheets, the rest calibrated on d = 0.')
     sources = outcomes[-1].experiment.model().simulation['sources']
     report.text('\n\n'.join(f'**{name}**: {text}' for name, text in sources.items()))

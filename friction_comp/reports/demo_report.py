@@ -98,8 +98,8 @@ def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
                          colour, trial.title)
         below.axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
         below.set_title(f'Movement in the {movement} direction')
-        below.set_xlabel('time since the movement began [s]')
-    axes[0, 0].set_ylabel('back-driving torque [N·m]')
+        below.set_xlabel('time since the movement began (s)')
+    axes[0, 0].set_ylabel('back-driving torque (N·m)')
     axes[0, 0].legend(loc='best')
     return figure
 
@@ -120,8 +120,8 @@ def identification_figure(model: FrictionModel) -> Figure:
         [0.0, 0.0], [1e3 * breakaway.positive_mean, 1e3 * breakaway.negative_mean],
         [1e3 * breakaway.positive_std, 1e3 * breakaway.negative_std], fmt='s', capsize=4,
         color=COLOURS['green'], label='breakaway')
-    axes.set_xlabel('joint velocity [rad/s]')
-    axes.set_ylabel('motor current [mA]')
+    axes.set_xlabel('joint velocity (rad/s)')
+    axes.set_ylabel('motor current (mA)')
     axes.legend(loc='best')
     return figure
 
@@ -156,7 +156,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         (f'{number(last.peak_torque)} N·m', 'and with the refined model'),
         (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'error of the model')])
     page.table(
-        ['', 'peak [N·m]', '±', 'RMS [N·m]', '±', 'model error [mA]'],
+        ['', 'peak (N·m)', '±', 'RMS (N·m)', '±', 'model error (mA)'],
         [[name, peak, number(trial.reach('peak_torque'), 2), rms,
           number(trial.reach('rms_torque'), 2), error]
          for trial, (name, peak, rms, error) in zip(trials, table_rows(trials, refined))],
@@ -172,7 +172,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     page.figure(identification_figure(model), 'Friction curve and breakaway currents as the '
                 'identification action measured them.')
     page.heading('What the model lacked')
-    page.table(['effect', 'depends on', 'error with it [mA]', 'in words'],
+    page.table(['effect', 'depends on', 'error with it (mA)', 'in words'],
                [[effect['name'].replace('_', ' '), effect['variable'],
                  1e3 * effect['held_out_rmse'], effect.get('in_words', '')]
                 for effect in effects] or [['none', '', None, '']])

@@ -119,7 +119,7 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
         axes.set_xticks([])
         axes.set_xlabel('recordings, as in the table below')
     axes.set_ylim(bottom=0.0)
-    axes.set_ylabel(f'RMS error [{unit}]')
+    axes.set_ylabel(f'RMS error ({unit})')
     figure.legend(loc='outside lower center', ncols=3)
     return figure
 

@@ -84,10 +84,10 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
                      colour, label)
         if evaluation.measured:
             axes[1, column].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
-        axes[-1, column].set_xlabel('time since the movement began [s]')
-    axes[0, 0].set_ylabel('joint angle [deg]')
+        axes[-1, column].set_xlabel('time since the movement began (s)')
+    axes[0, 0].set_ylabel('joint angle (deg)')
     if evaluation.measured:
-        axes[1, 0].set_ylabel('back-driving torque [N·m]')
+        axes[1, 0].set_ylabel('back-driving torque (N·m)')
     handles = {label: handle for ax in axes[0] for handle, label in zip(
         *ax.get_legend_handles_labels())}
     figure.legend(handles.values(), handles.keys(), loc='outside lower center',
@@ -130,7 +130,7 @@ def trend_figure(trends: Sequence[Trend], colours: dict[Help, str]) -> Figure:
     axes.set_xticks(ticks[::step], [date.fromordinal(k).isoformat() for k in ticks[::step]],
                     rotation=30, ha='right')
     name, unit = FIGURES[trends[0].figure]
-    axes.set_ylabel(f'{name} [{unit}]' if unit else name)
+    axes.set_ylabel(f'{name} ({unit})' if unit else name)
     figure.legend(loc='outside lower center', ncols=2)
     return figure
 

@@ -91,7 +91,7 @@ def _trend_words(trend: Trend) -> str:
 def heading(name: str) -> str:
     """Return the name of a figure of `FIGURES` with its unit."""
     title, unit = FIGURES[name]
-    return f'{title} [{unit}]' if unit else title
+    return f'{title} ({unit})' if unit else title
 
 
 def with_interval(value: Interval | None) -> str:

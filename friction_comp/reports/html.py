@@ -44,7 +44,7 @@ class Report:
     --------
     >>> report = Report('Backdrivability of the elbow')
     >>> report.verdict('The joint was **much** easier to move.')
-    >>> report.table(['condition', 'peak [N·m]'], [['d = 0', 1.28], ['d = ±1', 0.44]])
+    >>> report.table(['condition', 'peak (N·m)'], [['d = 0', 1.28], ['d = ±1', 0.44]])
     >>> '<h1>Backdrivability of the elbow</h1>' in report.html()
     True
     """
@@ -243,6 +243,26 @@ def number(value: float | int | None, digits: int = 3) -> str:
     if -4 <= magnitude < 6:
         return f'{value:.{max(digits - 1 - magnitude, 0)}f}'.replace('-', '\u2212')
     return f'{value:.{digits - 1}e}'.replace('-', '\u2212')
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a number with its unit; small currents in mA.
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+
+    Examples
+    --------
+    >>> quantity(0.0123, 'A')
+    '12.3 mA'
+    >>> quantity(0.0123, 'N·m')
+    '0.0123 N·m'
+    """
+    if unit == 'A' and abs(value) < 0.1:
+        value, unit = 1e3 * value, 'mA'
+    return f'{number(value)} {unit}'
 
 
 def _is_number(value: object) -> bool:

@@ -13,7 +13,7 @@ from friction_comp.refinement.prepare.folds import runs_of
 from friction_comp.refinement.search.spectrum import highest_frequency, position_spectrum
 from friction_comp.refinement.units import in_unit
 from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
-from friction_comp.reports.html import number, Report
+from friction_comp.reports.html import number, quantity, Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,9 +43,9 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     first, _, rest = summary(report).partition('\n\n')
     page.verdict(f"**Verdict: {report['verdict']}.** {first}")
     page.numbers([
-        (f"{number(before['held_out_rmse'])} {unit}", 'error before, on data not fitted'),
-        (f"{number(after['held_out_rmse'])} {unit}", 'error after, on data not fitted'),
-        (f"{number(report['noise_floor'])} {unit}", 'noise from sample to sample'),
+        (quantity(before['held_out_rmse'], unit), 'error before, on data not fitted'),
+        (quantity(after['held_out_rmse'], unit), 'error after, on data not fitted'),
+        (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
     page.text('Why this verdict:\n\n' + verdict_words(report))
     page.text(rest)
@@ -96,14 +96,14 @@ def summary(report: dict[str, Any]) -> str:
         lines = ['Of these recordings no model of friction can be trusted: see the reasons.']
     elif not report['effects']:
         lines = [f'The model describes the drive as well as these recordings can tell: it misses '
-                 f'the measured current by {number(before)} {unit} RMS, and no further effect '
+                 f'the measured current by {quantity(before, unit)} RMS, and no further effect '
                  'makes that better on data it was not fitted to.']
     else:
         gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
         found = '\n'.join(f"- {effect['in_words']}" for effect in report['effects'])
-        lines = [f'The model missed the measured current by **{number(before)} {unit}** RMS. With '
-                 f'what was found in the recordings it misses by **{number(after)} {unit}**, that '
-                 f'is {gain:.0f} % less, on stretches it was not fitted to.',
+        lines = [f'The model missed the measured current by **{quantity(before, unit)}** RMS. With '
+                 f'what was found in the recordings it misses by **{quantity(after, unit)}**, '
+                 f'that is {gain:.0f} % less, on stretches it was not fitted to.',
                  'What was found, the largest first:', found]
     if report['unexplained']:
         names = ', '.join(entry['variable'] for entry in report['unexplained'])
@@ -133,7 +133,7 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
         if parts is None:
             parts, bounds = [effect['parameters']], [effect['intervals']]
         for values, interval in zip(parts, bounds):
-            name = values.get('name', effect['name'])
+            name = values.get('name', effect['name']).replace('_', ' ')
             for key, value in values.items():
                 if key in ('name', 'coefficients') or interval[key] in ([value, value],
                                                                       [None, None]):

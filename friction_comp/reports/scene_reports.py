@@ -74,8 +74,8 @@ def exercise_figure(shown: dict[str, Samples], seconds: float = 16.0) -> Figure:
                 below.fill_between(part.time, 0, 1, where=part.direction == sign, alpha=0.15,
                                    color=COLOURS[colour], linewidth=0,
                                    transform=below.get_xaxis_transform())
-        below.set_ylabel(f'{joint} [deg]')
-    axes[-1, 0].set_xlabel('time [s]')
+        below.set_ylabel(f'{joint} (deg)')
+    axes[-1, 0].set_xlabel('time (s)')
     return figure
 
 
@@ -183,7 +183,7 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
                    color=COLOURS[colour], markersize=4.5,
                    label=('model at the start' if model == models[0] else 'refined model'))
     above.set_ylim(bottom=0.0)
-    above.set_ylabel('RMS torque [N·m]')
+    above.set_ylabel('RMS torque (N·m)')
     for below in axes[:, 0]:
         for at in marks.values():
             below.axvline(at, color=COLOURS['grey'], linewidth=0.9, linestyle=':')
@@ -192,8 +192,8 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
                    fontsize=8.5)
     if samples.temperature is not None:
         axes[1, 0].plot(*thin(samples.time, samples.temperature), color=COLOURS['red'])
-        axes[1, 0].set_ylabel('motor [°C]')
-    axes[-1, 0].set_xlabel('time [s]')
+        axes[1, 0].set_ylabel('motor (°C)')
+    axes[-1, 0].set_xlabel('time (s)')
     figure.legend(loc='outside lower center', ncols=2)
     return figure
 

@@ -94,7 +94,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def print_summary(report: dict[str, Any]) -> None:
     """Print what was found, in a few lines."""
-    from friction_comp.reports.html import number
+    from friction_comp.reports.html import number, quantity
 
     unit = report['unit']
     print(f"verdict: {report['verdict']}")
@@ -103,14 +103,14 @@ def print_summary(report: dict[str, Any]) -> None:
     for line in report['record_again']:
         print(f'  record: {line}')
     before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
-    print(f"before: {number(before)} {unit} RMS on data not fitted ({report['before']['model']})")
+    print(f"before: {quantity(before, unit)} RMS on data not fitted ({report['before']['model']})")
     for effect in report['effects']:
         print(f"  + {effect['name']} ({effect['variable']}): "
-              f"{number(effect['held_out_rmse'])} {unit}   {effect['in_words']}")
+              f"{quantity(effect['held_out_rmse'], unit)}   {effect['in_words']}")
     if not report['effects']:
         print('  no effect beyond the model shows in the recordings')
-    print(f"after:  {number(after)} {unit} RMS on data not fitted; noise floor "
-          f"{number(report['noise_floor'])} {unit}")
+    print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
+          f"{quantity(report['noise_floor'], unit)}")
     print(f"stopped because {report['stopped_because']}")
     for entry in report['unexplained']:
         print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "

@@ -62,16 +62,16 @@ def summary_rows(outcomes: list[Outcome]) -> list[tuple[str, list[str]]]:
         return name, [text(outcome) for outcome in outcomes]
 
     return [
-        row('breakaway [mA]', lambda o: (
+        row('breakaway (mA)', lambda o: (
             f'{_mean(o):.1f} ± {_std(o):.1f} '
             f'({1e3 * o.experiment.breakaway:.1f} ± {1e3 * o.experiment.breakaway_std:.1f})')),
-        row('peak, no compensation [N·m]', lambda o: f'{o.peaks["none"]:.2f}'),
-        row('peak, d = 0 [N·m]', lambda o: (
+        row('peak, no compensation (N·m)', lambda o: f'{o.peaks["none"]:.2f}'),
+        row('peak, d = 0 (N·m)', lambda o: (
             f'{o.peaks["kinetic"]:.2f} ({o.experiment.peak_kinetic})')),
-        row('peak, printed law [N·m]', lambda o: (
+        row('peak, printed law (N·m)', lambda o: (
             f'{o.peaks["paper"]:.2f} ({o.experiment.peak_compensated})')),
-        row('peak, continuous law [N·m]', lambda o: f'{o.peaks["continuous"]:.2f}'),
-        row('peak, inertia alone [N·m]', lambda o: f'{o.peaks["inertia"]:.2f}'),
+        row('peak, continuous law (N·m)', lambda o: f'{o.peaks["continuous"]:.2f}'),
+        row('peak, inertia alone (N·m)', lambda o: f'{o.peaks["inertia"]:.2f}'),
         row('reduction, printed law', lambda o: (
             f'{100 * o.reduction("paper"):.0f} % ({100 * o.experiment.reduction:.0f} %)')),
         row('reduction, continuous law', lambda o: f'{100 * o.reduction("continuous"):.0f} %'),
