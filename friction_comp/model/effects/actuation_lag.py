@@ -11,8 +11,8 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import advance, delayed, earlier
-from friction_comp.model.effects.base import Effect, too_coarse
-from friction_comp.model.effects.scene import NEITHER, Search
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import NEITHER, Search, too_coarse
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
@@ -87,6 +87,11 @@ class ActuationLag(Effect):
                     constants: dict[str, float]) -> np.ndarray:
         """Return the current as its low pass leaves it."""
         return delayed(values, samples, constants['first_order'] * constants['lag'])
+
+    @classmethod
+    def nearly_seen_by(cls, samples: Samples, constants: dict[str, float]) -> Samples:
+        """Return the samples with a low pass taken for the delay that it nearly is."""
+        return advance(samples, -constants['first_order'] * constants['lag'])
 
     @classmethod
     def moved(cls, values: np.ndarray, samples: Samples,

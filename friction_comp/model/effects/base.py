@@ -15,9 +15,9 @@ from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects.edges import checked_range, inside
+from friction_comp.model.effects.friction_sign import sign_at
 from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
 from friction_comp.model.effects.scene import (
-    COARSE,
     RESISTS,
     Scene,
     Search,
@@ -300,7 +300,9 @@ class Effect(ABC):
     def matrix(cls, samples: Samples, constants: dict[str, float]) -> np.ndarray:
         """Return the design matrix, shape (N, M), for `Samples` with velocity."""
         c = cls.Constants(**constants)
-        side = sign(samples.velocity, c.transition) if 'transition' in constants else 0.0
+        side: Any = 0.0
+        if 'transition' in constants:
+            side = sign_at(np.asarray(samples.velocity), c.transition)
         x = Signals(samples.time, samples.position, samples.velocity, samples.acceleration,
                     samples.load, samples.temperature, side, cls.memory(samples, side, c),
                     samples.rigid_body, samples.coupling)
@@ -334,6 +336,11 @@ class Effect(ABC):
         return values
 
     @classmethod
+    def nearly_seen_by(cls, samples: Samples, constants: dict[str, float]) -> Samples:
+        """Return the samples whose motion asks for nearly what `recorded_as` would leave of it."""
+        return samples
+
+    @classmethod
     def forms(cls, scene: Scene) -> list[dict[str, float]]:
         """Return the constants to choose between by all samples, for effects that reshape."""
         return []
@@ -364,27 +371,6 @@ class Effect(ABC):
         if self.valid_range:
             entry['valid_range'] = {name: list(ends) for name, ends in self.valid_range.items()}
         return entry
-
-
-def sign(velocity: Any, transition: float) -> Any:
-    """Return the sign of friction, which passes through zero smoothly as Eq. 6 does."""
-    return np.tanh(velocity / transition)
-
-
-def speed_hardly_varied(scene: Scene) -> str:
-    """Return a sentence where the speed hardly varied; empty where it did."""
-    if scene.speed >= 1.5 * scene.slow:
-        return ''
-    return (f'Speed hardly varied ({scene.slow:.3g} to {scene.speed:.3g} rad/s): effects of '
-            'velocity cannot be seen.')
-
-
-def too_coarse(scene: Scene) -> str:
-    """Return a sentence where the encoder gave too few distinct positions; empty if enough."""
-    if scene.positions >= COARSE:
-        return ''
-    return (f'Position is coarse: {scene.positions:.0f} distinct values. Lag, presliding and what '
-            'else happens within a few steps of it cannot be seen, and acceleration is uncertain.')
 
 
 def segment_starts(samples: Samples) -> np.ndarray:

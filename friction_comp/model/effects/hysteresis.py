@@ -10,8 +10,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.compiling import njit
-from friction_comp.model.effects.base import Effect, geometric, segment_starts, too_coarse
-from friction_comp.model.effects.scene import Search
+from friction_comp.model.effects.base import Effect, geometric, segment_starts
+from friction_comp.model.effects.scene import Search, too_coarse
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals

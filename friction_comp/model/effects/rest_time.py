@@ -73,7 +73,7 @@ class RestTime(Effect):
             return []
         return [{'time_constant': constant, 'distance': distance, 'velocity': share * scene.slowest,
                  'transition': scene.transition}
-                for share in (1.0, 0.25)
+                for share in (1.0, 0.25, 0.06)
                 for constant in geometric(0.3, 30.0, 5)
                 for distance in geometric(2e-3 * span, 0.2 * span, 6)]
 

@@ -142,3 +142,19 @@ class Search:
 COARSE = 150
 """An encoder that gives fewer distinct positions over the motion is called coarse: less than a
 hundredth of the range is then a step or two."""
+
+
+def speed_hardly_varied(scene: Scene) -> str:
+    """Return a sentence where the speed hardly varied; empty where it did."""
+    if scene.speed >= 1.5 * scene.slow:
+        return ''
+    return (f'Speed hardly varied ({scene.slow:.3g} to {scene.speed:.3g} rad/s): effects of '
+            'velocity cannot be seen.')
+
+
+def too_coarse(scene: Scene) -> str:
+    """Return a sentence where the encoder gave too few distinct positions; empty if enough."""
+    if scene.positions >= COARSE:
+        return ''
+    return (f'Position is coarse: {scene.positions:.0f} distinct values. Lag, presliding and what '
+            'else happens within a few steps of it cannot be seen, and acceleration is uncertain.')

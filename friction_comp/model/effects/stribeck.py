@@ -8,8 +8,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, geometric, speed_hardly_varied
-from friction_comp.model.effects.scene import Search
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.scene import Search, speed_hardly_varied
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals

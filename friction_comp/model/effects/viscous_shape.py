@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
-from friction_comp.model.effects.base import Effect, speed_hardly_varied
-from friction_comp.model.effects.scene import Search
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import Search, speed_hardly_varied
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals

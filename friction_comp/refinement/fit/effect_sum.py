@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 # Weights that change by less than this have settled.
 _SETTLED = 1e-3
+# Terms whose columns are worked on together: few enough to stay in the processor's cache.
+_TOGETHER = 16
 
 
 @dataclass(frozen=True)
@@ -244,35 +246,61 @@ class Fit:
 
     def gain(self, term: Term, every: int = 1) -> float:
         """Return by how much a term would lower the weighted sum of squares, in A²."""
+        return self.gains([term], every)[0]
+
+    def gains(self, terms: Sequence[Term], every: int = 1) -> list[float]:
+        """Return by how much each term, alone, would lower the weighted sum of squares, in A²."""
+        found: list[float] = []
+        for first in range(0, len(terms), _TOGETHER):
+            found += self._gains([self.loaded(term) for term in terms[first:first + _TOGETHER]],
+                                 every)
+        return found
+
+    def _gains(self, terms: Sequence[Term], every: int) -> list[float]:
+        """Return the gains of a few terms, whose columns are orthogonalised all at once."""
         index, root, q, residual = self.basis(every)
-        term = self.loaded(term)
-        if term.kind.sees_history or self.reshaped:
-            columns = self.columns(term)[index]
-        else:
-            columns = term.columns(self._picked(index), self.data.window)
-        columns = columns * root[:, None]
-        before = np.linalg.norm(columns, axis=0)
-        columns = columns - q @ (q.T @ columns)
-        after = np.linalg.norm(columns, axis=0)
+        parts = [self._columns_at(term, index) for term in terms]
+        edges = np.cumsum([0, *(part.shape[1] for part in parts)])
+        if not edges[-1]:
+            return [0.0] * len(terms)
+        rows = side_by_side(parts).T * root
+        before = np.sqrt(np.einsum('ij,ij->i', rows, rows))
+        rows -= (rows @ q) @ q.T
+        after = np.sqrt(np.einsum('ij,ij->i', rows, rows))
         # A column that the model already has is no news, whatever rounding leaves of it.
         fresh = after > 1e-4 * before
-        if not fresh.any():
-            return 0.0
-        columns = columns[:, fresh] / after[fresh]
-        gram = columns.T @ columns
-        gram.flat[::len(gram) + 1] += 1e-9
-        product = columns.T @ residual
-        found = np.linalg.solve(gram, product)
-        wanted = (*term.kind.signs, *[0] * len(fresh))[:len(fresh)]
-        if np.any(found * np.array(wanted)[fresh] < 0.0):
-            return 0.0
-        return float(product @ found) * every
+        product = np.where(fresh, rows @ residual / np.where(fresh, after, 1.0), 0.0)
+        found = []
+        for term, begin, end in zip(terms, edges[:-1], edges[1:]):
+            places = begin + np.nonzero(fresh[begin:end])[0]
+            wanted = (*term.kind.signs, *[0] * int(end - begin))
+            own, goal = product[places], product[places]
+            if len(places) > 1:
+                gram = rows[places] @ rows[places].T / np.outer(after[places], after[places])
+                gram.flat[::len(gram) + 1] += 1e-9
+                own = np.linalg.solve(gram, goal)
+            wrong = any(wanted[place - begin] * value < 0.0 for place, value in zip(places, own))
+            found.append(0.0 if wrong else float(goal @ own) * every)
+        return found
+
+    def _columns_at(self, term: Term, index: np.ndarray) -> np.ndarray:
+        """Return a term's columns on some of the fitted rows, shape (len(index), M).
+
+        Beside a low pass of the current they are nearly right, at a tenth of the cost: enough to
+        tell one point of a grid from another.
+        """
+        if term.kind.sees_history:
+            return self.columns(term)[index]
+        return term.columns(self._picked(index), self.data.window)
 
     def _picked(self, index: np.ndarray) -> Samples:
         """Return the fitted samples alone."""
         held = self._pick
         if held is None or held[0] is not self.samples or len(held[1]) != len(index):
-            self._pick = held = (self.samples, self.samples.take(index))
+            samples = self.samples
+            for term in self.terms:
+                samples = term.kind.nearly_seen_by(samples, term.constants)
+            self._pick = held = (self.samples, samples.take(index))
         return held[1]
 
     def search(self, term: Term, every: int = 1, evaluations: int = 14) -> tuple[Term, float]:

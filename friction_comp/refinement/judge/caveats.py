@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS, Scene
-from friction_comp.model.effects.base import speed_hardly_varied
+from friction_comp.model.effects.scene import speed_hardly_varied
 from friction_comp.refinement.judge.residual_dependence import rank_correlation
 from friction_comp.refinement.search.candidate_fit import Step
 from friction_comp.refinement.thresholds import NEARLY_ONE_SPEED

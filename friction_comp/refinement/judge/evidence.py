@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
     from friction_comp.refinement.prepare.fit_data import FitData
 
+_FLIPS = 4000
 
 
 def held_out_residual(data: FitData, fits: list[Fit]) -> np.ndarray:
@@ -52,20 +54,20 @@ def advantage(data: FitData, old: np.ndarray, new: np.ndarray) -> tuple[float, f
     usable = data.usable
     scale = robust_scale(old[usable])
     difference = (huber_loss(old, scale) - huber_loss(new, scale))[usable]
-    sums, count = stretch_sums(data, difference, new)
-    size = len(difference)
-    number = len(sums)
-    spread = float(np.std(sums - sums.sum() * count / size, ddof=1)) * math.sqrt(number)
+    number = stretches(new, usable, data.folds.run)
+    sums, count = np.bincount(number, difference), np.bincount(number)
+    size, many = len(difference), len(sums)
+    spread = float(np.std(sums - sums.sum() * count / size, ddof=1)) * math.sqrt(many)
     total = float(sums.sum())
     if spread <= 0:
         return total / size, 0.0, 1.0
-    p_value = float(stats.t.sf(total / spread, number - 1))
+    p_value = float(stats.t.sf(total / spread, many - 1))
     # An effect that shows in few stretches only (a bump, a start from rest) has a spread made by
     # itself: of the square roots of the sums it stands out, and so it does among the stretches in
     # which it predicts something. Three tests, so three times the chance.
     roots = np.sign(sums) * np.sqrt(np.abs(sums))
-    energy, _ = stretch_sums(data, (old - new)[usable] ** 2, new)
     if total > 0:
+        energy = np.bincount(number, (old - new)[usable] ** 2)
         acting = where_it_acts(energy, count, robust_scale(new[usable]))
         p_value = min(1.0, 3.0 * min(p_value, upper_tail(roots), ranks_tail(sums[acting])))
     # Few flips cannot show a very small chance; there Student's t has to do.
@@ -111,20 +113,14 @@ def where_it_acts(energy: np.ndarray, count: np.ndarray, scale: float) -> np.nda
     return order[:max(6, number)]
 
 
-def stretch_sums(data: FitData, values: np.ndarray,
-                 residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sum values of usable samples over stretches longer than the residual's memory."""
-    number = stretches(residual, data.usable, data.folds.run)
-    return np.bincount(number, values), np.bincount(number)
-
-
-def flipped_signs(sums: np.ndarray, draws: int = 4000, seed: int = 0) -> float:
+def flipped_signs(sums: np.ndarray) -> float:
     """Return the chance that randomly signed sums exceed the real one."""
-    rng = np.random.default_rng(seed)
-    total, above, left = sums.sum(), 0, draws
-    while left:
-        number = min(left, 500)
-        signs = rng.integers(0, 2, size=(number, len(sums))) * 2 - 1
-        above += int(np.sum(signs @ sums >= total))
-        left -= number
-    return (above + 1) / (draws + 1)
+    signs = _signs(len(sums))
+    return (int(np.sum(signs @ sums >= sums.sum())) + 1) / (len(signs) + 1)
+
+
+@functools.lru_cache(maxsize=2)
+def _signs(number: int) -> np.ndarray:
+    """Return the same random signs whenever they are asked for, shape (_FLIPS, number)."""
+    rng = np.random.default_rng(0)
+    return 2.0 * rng.integers(0, 2, size=(_FLIPS, number), dtype=np.int8) - 1.0

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, too_coarse
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.scene import too_coarse
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.fit.harmonics import exact_families, Family
 from friction_comp.refinement.fit.uncertainty import intervals

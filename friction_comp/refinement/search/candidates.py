@@ -67,20 +67,17 @@ def best_gain(fit: Fit, kind: type[Effect]) -> float:
 
 
 def _on_grid(fit: Fit, kind: type[Effect]) -> tuple[Term | None, float]:
-    every = max(1, len(fit.index) // _COARSE_ROWS)
     if kind.spectral:
-        points = _by_spectrum(fit, kind)
+        terms, every = _by_spectrum(fit, kind), 1
     else:
-        points = [(Term(kind, constants), every) for constants in kind.grid(fit.data.scene)]
-    best, most = None, 0.0
-    for term, coarse in points:
-        gain = fit.gain(term, coarse)
-        if gain > most:
-            best, most = term, gain
-    return best, most
+        terms = [Term(kind, constants) for constants in kind.grid(fit.data.scene)]
+        every = max(1, len(fit.index) // _COARSE_ROWS)
+    gains = fit.gains(terms, every)
+    most = max(gains, default=0.0)
+    return (terms[gains.index(most)], most) if most > 0.0 else (None, 0.0)
 
 
-def _by_spectrum(fit: Fit, kind: type[Effect]) -> list[tuple[Term, int]]:
+def _by_spectrum(fit: Fit, kind: type[Effect]) -> list[Term]:
     """Return terms with the frequencies at which the residual swings most over position."""
     data, scene = fit.data, fit.data.scene
     index = fit.index
@@ -101,7 +98,7 @@ def _by_spectrum(fit: Fit, kind: type[Effect]) -> list[tuple[Term, int]]:
         for other in taken:
             near |= np.abs(k - other) < 0.5 * separation
         for frequency in peaks(k[~near], power[~near], _PEAKS, separation):
-            points.append((Term(kind, {name: frequency, **constants}), 1))
+            points.append(Term(kind, {name: frequency, **constants}))
     return points
 
 

@@ -14,7 +14,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect, sign
+from friction_comp.model.effects.base import Effect
+from friction_comp.model.effects.friction_sign import sign
 from friction_comp.refinement.search.candidate_fit import chance_of, try_kind
 
 if TYPE_CHECKING:
