@@ -100,6 +100,8 @@ class Choice:
     control : Control
     stopped : str
         Why the search ended.
+    chosen : Chosen or None
+        The search's own state, from which another one may go on.
     """
 
     model: FrictionModel
@@ -110,9 +112,10 @@ class Choice:
     usable: np.ndarray
     control: Control
     stopped: str
+    chosen: Chosen | None = None
 
 
-def choose(question: Question, settings: dict[str, Any]) -> Choice:
+def choose(question: Question, settings: dict[str, Any], begun: Chosen | None = None) -> Choice:
     """Choose the effects, and fit the model with them to all samples.
 
     Parameters
@@ -120,6 +123,8 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
     question : Question
     settings : dict
         How velocity is derived from position.
+    begun : Chosen, optional
+        What was found with other settings.
 
     Raises
     ------
@@ -143,7 +148,7 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
                        'no effect of the drive can be told')
         product = None
     else:
-        found, product = search(data, bases, progress, question.without)
+        found, product = search(data, bases, progress, question.without, begun)
     rough = to_model(found.fits[0], None, None, drive, settings)
     floor = noise_floor(samples, usable, samples.current - rough.current(samples))
     every = finer(data, samples, usable)
@@ -166,7 +171,7 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
     fitted = carve_out(to_model(whole, samples, usable, drive, settings), samples, usable)
     return Choice(fitted, data, bases, steps,
                   with_products(left, [product] if product else []), usable, control,
-                  found.stopped)
+                  found.stopped, None if nameless else found)
 
 
 def beginning(data: FitData, fold: int, terms: list[Term]) -> Fit:

@@ -75,7 +75,7 @@ class RestTime(Effect):
                  'transition': scene.transition}
                 for share in (1.0, 0.25, 0.06)
                 for constant in geometric(0.3, 30.0, 5)
-                for distance in geometric(2e-3 * span, 0.2 * span, 6)]
+                for distance in geometric(2e-3 * span, 0.2 * span, 5)]
 
     step = staticmethod(rest_step)
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
     from friction_comp.refinement.prepare.fit_data import FitData
 
-# Rows that tell one point of a grid from another; what is chosen is fitted to all of them.
+# So many rows, or somewhat fewer, tell one point of a grid from another; what is chosen is fitted
+# to all of them.
 _COARSE_ROWS = 2000
 _PEAKS = 4
 
@@ -57,7 +58,7 @@ def best_term(fit: Fit, kind: type[Effect]) -> Term | None:
     best, _ = _on_grid(fit, kind)
     if best is None:
         return None
-    best, _ = fit.search(best, max(1, len(fit.index) // _COARSE_ROWS))
+    best, _ = fit.search(best, math.ceil(len(fit.index) / _COARSE_ROWS))
     return best
 
 
@@ -71,7 +72,7 @@ def _on_grid(fit: Fit, kind: type[Effect]) -> tuple[Term | None, float]:
         terms, every = _by_spectrum(fit, kind), 1
     else:
         terms = [Term(kind, constants) for constants in kind.grid(fit.data.scene)]
-        every = max(1, len(fit.index) // _COARSE_ROWS)
+        every = math.ceil(len(fit.index) / _COARSE_ROWS) or 1
     gains = fit.gains(terms, every)
     most = max(gains, default=0.0)
     return (terms[gains.index(most)], most) if most > 0.0 else (None, 0.0)
@@ -112,7 +113,7 @@ def best_forms(fit: Fit, kind: type[Effect]) -> list[Term] | None:
     list of Term or None
         None where a form does not help.
     """
-    every = max(1, len(fit.index) // _COARSE_ROWS)
+    every = math.ceil(len(fit.index) / _COARSE_ROWS) or 1
     index, weights = fit.index[::every], fit.weights[::every]
     goal = fit.target[index]
 

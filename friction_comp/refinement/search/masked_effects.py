@@ -18,8 +18,9 @@ from friction_comp.refinement.search.candidate_fit import (
     mean_loss,
     try_kind,
 )
+from friction_comp.refinement.search.candidates import best_gain
 from friction_comp.refinement.search.unlisted_products import Nameless
-from friction_comp.refinement.thresholds import ALPHA, CLEARLY_ABOVE_NOISE, LEAST_SHARE
+from friction_comp.refinement.thresholds import ADJUSTED, ALPHA, CLEARLY_ABOVE_NOISE, LEAST_SHARE
 from friction_comp.series import quantile_edges
 
 if TYPE_CHECKING:
@@ -161,9 +162,11 @@ def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[
     firsts = sorted(trials, key=fitted)[:_FIRSTS]
     best = None
     for trial in firsts:
-        for kind in kinds:
-            if kind is trial.kind and kind.most == 1:
-                continue
+        # A lag shows at every reversal, whatever else is there: it is no second of a pair.
+        gains = {kind: sum(best_gain(fit, kind) for fit in trial.fits)
+                 for kind in kinds if not (kind is trial.kind and kind.most == 1)
+                 and not kind.reshapes}
+        for kind in sorted(gains, key=lambda kind: -gains[kind])[:int(ADJUSTED)]:
             pair = try_kind(data, trial.fits, residual, kind)
             if pair is not None and (best is None or pair.advantage > best.advantage):
                 best = pair
