@@ -7,10 +7,14 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.model.differentiation import differentiate
+from friction_comp.model.effects.rest_time import RestTime
+from friction_comp.model.effects.scene import Scene
 from friction_comp.refinement import refine
 from friction_comp.refinement.fit.robust_regression import solve
+from friction_comp.refinement.judge.control import Control
 from friction_comp.refinement.judge.evidence import ranks_tail
 from friction_comp.refinement.judge.residual_dependence import inseparable
+from friction_comp.refinement.judge.verdict import lower_report, verdict_of
 from friction_comp.refinement.prepare.differentiation_choice import velocity_against_position
 from friction_comp.samples import Samples
 
@@ -143,6 +147,41 @@ def test_velocity_that_is_not_the_slope_of_position_is_said(scale, said):
     assert (sentence is not None) == said
     if said:
         assert f'{scale:.3g}' in sentence
+
+
+def test_a_model_whose_speed_is_at_odds_with_position_is_not_trusted():
+    t, q, v, _ = strokes(2, duration=30.0)
+    good = {'held_out_rmse': NOISE, 'held_out_r2': 0.99}
+    words = []
+    for scale in (1.0, 1.6):
+        line = velocity_against_position(recorded(t, q, friction(v), 2, velocity=v / scale))
+        report = {'after': good, 'noise_floor': NOISE, 'unexplained': [], 'ambiguous': [],
+                  'warnings': [line] if line else []}
+        words.append(verdict_of(report, Control(), False, '').word)
+    assert words == ['trust', 'trust in part']
+
+
+def test_a_reason_against_trust_takes_the_place_of_those_for_it():
+    report = {'verdict': 'trust', 'reasons': ['near the noise'], 'record_again': []}
+    lower_report(report, 'trust in part', 'motion that repeats', 'another motion')
+    assert report == {'verdict': 'trust in part', 'reasons': ['motion that repeats'],
+                      'record_again': ['another motion']}
+    lower_report(report, 'trust in part', 'too short', 'another motion')
+    assert report['reasons'] == ['motion that repeats', 'too short']
+
+
+def test_a_joint_that_turns_round_slowly_has_not_rested():
+    t, q, v, _ = strokes(2, duration=60.0)
+    samples = recorded(t, q, friction(v), 2, velocity=v, acceleration=0.0 * v)
+    scene = Scene(transition=0.02, speed=0.8, slowest=0.01, lowest=-0.8, highest=0.8,
+                  duration=60.0, sample_time=0.005)
+    grown = []
+    for threshold in sorted({point['velocity'] for point in RestTime.grid(scene)}):
+        constants = {'time_constant': 0.5, 'distance': 0.1, 'velocity': threshold,
+                     'transition': 0.02}
+        grown.append(float(np.max(np.abs(RestTime.matrix(samples, constants)))))
+    # Minimum jerk passes through zero speed at every reversal, for a moment each.
+    assert grown[0] < 0.5 * grown[-1]
 
 
 def test_no_velocity_recorded_is_no_contradiction():

@@ -71,6 +71,15 @@ def verdict_of(report: dict[str, Any], control: Control, no_friction: bool, coar
     return found
 
 
+def lower_report(report: dict[str, Any], word: str, reason: str, recording: str) -> None:
+    """Make the verdict of a finished report at most this good, for a reason."""
+    found = Verdict(report['verdict'], list(report['reasons']), list(report['record_again']))
+    if found.word == TRUST:
+        found.reasons = []
+    found.lower(word, reason, recording)
+    report.update(verdict=found.word, reasons=found.reasons, record_again=found.recordings)
+
+
 def _by_errors(found: Verdict, report: dict[str, Any]) -> None:
     after, noise = report['after'], report['noise_floor']
     if after['held_out_r2'] < TRUST_R2 and after['held_out_rmse'] > TRUST_NOISE * noise:
@@ -97,5 +106,9 @@ def _by_what_is_open(found: Verdict, report: dict[str, Any], coarse: str) -> Non
         if line.startswith('Other joints moved') and (
                 report['after']['held_out_rmse'] > TRUST_NOISE * report['noise_floor']):
             found.lower(IN_PART, line, 'move this joint alone, or give a URDF of the arm (--urdf)')
+        if line.startswith('Position changes by'):
+            # Every term is written in speed or acceleration: what they are is not known then.
+            found.lower(IN_PART, line, 'let one clock stamp position, velocity and current, and '
+                        'check the units of velocity')
         if 'one direction' in line or 'Speed hardly' in line:
             found.lower(IN_PART, line, 'move in both directions, at speeds from slow to fast')

@@ -11,6 +11,7 @@ import numpy as np
 from friction_comp.arm.find_coupling import find_coupling
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.states import moving_states
+from friction_comp.refinement.judge.verdict import IN_PART, lower_report
 from friction_comp.samples import Samples
 
 # Share of its usual top speed below which the joint counts as at rest.
@@ -114,7 +115,9 @@ def say_so(report: dict[str, Any], arm: Arm, samples: Samples) -> None:
         'inertia follow from mechanics.')
     again = repeats_after(samples)
     if again:
-        report['warnings'].append(
-            f'All joints repeat their motion every {again:.3g} s, so that what is held out was '
-            'driven before: on other motion expect a larger error than the held-out one. To judge '
-            'the model, record another motion of all joints.')
+        repeats = (f'All joints repeat their motion every {again:.3g} s, so that what is held out '
+                   'was driven before: on other motion expect a larger error than the held-out '
+                   'one. To judge the model, record another motion of all joints.')
+        report['warnings'].append(repeats)
+        lower_report(report, IN_PART, repeats, 'record another motion of all joints, and refine '
+                     'on both')

@@ -15,6 +15,7 @@ from friction_comp.model.plain_drive import plain_drive_columns
 from friction_comp.refinement.fit.robust_regression import robust_scale, solve
 from friction_comp.refinement.judge.evidence import rms
 from friction_comp.refinement.prepare import fit_data as recordings
+from friction_comp.refinement.thresholds import AT_ODDS
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -24,8 +25,8 @@ _MOST_SAMPLES = 150_000
 _PIECES = 15
 # Hz: low enough for any encoder, high enough for a person's movements.
 _SMOOTH = 20.0
-# Position and velocity are compared over windows of so many seconds, and agree within this share.
-_WINDOW, _AGREES, _FEWEST_WINDOWS = 0.25, 0.05, 8
+# Position and velocity are compared over windows of so many seconds.
+_WINDOW, _FEWEST_WINDOWS = 0.25, 8
 
 
 def excerpt(samples: Samples, *masks: Any) -> tuple[Any, ...]:
@@ -127,7 +128,7 @@ def velocity_against_position(samples: Samples) -> str | None:
     if moving.sum() < _FEWEST_WINDOWS:
         return None
     ratio = float(np.median(way[moving] / integral[moving]))
-    if abs(ratio - 1.0) < _AGREES:
+    if abs(ratio - 1.0) < AT_ODDS:
         return None
     return (f'Position changes by {ratio:.3g} times what the recorded velocity says: scaling or '
             'clock of one of them is wrong. Acceleration, spatial frequencies and viscous friction '

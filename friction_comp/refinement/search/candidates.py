@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
     from friction_comp.refinement.prepare.fit_data import FitData
 
-# So many rows, or somewhat fewer, tell one point of a grid from another; what is chosen is fitted
+# About so many rows tell one point of a grid from another; what is chosen is fitted
 # to all of them.
 _COARSE_ROWS = 2000
 _PEAKS = 4
@@ -58,7 +58,7 @@ def best_term(fit: Fit, kind: type[Effect]) -> Term | None:
     best, _ = _on_grid(fit, kind)
     if best is None:
         return None
-    best, _ = fit.search(best, math.ceil(len(fit.index) / _COARSE_ROWS))
+    best, _ = fit.search(best, max(1, round(len(fit.index) / _COARSE_ROWS)))
     return best
 
 
@@ -72,7 +72,7 @@ def _on_grid(fit: Fit, kind: type[Effect]) -> tuple[Term | None, float]:
         terms, every = _by_spectrum(fit, kind), 1
     else:
         terms = [Term(kind, constants) for constants in kind.grid(fit.data.scene)]
-        every = math.ceil(len(fit.index) / _COARSE_ROWS) or 1
+        every = max(1, round(len(fit.index) / _COARSE_ROWS))
     gains = fit.gains(terms, every)
     most = max(gains, default=0.0)
     return (terms[gains.index(most)], most) if most > 0.0 else (None, 0.0)
@@ -113,7 +113,7 @@ def best_forms(fit: Fit, kind: type[Effect]) -> list[Term] | None:
     list of Term or None
         None where a form does not help.
     """
-    every = math.ceil(len(fit.index) / _COARSE_ROWS) or 1
+    every = max(1, round(len(fit.index) / _COARSE_ROWS))
     index, weights = fit.index[::every], fit.weights[::every]
     goal = fit.target[index]
 
