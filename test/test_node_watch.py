@@ -23,9 +23,11 @@ MODEL = FrictionModel.load(MODELS[0])
 def test_joint_current_and_residual_of_the_last_seconds():
     with probe_node() as probe:
         publisher = probe.talk(JointState, 'joint_states')
+        planner = probe.talk(JointState, 'direction_stamped')
         feed = LiveFeed([], [MODEL], [])
         try:
             probe.matched(publisher)
+            probe.matched(planner)
             stamp = 10**9
             for k in range(300):
                 t = 0.02 * k
@@ -33,11 +35,13 @@ def test_joint_current_and_residual_of_the_last_seconds():
                 publisher.publish(joint_state(
                     stamp + round(t * 1e9), ['elbow'], [0.3 * np.sin(2.0 * t)], [velocity],
                     [MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current]))
+                planner.publish(joint_state(stamp, ['elbow'], [], [-0.3]))
                 probe.spin_for(0.003)
             probe.until(lambda: feed.joints, 'the joint')
             data = feed.window('elbow', 0.0, 2.0)
             assert data['time'][-1] - data['time'][0] <= 2.0
             assert len(data['time']) > 30
+            assert data['direction'][-1] == -1.0
             assert 0.3 < np.abs(data['velocity']).max() < 0.61
             np.testing.assert_allclose(
                 data['current'] * MODEL.drive.torque_per_current, data['torque'])

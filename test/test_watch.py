@@ -81,8 +81,14 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
     slider, play = document.select_one({'type': Slider}), document.select_one(
         {'type': Toggle})
     source = next(s for s in document.select({'type': ColumnDataSource}) if 'time' in s.data)
+    overview = next(s for s in document.select({'type': ColumnDataSource}) if 'joint' in s.data)
+    # The shoulder turns round: at rest there is no residual, in the table as in the plot.
+    slider.value = 0.5 * np.pi / 0.7
+    update()
+    assert np.isnan(overview.data['residual'][0])
     slider.value = 6.0
     update()
+    assert np.isfinite(overview.data['residual']).all()
     assert source.data['time'][-1] == pytest.approx(6.0, abs=0.02)
     assert source.data['time'][0] == pytest.approx(4.0, abs=0.02)
     before = np.array(source.data['position'])

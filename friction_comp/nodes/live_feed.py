@@ -81,11 +81,15 @@ class LiveFeed:
         self._node = _Listener(self._context)
         # A second reader of a topic costs its publisher little; the first one, a motor's driver,
         # does: 45 us for each command (bench/watch_cost.py).
-        for kind, topic in ((Float64MultiArray, 'current_command'), (Int8MultiArray, 'direction'),
-                            (JointState, 'reference')):
+        for kind, topic in ((Float64MultiArray, 'current_command'), (JointState, 'reference')):
             self._node.create_subscription(
                 kind, topic, lambda cdr, topic=topic: self._held.__setitem__(topic, cdr), _QOS,
                 raw=True)
+        # A planner uses one of them; of two, the later message counts.
+        for kind, topic in ((Int8MultiArray, 'direction'), (JointState, 'direction_stamped')):
+            self._node.create_subscription(
+                kind, topic, lambda cdr, kind=kind: self._held.__setitem__('direction', (
+                    kind, cdr)), _QOS, raw=True)
         self._node.create_subscription(
             WrenchStamped, 'interaction_wrench', lambda cdr: self._held.__setitem__(
                 ('load', frame_of(cdr)), cdr), _QOS, raw=True)
@@ -131,8 +135,7 @@ class LiveFeed:
         message = deserialize_message(cdr, JointState)
         if not self._fixed:
             self.joints = list(message.name)
-        commands, directions = self._array('current_command', Float64MultiArray), self._array(
-            'direction', Int8MultiArray)
+        commands, directions = self._commands(), self._directions()
         reference = self._held.get('reference')
         reference = reference and deserialize_message(reference, JointState)
         with self._lock:
@@ -141,14 +144,24 @@ class LiveFeed:
                     place = message.name.index(joint)
                     row = (1e-9 * (stamp - self._first), _at(message.position, place),
                            _at(message.velocity, place), _at(message.effort, place),
-                           self._load(joint), _at(commands, number), _at(directions, number),
+                           self._load(joint), _at(commands, number),
+                           directions.get(joint, math.nan),
                            _at(reference.velocity, list(reference.name).index(joint))
                            if reference and joint in reference.name else math.nan)
                     self._rows.setdefault(joint, deque(maxlen=_KEPT)).append(row)
 
-    def _array(self, topic, kind):
-        cdr = self._held.get(topic)
-        return () if cdr is None else deserialize_message(cdr, kind).data
+    def _commands(self):
+        cdr = self._held.get('current_command')
+        return () if cdr is None else deserialize_message(cdr, Float64MultiArray).data
+
+    def _directions(self):
+        kind, cdr = self._held.get('direction', (None, b''))
+        if kind is None:
+            return {}
+        message = deserialize_message(cdr, kind)
+        if kind is Int8MultiArray:
+            return dict(zip(self.joints, map(float, message.data)))
+        return dict(zip(message.name, np.sign(message.velocity).tolist()))
 
     def _load(self, joint):
         cdr = self._held.get(('load', joint))

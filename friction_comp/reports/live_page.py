@@ -35,7 +35,7 @@ _PLOTS = (
     ('Velocity (rad/s)', (('velocity', 'joint', '#0072B2'),
                           ('reference_velocity', 'reference', '#E69F00'))),
     ('Direction', (('direction', 'announced', '#CC79A7'),)),
-    ('Residual (A)', (('residual', 'measured - model, in motion', '#D55E00'),)))
+    ('Residual (A)', (('residual', 'measured − model, in motion', '#D55E00'),)))
 _TABLE = ('position', 'velocity', 'direction', 'current', 'torque', 'load', 'residual')
 _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
 # s without data over which no line is drawn, and rad/s below which friction is not what the model
@@ -111,11 +111,13 @@ class _Page:
         self.update()
 
     def _table(self) -> Any:
-        numbers = NumberFormatter(format='0.0000', nan_format='–', text_align='right')
+        numbers, whole = (NumberFormatter(format=digits, nan_format='–', text_align='right')
+                          for digits in ('0.0000', '0'))
         units = {'position': 'rad', 'velocity': 'rad/s', 'current': 'A', 'torque': 'N·m',
                  'load': 'N·m', 'residual': 'A', 'direction': 'd'}
         columns = [TableColumn(field='joint', title='joint')] + [TableColumn(
-            field=name, title=f'{name} ({units[name]})', formatter=numbers) for name in _TABLE]
+            field=name, title=f'{name} ({units[name]})',
+            formatter=whole if name == 'direction' else numbers) for name in _TABLE]
         return DataTable(
             source=self._overview, columns=columns, index_position=None, sortable=False,
             selectable=False, reorderable=False, sizing_mode='stretch_width',
@@ -127,7 +129,7 @@ class _Page:
             shared = {'x_range': plots[0].x_range} if plots else {}
             if label == 'Direction':
                 shared = {**shared, 'y_range': (-1.4, 1.4)}
-            plot = figure(height=110 if label == 'Direction' else 165, min_border_left=80,
+            plot = figure(height=125 if label == 'Direction' else 180, min_border_left=80,
                           sizing_mode='stretch_width', tools='xpan,xwheel_zoom,reset',
                           toolbar_location=None, y_axis_label=label, **shared)
             for name, legend, colour in lines:
@@ -138,10 +140,12 @@ class _Page:
                      legend_label=legend)
             if label == 'Direction':
                 plot.yaxis.ticker = [-1, 0, 1]
-            plot.legend.location = 'top_left'
+            # Beside the plot and not in it, where it would cover what was measured.
+            plot.add_layout(plot.legend[0], 'above')
             plot.legend.orientation = 'horizontal'
-            plot.legend.background_fill_alpha = 0.7
-            plot.legend.padding = 2
+            plot.legend.border_line_color = None
+            plot.legend.margin = plot.legend.padding = 0
+            plot.legend.label_text_font_size = '9pt'
             plot.yaxis.axis_label_text_font_style = 'normal'
             plots.append(plot)
         plots[-1].xaxis.axis_label = 'Time (s)'
@@ -164,7 +168,8 @@ class _Page:
         if self._joint.value:
             self._source.data = drawn(
                 self._feed.window(self._joint.value, self._at, self._length))
-        last = {joint: self._feed.window(joint, self._at, 1.0) for joint in self._feed.joints}
+        last = {joint: drawn(self._feed.window(joint, self._at, 1.0))
+                for joint in self._feed.joints}
         self._overview.data = {'joint': list(last), **{
             name: [float(data[name][-1]) if len(data[name]) else float('nan')
                    for data in last.values()] for name in _TABLE}}
