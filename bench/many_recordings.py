@@ -122,6 +122,7 @@ def main():
     parser.add_argument('--recordings', type=int, default=20)
     parser.add_argument('--seconds', type=float, default=20.0)
     parser.add_argument('--rate', type=float, default=125.0)
+    parser.add_argument('--tool', choices=['refine', 'evaluate'], help='this one only')
     parser.add_argument('--hour', action='store_true')
     parser.add_argument('--length', type=float, default=3600.0, help='s of the "hour"')
     arguments = parser.parse_args()
@@ -139,6 +140,8 @@ def main():
             return
         write_recordings(room / 'all', arguments.recordings, arguments.seconds, arguments.rate)
         for tool in (['refine', '--each'], ['evaluate']):
+            if arguments.tool not in (None, tool[0]):
+                continue
             found, times = [], []
             for jobs in (1, 2):
                 output = room / f'{tool[0]}_{jobs}'

@@ -120,6 +120,10 @@ def complaint(seen):
     seen.diagnostics['compensator'] = 2, 'no joint_states'
 
 
+def latched(seen):
+    seen.diagnostics['compensator: compensation'] = 2, 'an error in the law (latched)'
+
+
 @pytest.mark.parametrize(('harm', 'about', 'words'), [
     (without_listener, 'current_command', 'nobody listens'),
     (second_commander, 'current_command', 'may command'),
@@ -132,7 +136,8 @@ def complaint(seen):
     (no_effort, JOINT, 'no effort'),
     (no_timeout, 'driver', 'command_timeout'),
     (odd_direction, 'direction', '[2]'),
-    (complaint, 'compensator', 'no joint_states')])
+    (complaint, 'compensator', 'no joint_states'),
+    (latched, 'compensator: compensation', 'law (latched)')])
 def test_each_harm_is_named_with_what_to_do(harm, about, words):
     seen = healthy()
     harm(seen)
@@ -147,6 +152,35 @@ def test_a_current_against_the_motion_is_a_problem_before_any_model_is_compared(
     found = check_joint(seen, JOINT, MODEL)
     assert [finding.level for finding in found] == [PROBLEM]
     assert 'sign' in found[0].do
+
+
+def compensated(share):
+    """Return a system whose compensator's commands come out as a share of themselves."""
+    seen = healthy()
+    seen.topics['/current_command'].publishers[:] = [Endpoint('/compensator')]
+    seen.parameters['/compensator'] = {'joints': [JOINT], 'model_files': ['a.yaml']}
+    seen.commands = seen.states.effort / MODEL.drive.torque_per_current / share
+    # Each answers the state before.
+    seen.commanded = seen.states.received + 1e-3
+    return seen
+
+
+@pytest.mark.parametrize(('share', 'level', 'words'), [
+    (1.0, 'ok', 'follows'), (-1.0, PROBLEM, 'sign'), (0.5, WARNING, '0.5 times')])
+def test_the_measured_current_is_compared_with_the_commanded_one(share, level, words):
+    found = check_joint(compensated(share), JOINT, MODEL)
+    assert found[0].level == level
+    assert words in found[0].what
+    assert bool(found[0].do) == (level != 'ok')
+
+
+def test_a_command_that_the_drive_does_not_obey_is_named():
+    seen = compensated(1.0)
+    seen.commands = seen.commands[::-1] * np.random.default_rng(0).choice(
+        (-1.0, 1.0), seen.commands.shape)
+    found = check_joint(seen, JOINT, MODEL)
+    assert found[0].level == WARNING
+    assert 'does not follow' in found[0].what
 
 
 def test_half_the_current_is_a_model_that_does_not_fit():

@@ -12,6 +12,12 @@ from friction_comp.monitoring.observation import Finding, NOTE, Observation, OK,
 
 # rad/s below which nothing is told of friction, and share of a load that makes it worth knowing.
 _SLOW, _FEWEST = 0.02, 50
+# A command as small as this share of the drive's limit is lost in the noise of what is measured.
+_SMALL = 0.01
+# Between these ratios of measured and commanded current, a drive does what it is told; a gain or a
+# torque constant that is off by less shows in the model's error. Below the correlation the one has
+# nothing to do with the other.
+_LIKE, _RELATED = (0.8, 1.25), 0.5
 
 
 def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Finding]:
@@ -30,6 +36,49 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
     if states is None or joint not in states.joints:
         return [Finding(WARNING, joint, 'joint_states do not name it', 'compare the names')]
     rows = measured_rows(seen, joint, model)
+    return [*follows(seen, joint, model), *_fits(seen, joint, model, rows)]
+
+
+def follows(seen: Observation, joint: str, model: FrictionModel) -> list[Finding]:
+    """Compare the measured current with the commanded one, as far as one was.
+
+    Parameters
+    ----------
+    seen : Observation
+    joint : str
+    model : FrictionModel
+    """
+    states = seen.states
+    order = next((values['joints'] for values in seen.parameters.values()
+                  if joint in (values.get('joints') or ()) and 'model_files' in values), [])
+    if states is None or not order or seen.commands.shape[-1:] != (len(order),):
+        return []
+    measured = states.effort[:, states.joints.index(joint)] / model.drive.torque_per_current
+    command = np.interp(states.received, seen.commanded, seen.commands[:, order.index(joint)])
+    good = np.isfinite(measured) & np.isfinite(command)
+    measured, command = measured[good], command[good]
+    power = float(command @ command)
+    if good.sum() < _FEWEST or power < good.sum() * (_SMALL * model.drive.current_limit) ** 2:
+        return []
+    share = float(command @ measured) / power
+    related = abs(float(command @ measured)) / np.sqrt(max(power * float(measured @ measured),
+                                                           1e-300))
+    if related < _RELATED:
+        return [Finding(WARNING, joint, 'the measured current does not follow the commanded one',
+                        "look at the driver's mode and limits, and who else commands")]
+    if share < 0.0:
+        return [Finding(PROBLEM, joint, 'the measured current is the commanded one with the sign '
+                        'turned round', 'stop compensating; turn the sign of effort round in the '
+                        'driver, or that of the command, whichever is wrong: a positive current '
+                        'has to push the joint towards larger positions')]
+    if not _LIKE[0] < share < _LIKE[1]:
+        return [Finding(WARNING, joint, f'the measured current is {share:.3g} times the commanded '
+                        'one', 'effort is k_t · n · current in N·m: compare torque constant and '
+                        'gear ratio of driver and model file')]
+    return [Finding(OK, joint, 'the measured current follows the commanded one')]
+
+
+def _fits(seen: Observation, joint: str, model: FrictionModel, rows: np.ndarray) -> list[Finding]:
     speed = np.abs(rows[:, 2])
     moving = (speed > _SLOW) & np.isfinite(rows[:, 3])
     if moving.sum() < _FEWEST:

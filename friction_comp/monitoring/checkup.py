@@ -178,8 +178,8 @@ def _commands(seen: Observation) -> Iterator[Finding]:
         return
     if len(topic.publishers) > 1:
         yield Finding(WARNING, 'current_command', f'{len(topic.publishers)} nodes may command: '
-                      f'{names}', 'only one may be active: deactivate the compensator while '
-                      'identification runs')
+                      f'{names}', 'only one may command: stop the others, and deactivate the '
+                      'compensator while identification runs')
     if not topic.subscribers:
         yield Finding(PROBLEM, 'current_command', f'{names} commands, and nobody listens',
                       'remap: -r current_command:=/its_controller/commands')
@@ -254,7 +254,11 @@ def _clocks(seen: Observation) -> Iterator[Finding]:
 def _diagnostics(seen: Observation) -> Iterator[Finding]:
     for name, (level, message) in seen.diagnostics.items():
         if level in _LEVELS:
-            yield Finding(_LEVELS[level], name, message, 'see its log and /diagnostics')
+            node = name.partition(':')[0]
+            yield Finding(_LEVELS[level], name, message, (
+                'when the cause is gone: ros2 service call '
+                f'/{node}/reset_faults std_srvs/srv/Trigger' if '(latched)' in message else
+                'see its log and /diagnostics'))
 
 
 def _parameter(seen: Observation, name: str, default: float) -> float:

@@ -90,6 +90,8 @@ class Observation:
     states : StatesSeen, optional
     commands : ndarray, shape (M, J)
         A.
+    commanded : ndarray, shape (M,)
+        System time in s at which each command came.
     directions : list of list of int
     load : dict of str to ndarray, shape (K, 2)
         By joint: system time in s and torque in N·m.
@@ -107,6 +109,7 @@ class Observation:
     names: dict[str, str] = field(default_factory=dict)
     states: StatesSeen | None = None
     commands: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    commanded: np.ndarray = field(default_factory=lambda: np.empty(0))
     directions: list[list[int]] = field(default_factory=list)
     load: dict[str, np.ndarray] = field(default_factory=dict)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)

@@ -89,7 +89,7 @@ class _Look:
         self._states.append((time.time(), message))
 
     def _on_command(self, message: Any) -> None:
-        self._commands.append(list(message.data))
+        self._commands.append((time.time(), list(message.data)))
 
     def _on_wrench(self, message: Any) -> None:
         self._load.setdefault(message.header.frame_id, []).append(
@@ -115,8 +115,10 @@ class _Look:
             if name != NAME and not name.startswith('_'))
         self._see_topics()
         seen.states = _states_of(self._states)
-        width = max(map(len, self._commands), default=0)
-        seen.commands = np.array([one for one in self._commands if len(one) == width])
+        width = max((len(one) for _, one in self._commands), default=0)
+        whole = [(when, one) for when, one in self._commands if len(one) == width]
+        seen.commands = np.array([one for _, one in whole])
+        seen.commanded = np.array([when for when, _ in whole])
         seen.load = {joint: np.array(values) for joint, values in self._load.items()}
         for number, name in enumerate(seen.nodes):
             self._progress(0.8 + 0.2 * number / len(seen.nodes), f'asks {name}')
