@@ -149,6 +149,25 @@ def test_a_process_that_is_killed_costs_what_it_had():
     assert os.getpid() not in {found[k][1] for k in others}
 
 
+def test_processes_are_started_only_where_they_save_time(tmp_path, monkeypatch):
+    def no_cluster(*_):
+        raise AssertionError('a process was started')
+    monkeypatch.setattr(tool, '_client', no_cluster)
+    open_end = Namespace(jobs=None, scheduler=None)
+    for count, worth_it in ((tool.WORTH_IT - 1, None), (500, False)):
+        with tool.workers(open_end, count, worth_it) as how:
+            assert how is in_turn
+    room = trials(tmp_path / 'r', tool.WORTH_IT)
+    # Small recordings are evaluated faster than a process starts.
+    assert run('evaluate', [str(room), '--output', str(tmp_path / 'out')]) == 0
+    monkeypatch.setattr(tool, 'installed', lambda: True)
+    monkeypatch.setattr('os.cpu_count', lambda: 2)
+    for count, worth_it in ((tool.WORTH_IT, None), (2, True)):
+        with pytest.raises(AssertionError, match='was started'), \
+                tool.workers(open_end, count, worth_it):
+            pass
+
+
 @pytest.mark.slow
 def test_processes_evaluate_what_one_does(tmp_path):
     pytest.importorskip('distributed', reason='Dask is an extra')

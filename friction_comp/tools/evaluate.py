@@ -11,6 +11,11 @@ from pathlib import Path
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
 from friction_comp.tools.workers import add_workers, for_workers, workers
 
+# Bytes to read from which on processes save more time than it takes to start them: 40 MB are read
+# and evaluated in a second, a process starts in about 6 s of processor time. A recording is read
+# once for each of its joints (bench/many_recordings.py).
+_WORTH_IT = 1_000_000_000
+
 
 def main(argv: list[str] | None = None) -> int:
     """Evaluate recorded trials and write report.json, report.html and repetitions.csv; returns 0.
@@ -38,7 +43,8 @@ def main(argv: list[str] | None = None) -> int:
     friction = FrictionModel.load(arguments.model) if arguments.model else None
     with progress('reading') as report:
         pieces, failures = pieces_of(arguments.recordings, arguments.joint)
-        with workers(arguments, len(pieces)) as run:
+        with workers(arguments, len(pieces), sum(
+                size_of(piece.path) for piece in pieces) >= _WORTH_IT) as run:
             evaluations = evaluate_pieces(
                 pieces, failures, friction, progress=lambda share: report(
                     0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'), run=run)
@@ -68,3 +74,9 @@ def main(argv: list[str] | None = None) -> int:
             print(note)
     print(arguments.output / 'report.html')
     return 0
+
+
+def size_of(path: Path) -> int:
+    """Return the bytes of a recording, a file or a folder."""
+    files = path.rglob('*') if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file())

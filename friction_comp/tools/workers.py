@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 T = TypeVar('T')
 U = TypeVar('U')
 
-# From so many recordings on, processes take less time than it takes to start them.
+# From so many recordings to refine on, processes save more time than it takes to start them: that
+# is about 6 s of processor time each, as much as four short recordings need.
 WORTH_IT = 8
 # s within which a scheduler must answer.
 _PATIENCE = 10.0
@@ -50,7 +51,7 @@ def add_workers(parser: Arguments) -> Arguments:
     parser.add_argument(
         '--jobs', metavar='N', type=whole_number(),
         help='recordings that are worked on at once, each in a process of its own (by default, '
-        f'from {WORTH_IT} recordings on, as many as there are processors; more than one needs '
+        'where that saves time, as many as there are processors; more than one needs '
         'dask.distributed)')
     parser.add_argument(
         '--scheduler', metavar='ADDRESS',
@@ -77,7 +78,7 @@ def installed() -> bool:
 
 
 @contextmanager
-def workers(arguments: Namespace, count: int) -> Iterator[Runner]:
+def workers(arguments: Namespace, count: int, worth_it: bool | None = None) -> Iterator[Runner]:
     """Give what does the work, as the arguments ask for it.
 
     Parameters
@@ -86,6 +87,9 @@ def workers(arguments: Namespace, count: int) -> Iterator[Runner]:
         With `jobs` and `scheduler`.
     count : int
         How many things there are to be done.
+    worth_it : bool, optional
+        Whether to share the work where the arguments leave it open; with `WORTH_IT` things and
+        more when omitted.
 
     Yields
     ------
@@ -99,7 +103,8 @@ def workers(arguments: Namespace, count: int) -> Iterator[Runner]:
     """
     jobs = arguments.jobs
     if jobs is None:
-        jobs = (os.cpu_count() or 1) if count >= WORTH_IT and installed() else 1
+        shared = count >= WORTH_IT if worth_it is None else worth_it
+        jobs = (os.cpu_count() or 1) if shared and installed() else 1
     jobs = min(jobs, count)
     if arguments.scheduler is None and jobs < 2:
         yield in_turn
