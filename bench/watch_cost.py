@@ -3,6 +3,7 @@
 """What `watch` costs the compensator: its processor time for each joint state, without and with.
 
     python3 bench/watch_cost.py [--beside KIND] [--pieces N] [--without-driver]
+    python3 bench/watch_cost.py --readers
 
 Seven joints at 1 kHz under a driver that hears the commands, as every robot has one: DDS takes much
 longer for the first reader of a topic than for the next (--without-driver shows it). Pieces without
@@ -10,13 +11,16 @@ company take turns with pieces with it. The company is the page with a client th
 see where its cost comes from, one reader of a topic that does nothing with it
 (--beside current_command), or a process that only computes (--beside work). It is
 processor time, not wall-clock time, over the states that the compensator says it has taken; but
-processes that share caches and clock make each other slower, which `work` shows.
+processes that share caches and clock make each other slower, which `work` shows. --readers measures
+what is behind it, also on a busy machine: what publishing one command takes with no reader, one and
+two, while readers come and go every two seconds.
 """
 
 import argparse
 from contextlib import ExitStack
 import os
 from pathlib import Path
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -43,6 +47,17 @@ try:
 except rclpy.executors.ExternalShutdownException:
     pass
 """
+COMES_AND_GOES = READER.replace('try:\n    rclpy.spin(node)', """import time
+try:
+    while True:
+        for found in list(node.subscriptions):
+            node.destroy_subscription(found)
+        time.sleep(2.0)
+        node.create_subscription(getattr(import_module(f'{room}.msg'), name), sys.argv[1],
+                                 lambda _: None, qos_profile_sensor_data, raw=True)
+        end = time.monotonic() + 2.0
+        while time.monotonic() < end:
+            rclpy.spin_once(node, timeout_sec=0.1)""")
 KINDS = {'current_command': 'std_msgs/Float64MultiArray',
          'joint_states': 'sensor_msgs/JointState',
          '/diagnostics': 'diagnostic_msgs/DiagnosticArray'}
@@ -99,14 +114,52 @@ def beside(kind, patience=4.0):
     return started
 
 
+def publishing(seconds=60.0):
+    """Print what publishing a command takes of the processor, by the number of its readers."""
+    from array import array
+
+    from ros_system import own_domain, probe_node, RELIABLE
+    from std_msgs.msg import Float64MultiArray
+
+    with own_domain(), probe_node() as probe:
+        port = probe.talk(Float64MultiArray, 'current_command', RELIABLE)
+        message = Float64MultiArray(data=array('d', [0.1] * 7))
+        took = {}
+        for steady in ([], [READER]):
+            started = [subprocess.Popen([
+                sys.executable, '-c', text, 'current_command', KINDS['current_command']],
+                stderr=subprocess.DEVNULL) for text in (*steady, COMES_AND_GOES)]
+            begin, count, readers = time.monotonic(), 0, 0
+            while (passed := time.monotonic() - begin) < 0.5 * seconds:
+                if count < passed * RATE:
+                    if count % 100 == 0:
+                        readers = port.get_subscription_count()
+                    before = time.thread_time()
+                    port.publish(message)
+                    took.setdefault(readers, []).append(time.thread_time() - before)
+                    count += 1
+                else:
+                    time.sleep(2e-4)
+            for one in started:
+                one.terminate()
+                one.wait()
+    for readers, times in sorted(took.items()):
+        print(f'{readers} readers: publishing takes {1e6 * statistics.median(times):.0f} us of the '
+              f'processor (median of {len(times)}; mean {1e6 * statistics.mean(times):.0f})')
+
+
 def main():
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--beside', choices=['page', 'work', *KINDS], default='page')
     parser.add_argument('--pieces', type=int, default=5)
     parser.add_argument('--without-driver', action='store_true')
+    parser.add_argument('--readers', action='store_true')
     arguments = parser.parse_args()
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    if arguments.readers:
+        publishing()
+        return
     from diagnostic_msgs.msg import DiagnosticArray
     from ros_system import MODELS, own_domain, probe_node, Process
     from sensor_msgs.msg import JointState

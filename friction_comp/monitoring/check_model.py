@@ -49,7 +49,7 @@ def follows(seen: Observation, joint: str, model: FrictionModel) -> list[Finding
     model : FrictionModel
     """
     states = seen.states
-    order = next((values['joints'] for values in seen.parameters.values()
+    order: list[str] = next((values['joints'] for values in seen.parameters.values()
                   if joint in (values.get('joints') or ()) and 'model_files' in values), [])
     if states is None or not order or seen.commands.shape[-1:] != (len(order),):
         return []
