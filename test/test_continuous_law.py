@@ -10,7 +10,14 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
-from friction_comp.compensation.law_parameters import ALONE_TIME, LONGER, LOWERED, RISE_TIME
+from friction_comp.compensation.law_parameters import (
+    ALONE_TIME,
+    LEAST_GAINING,
+    LONGER,
+    LOWERED,
+    RISE_TIME,
+    START_TIME,
+)
 from friction_comp.drive import Drive
 from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
@@ -215,6 +222,35 @@ def test_faster_than_identified_nothing_is_fed_forward():
     assert current == 0.0
     assert law.guards['taken back'][0] > 0.4
     assert law.guards['beyond identified speeds'][0] > 0.5
+
+
+def drive_at(law, speeds):
+    """Return the currents at speeds in rad/s, a sample each."""
+    return np.array([law.update(1e-3 * k, [x], None, [0])[0]
+                     for k, x in enumerate(np.cumsum(speeds) * 1e-3)])
+
+
+def test_a_joint_that_gains_speed_after_its_start_gets_less_until_it_is_slower_again():
+    """Who starts a movement may speed up, and one that keeps its speed loses nothing."""
+    law, time = CompensationLaw([small_model()]), np.arange(3000) * 1e-3
+    speeds = np.interp(time, [0.0, START_TIME - 0.2, 1.5, 2.0, 2.5], [0.1, 0.3, 0.3, 0.33, 0.28])
+    current = drive_at(law, speeds)
+    np.testing.assert_allclose(current[300:1490], 0.9 * LEVEL, rtol=5e-3)
+    np.testing.assert_allclose(current[1800:2000], LEAST_GAINING * 0.9 * LEVEL, rtol=1e-3)
+    assert law.guards['withheld'][0] == 0.0
+    np.testing.assert_allclose(current[2700:], 0.9 * LEVEL, rtol=1e-3)
+
+
+def test_a_joint_that_turns_round_starts_anew():
+    law = CompensationLaw([small_model()])
+    current = drive_at(law, np.repeat([0.1, -0.3], 1000))
+    np.testing.assert_allclose(current[1600:], -0.9 * LEVEL, rtol=1e-3)
+
+
+def test_a_joint_on_friction_below_its_model_by_more_than_the_share_stops_gaining_speed(gears):
+    """In the model it is 1.14 times as large: more is fed forward than the gear takes."""
+    log, _ = let_go(gears, 1.14, 20.0, 1.0)
+    assert log['link_speed'][:, 100:].max() < 21.5 * DEGREE
 
 
 def test_equal_and_older_times_change_nothing():

@@ -97,8 +97,10 @@ def watch_release(joints, law):
     at_release = speed[np.searchsorted(time, RELEASE - 0.01)]
     after = speed[time > RELEASE]
     late = speed[time > RELEASE + REST_WITHIN]
+    # A joint that the driver had not set going springs back when let go, whatever the law.
+    going = at_release > 0.5 * joints['speed'] * DEGREE
     return {'fastest': after.max(axis=0), 'at_release': at_release,
-            'gained': after.max(axis=0) > GAIN * at_release + GAIN_SPEED,
+            'gained': going & (after.max(axis=0) > GAIN * at_release + GAIN_SPEED),
             'moving': late.max(axis=0) > REST_SPEED,
             'beyond': after.max(axis=0) > np.maximum(LIMIT, GAIN * at_release)}
 

@@ -202,6 +202,24 @@ def trusted(p: Any, s: Any, speed: float) -> float:
 
 
 @njit(cache=True)
+def unless_gaining(p: Any, s: Any, speed: float) -> float:
+    """Return the share that is left to a joint that gains speed, and keep the account of it.
+
+    Who starts a movement speeds up. After that a joint that becomes faster than it has been since
+    then gains energy from somebody: a person, or friction below its mean here, or a model above
+    it. The law does not add to that. A joint that has all but stopped has lost its energy.
+    """
+    s.pace += (s.speed - s.pace) * min(1.0, s.step / p.pace_time)
+    pace = abs(s.pace)
+    moves = s.speed * s.pace > 0.0 and speed > p.lead_speed
+    s.sliding = s.sliding + s.step if moves else 0.0
+    s.slowest = min(s.slowest, pace) if s.sliding > p.start_time else pace
+    gained = (pace - s.slowest) / (p.gain_share * s.slowest + p.gain_speed)
+    s.withheld = (1.0 - p.least_gaining) * min(1.0, gained)
+    return 1.0 - s.withheld
+
+
+@njit(cache=True)
 def rise(p: Any, s: Any, wanted: float, direction: float) -> None:
     """Let friction's current rise gently and fall at once.
 
@@ -238,7 +256,8 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    friction = trusted(p, s, speed) * (level * s.z + p.share * p.turning * s.turned)
+    friction = unless_gaining(p, s, speed) * trusted(p, s, speed) * (
+        level * s.z + p.share * p.turning * s.turned)
     if in_doubt(p, s):
         s.friction = wanted = 0.0
     elif s.doubt > 0.0:

@@ -123,15 +123,17 @@ class CompensationLaw:
 
         ``taken back`` is the share of friction compensation that is withheld since the joint went
         beyond the identified speeds, ``beyond identified speeds`` for how long it did, s;
-        ``preload`` the share of the preload that the joint is believed to bear and ``slips`` how
-        often it bore less; ``samples dropped`` how many were not believed, and ``in doubt``
-        whether that, or a velocity that contradicts the encoder, gives zero current.
+        ``withheld`` what a joint does not get while it is faster than it was since its movement
+        began; ``preload`` the share of the preload that the joint is believed to bear and
+        ``slips`` how often it bore less; ``samples dropped`` how many were not believed, and ``in
+        doubt`` whether that, or a velocity that contradicts the encoder, gives zero current.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1
         return {
             'taken back': np.where(begun, 1.0 - s['trust'], 0.0),
             'beyond identified speeds': s['overspeed'].copy(),
+            'withheld': s['withheld'].copy(),
             'preload': np.where(begun, s['borne'], 1.0),
             'slips': s['slips'].astype(int),
             'samples dropped': s['dropped'].astype(int),

@@ -59,6 +59,14 @@ BEAR_TIME = 0.3
 LOWERED = 0.92
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
+# What is left to a joint that has slid for longer than the start of a movement takes, s, and gains
+# speed: it is left that much less once it is faster by this share and so many rad/s, averaged
+# over this time, s, than the slowest that it was since.
+LEAST_GAINING = 0.95
+START_TIME = 0.5
+GAIN_SHARE = 0.02
+GAIN_SPEED = 0.003
+PACE_TIME = 0.05
 # Farther than this nobody has been pushed by accident, rad.
 MOVED = math.radians(1.0)
 SOFT_END = math.radians(5.0)
@@ -156,6 +164,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
     p['least_trust'], p['lowered'] = LEAST_TRUST, LOWERED
+    p['least_gaining'], p['gain_share'], p['gain_speed'] = LEAST_GAINING, GAIN_SHARE, GAIN_SPEED
 
 
 def _set_turning(p: Any, model: FrictionModel) -> None:
@@ -175,6 +184,7 @@ def _set_times(p: Any) -> None:
     p['bear_time'] = BEAR_TIME
     p['trust_time'], p['recovery_time'] = 0.5, 30.0
     p['bad_time'] = 0.02
+    p['start_time'], p['pace_time'] = START_TIME, PACE_TIME
 
 
 def _set_speeds(p: Any, model: FrictionModel) -> None:
