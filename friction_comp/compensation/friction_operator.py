@@ -23,6 +23,13 @@ LEAST_BORNE = 0.5
 """The preload is never lowered below this share."""
 SURELY_BORNE = 0.6
 """No joint slips by itself under this share: who moves it now is a person."""
+CREEP_TIME = 1.0
+"""s that a joint may creep under its preload; a push takes tenths of a second."""
+TRUST_TIME, RECOVERY_TIME = 0.5, 30.0
+"""s within which all trust goes beyond the identified speeds, and comes back."""
+PACE_TIME, GAIN_SHARE, GAIN_SPEED = 0.05, 0.02, 0.003
+"""s over which the speed is averaged, and by which share and how many rad/s it has gained when
+all is withheld that may be."""
 
 
 @njit(cache=True)
@@ -121,7 +128,7 @@ def lead(p: Any, s: Any, aim: float) -> None:
         gone = s.position - s.home
         if abs(gone) < p.start_way:
             s.creeping += s.step
-            if s.creeping > p.creep_time and s.z * aim > 0.0 and gone * aim > 0.0:
+            if s.creeping > CREEP_TIME and s.z * aim > 0.0 and gone * aim > 0.0:
                 _slipped(p, s, aim, s.home)
 
 
@@ -195,9 +202,9 @@ def trusted(p: Any, s: Any, speed: float) -> float:
     over = (speed - p.fade_from) / (p.fade_to - p.fade_from)
     if over > 0.0:
         s.overspeed += s.step
-        s.trust = max(p.least_trust, s.trust - s.step / p.trust_time)
+        s.trust = max(p.least_trust, s.trust - s.step / TRUST_TIME)
     else:
-        s.trust = min(1.0, s.trust + s.step / p.recovery_time)
+        s.trust = min(1.0, s.trust + s.step / RECOVERY_TIME)
     return s.trust * (1.0 - min(1.0, max(0.0, over)))
 
 
@@ -209,12 +216,12 @@ def unless_gaining(p: Any, s: Any, speed: float) -> float:
     then gains energy from somebody: a person, or friction below its mean here, or a model above
     it. The law does not add to that. A joint that has all but stopped has lost its energy.
     """
-    s.pace += (s.speed - s.pace) * min(1.0, s.step / p.pace_time)
+    s.pace += (s.speed - s.pace) * min(1.0, s.step / PACE_TIME)
     pace = abs(s.pace)
     moves = s.speed * s.pace > 0.0 and speed > p.lead_speed
     s.sliding = s.sliding + s.step if moves else 0.0
     s.slowest = min(s.slowest, pace) if s.sliding > p.start_time else pace
-    gained = (pace - s.slowest) / (p.gain_share * s.slowest + p.gain_speed)
+    gained = (pace - s.slowest) / (GAIN_SHARE * s.slowest + GAIN_SPEED)
     s.withheld = (1.0 - p.least_gaining) * min(1.0, gained)
     return 1.0 - s.withheld
 

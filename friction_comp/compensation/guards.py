@@ -23,6 +23,8 @@ AGREEING = 5
 """Samples in a row that have to agree before a place that cannot be is believed."""
 ABSURD = 1e6
 """rad; no joint is there."""
+FILTER_TIME = 0.004
+"""s of each of the two filters that the law's speed goes through."""
 
 
 @njit(cache=True)
@@ -111,7 +113,7 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
     s.doubt = 0.0
     s.position = position
     # Twice, so that a single count neither jumps nor bends the current.
-    weight = low_pass_weight(step, p.filter_time)
+    weight = low_pass_weight(step, FILTER_TIME)
     s.half_speed += (travel / step - s.half_speed) * weight
     s.speed += (s.half_speed - s.speed) * weight
     if known:

@@ -59,14 +59,10 @@ BEAR_TIME = 0.3
 LOWERED = 0.92
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
-# What is left to a joint that has slid for longer than the start of a movement takes, s, and gains
-# speed: it is left that much less once it is faster by this share and so many rad/s, averaged
-# over this time, s, than the slowest that it was since.
+# The least that is left to a joint that gains speed after the start of its movement, and how long
+# it slides until then, s.
 LEAST_GAINING = 0.95
 START_TIME = 0.5
-GAIN_SHARE = 0.02
-GAIN_SPEED = 0.003
-PACE_TIME = 0.05
 # Farther than this nobody has been pushed by accident, rad.
 MOVED = math.radians(1.0)
 SOFT_END = math.radians(5.0)
@@ -164,7 +160,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
     p['least_trust'], p['lowered'] = LEAST_TRUST, LOWERED
-    p['least_gaining'], p['gain_share'], p['gain_speed'] = LEAST_GAINING, GAIN_SHARE, GAIN_SPEED
+    p['least_gaining'] = LEAST_GAINING
 
 
 def _set_turning(p: Any, model: FrictionModel) -> None:
@@ -178,13 +174,11 @@ def _set_turning(p: Any, model: FrictionModel) -> None:
 
 
 def _set_times(p: Any) -> None:
-    p['filter_time'] = 0.004
-    p['rest_time'], p['creep_time'] = 0.15, 1.0
+    p['rest_time'] = 0.15
     p['rise_time'], p['alone_time'] = RISE_TIME, ALONE_TIME
     p['bear_time'] = BEAR_TIME
-    p['trust_time'], p['recovery_time'] = 0.5, 30.0
     p['bad_time'] = 0.02
-    p['start_time'], p['pace_time'] = START_TIME, PACE_TIME
+    p['start_time'] = START_TIME
 
 
 def _set_speeds(p: Any, model: FrictionModel) -> None:

@@ -29,15 +29,14 @@ PARAMETERS = _record(
     'upper lower steepness shift viscous break_positive break_negative std_positive std_negative '
     'turning '
     # Shares.
-    'gain share slow_share lowered least_trust least_gaining gain_share '
+    'gain share slow_share lowered least_trust least_gaining '
     # Distances in rad.
     'distance turning_distance backlash slip still_way start_way moved_way resolution '
     'lowest highest soft_end '
     # Times in s.
-    'filter_time rest_time bear_time lead_time rise_time alone_time creep_time start_time pace_time '
-    'trust_time recovery_time bad_time sample_time '
+    'rest_time bear_time lead_time rise_time alone_time start_time bad_time sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
-    'slow lead_speed gain_speed fade_from fade_to fastest dead_speed limit slope',
+    'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
     'law',
     # Speeds in rad/s, and what Eq. 6 has there beyond the look-up table, A, per direction.
     'knots excess_positive excess_negative')
