@@ -12,9 +12,10 @@ from friction_comp.tools.common import Arguments, output_folder, progress, to_js
 from friction_comp.tools.workers import add_workers, for_workers, workers
 
 # Bytes to read from which on processes save more time than it takes to start them: 40 MB are read
-# and evaluated in a second, a process starts in about 6 s of processor time. A recording is read
-# once for each of its joints (bench/many_recordings.py).
-_WORTH_IT = 1_000_000_000
+# and evaluated in a second, a process starts in about 6 s of processor time and takes 150 MB of
+# memory. A recording is read once for each of its joints (bench/many_recordings.py). With a smaller
+# number two processes are slower than one, with a larger one a core stays idle.
+_WORTH_IT = 2_000_000_000
 
 
 def main(argv: list[str] | None = None) -> int:
