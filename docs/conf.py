@@ -21,7 +21,7 @@ myst_enable_extensions = ['colon_fence']
 myst_heading_anchors = 3
 exclude_patterns = ['README.md']
 html_theme = 'alabaster'
-html_theme_options = {'description': 'Friction of geared robot drives', 'page_width': '960px',
+html_theme_options = {'description': 'Friction of geared robot drives', 'page_width': '1150px',
                       'fixed_sidebar': True}
 html_sidebars = {'**': ['about.html', 'searchfield.html', 'navigation.html', 'relations.html']}
 autodoc_member_order = 'bysource'

@@ -103,7 +103,7 @@ def test_commands_name_parameters_and_options_that_there_are(capsys):
 def test_goals_have_the_fields_of_their_action():
     sent = 0
     for page, line in commands():
-        found = re.search(r'action/(\w+) "(\{.*\})"', line)
+        found = re.search(r'action/(\w+)\s+"(\{.*\})"', line)
         if found:
             goal = (DOCS.parent / 'friction_comp_interfaces' / 'action' / f'{found[1]}.action'
                     ).read_text(encoding='utf-8').partition('---')[0]
