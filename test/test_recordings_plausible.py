@@ -85,6 +85,25 @@ def test_what_can_be_passes(changes):
     check_plausible(strokes(**changes), 'trial')
 
 
+@pytest.mark.parametrize('beside_moves', [False, True])
+def test_a_joint_whose_weight_others_turn_is_not_taken_for_reversed(tmp_path, beside_moves):
+    elbow = strokes()
+    phase = 1.3 * elbow.time if beside_moves else 0.0 * elbow.time
+    # As the shoulder goes, it lifts the elbow's weight on the way there and lowers it on the way
+    # back: at one place the elbow's motor holds more going down than going up.
+    weight = 3.0 * np.cos(phase + np.pi)
+    shoulder = elbow.with_(joint='shoulder', position=phase, velocity=np.gradient(
+        phase, elbow.time), current=weight)
+    sign = 1.0 if beside_moves else -1.0
+    write_samples(tmp_path / 'arm', [
+        elbow.with_(current=sign * elbow.current + weight), shoulder])
+    if beside_moves:
+        read_recording(tmp_path / 'arm', 'elbow')
+    else:
+        with pytest.raises(InputError, match='effort has the wrong sign'):
+            read_recording(tmp_path / 'arm', 'elbow')
+
+
 def test_noise_alone_is_no_contradiction():
     for seed in range(20):
         draw = np.random.default_rng(seed)

@@ -304,8 +304,15 @@ def to_samples(scan: Scan, joint: str | None,
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**further_signals(scan, joint, joints, base, info.notes))
-    check_plausible(samples, str(scan.path))
+    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, joint))
     return samples, info
+
+
+def _others_moved(scan: Scan, joint: str) -> bool:
+    """Tell whether another joint of the recording was moved."""
+    places = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
+              for name, values in track.values.items() if name != joint]
+    return any(len(place) > 0 and np.ptp(place) > 0.01 for place in places)
 
 
 def _unwrapped(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
