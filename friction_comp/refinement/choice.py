@@ -100,8 +100,6 @@ class Choice:
     control : Control
     stopped : str
         Why the search ended.
-    chosen : Chosen or None
-        The search's own state, from which another one may go on.
     """
 
     model: FrictionModel
@@ -112,10 +110,9 @@ class Choice:
     usable: np.ndarray
     control: Control
     stopped: str
-    chosen: Chosen | None = None
 
 
-def choose(question: Question, settings: dict[str, Any], begun: Chosen | None = None) -> Choice:
+def choose(question: Question, settings: dict[str, Any]) -> Choice:
     """Choose the effects, and fit the model with them to all samples.
 
     Parameters
@@ -123,8 +120,6 @@ def choose(question: Question, settings: dict[str, Any], begun: Chosen | None = 
     question : Question
     settings : dict
         How velocity is derived from position.
-    begun : Chosen, optional
-        What was found with other settings.
 
     Raises
     ------
@@ -148,7 +143,7 @@ def choose(question: Question, settings: dict[str, Any], begun: Chosen | None = 
                        'no effect of the drive can be told')
         product = None
     else:
-        found, product = search(data, bases, progress, question.without, begun)
+        found, product = search(data, bases, progress, question.without)
     rough = to_model(found.fits[0], None, None, drive, settings)
     floor = noise_floor(samples, usable, samples.current - rough.current(samples))
     every = finer(data, samples, usable)
@@ -171,7 +166,7 @@ def choose(question: Question, settings: dict[str, Any], begun: Chosen | None = 
     fitted = carve_out(to_model(whole, samples, usable, drive, settings), samples, usable)
     return Choice(fitted, data, bases, steps,
                   with_products(left, [product] if product else []), usable, control,
-                  found.stopped, None if nameless else found)
+                  found.stopped)
 
 
 def beginning(data: FitData, fold: int, terms: list[Term]) -> Fit:

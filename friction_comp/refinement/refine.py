@@ -110,7 +110,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     # Which bandwidth suits is seen better once the effects are known.
     better = sharpest(found.model, raw, found.usable, settings)
     if better != settings and len(raw) < _TWICE:
-        found = choose(question, better, found.chosen)
+        found = choose(question, better)
     found = _with_lag_that_holds(question, found)
     # Samples near standstill do not decide which effects there are; what the model is worth beside
     # rest and at reversals does depend on how sharply the two are told apart.

@@ -44,8 +44,7 @@ from friction_comp.refinement.thresholds import (
 
 
 def search(data: FitData, bases: Sequence[Fit], report: Report | None = None,
-           without: tuple[type[Effect], ...] = (), begun: Chosen | None = None
-           ) -> tuple[Chosen, type[Effect] | None]:
+           without: tuple[type[Effect], ...] = ()) -> tuple[Chosen, type[Effect] | None]:
     """Return the effects that the data call for, and a product that none of them can replace.
 
     The search adds the best effect again and again, then takes back and exchanges. An effect that
@@ -62,16 +61,12 @@ def search(data: FitData, bases: Sequence[Fit], report: Report | None = None,
         Called with a share of the work done and a word on it.
     without : tuple of type
         Effects that are not tried.
-    begun : Chosen, optional
-        What another search found in the same recordings, their motion derived in another way: the
-        search goes on from there, and what it found has proved itself beside plainer causes.
     """
     first = len(bases[0].terms)
     empty = Chosen(list(bases), first, without=without)
-    start = _on(data, begun) if begun else replace(empty, granted={}, rivals={})
-    chosen = settle(data, grow(data, start, report=report), report)
-    flexible = {kind for kind in chosen.kinds
-                if kind.flexible and not (begun and kind in begun.kinds)}
+    chosen = settle(
+        data, grow(data, replace(empty, granted={}, rivals={}), report=report), report)
+    flexible = {kind for kind in chosen.kinds if kind.flexible}
     if flexible:
         plain = grow(data, replace(empty, granted={}, rivals={}), tuple(flexible), report)
         plain = settle(data, grow(data, plain, report=report), report)
@@ -79,14 +74,6 @@ def search(data: FitData, bases: Sequence[Fit], report: Report | None = None,
     if chosen.product is None:
         return chosen, None
     return _beside_product(data, bases, chosen, report)
-
-
-def _on(data: FitData, begun: Chosen) -> Chosen:
-    """Return what was chosen, fitted to the same recordings prepared in another way."""
-    fits = [optimizer.gauss_newton_restarted(
-        Fit(data, data.fit_rows(fold), old.steepness, old.terms, transition=old.transition))
-        for fold, old in enumerate(begun.fits)]
-    return replace(begun, fits=fits, granted=dict(begun.granted), rivals=dict(begun.rivals))
 
 
 def simpler_if_as_good(data: FitData, first: Chosen, second: Chosen) -> Chosen:
