@@ -232,13 +232,14 @@ def drive_at(law, speeds):
 
 def test_a_joint_that_gains_speed_after_its_start_gets_less_until_it_is_slower_again():
     """Who starts a movement may speed up, and one that keeps its speed loses nothing."""
-    law, time = CompensationLaw([small_model()]), np.arange(3000) * 1e-3
-    speeds = np.interp(time, [0.0, START_TIME - 0.2, 1.5, 2.0, 2.5], [0.1, 0.3, 0.3, 0.33, 0.28])
+    law, time = CompensationLaw([small_model()]), np.arange(4000) * 1e-3
+    speeds = np.interp(time, [0.0, START_TIME - 0.2, 1.5, 1.8, 2.6, 2.8],
+                       [0.1, 0.3, 0.3, 0.33, 0.33, 0.28])
     current = drive_at(law, speeds)
     np.testing.assert_allclose(current[300:1490], 0.9 * LEVEL, rtol=5e-3)
-    np.testing.assert_allclose(current[1800:2000], LEAST_GAINING * 0.9 * LEVEL, rtol=1e-3)
+    np.testing.assert_allclose(current[2400:2600], LEAST_GAINING * 0.9 * LEVEL, rtol=1e-3)
     assert law.guards['withheld'][0] == 0.0
-    np.testing.assert_allclose(current[2700:], 0.9 * LEVEL, rtol=1e-3)
+    np.testing.assert_allclose(current[3700:], 0.9 * LEVEL, rtol=1e-3)
 
 
 def test_a_joint_that_turns_round_starts_anew():

@@ -222,7 +222,9 @@ def unless_gaining(p: Any, s: Any, speed: float) -> float:
     s.sliding = s.sliding + s.step if moves else 0.0
     s.slowest = min(s.slowest, pace) if s.sliding > p.start_time else pace
     gained = (pace - s.slowest) / (GAIN_SHARE * s.slowest + GAIN_SPEED)
-    s.withheld = (1.0 - p.least_gaining) * min(1.0, gained)
+    # Slowly, or a hand that trembles would be answered at its own frequency.
+    most = 1.0 - p.least_gaining
+    s.withheld = approach(s.withheld, most * min(1.0, gained), most * s.step / p.start_time)
     return 1.0 - s.withheld
 
 
