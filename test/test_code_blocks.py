@@ -92,6 +92,7 @@ def workplace(tmp_path_factory):
         patch.chdir(folder)
         trial('trial_without', 0)
         trial('another_trial', 1)
+        trial('trial', 1)
         model = trial('trial_with', 1)
         for day, direction in (('monday', 0), ('tuesday', 1)):
             trial(f'sessions/{day}', direction)
