@@ -54,7 +54,12 @@ def shared(room, probe):
 def driver(shared):
     """The shared compensator, freshly activated: without history."""
     shared.begin_anew()
-    return shared
+    yield shared
+    # Also where a test fails half way: the next one is not to fail for it.
+    for name, value in {'law': 'paper', 'direction_timeout': 60.0, 'current_limit': 1000.0,
+                        'model_files': MODELS[:2]}.items():
+        if shared.probe.get_parameter_of('compensator', name) != value:
+            assert shared.probe.set_parameter('compensator', name, value) is None
 
 
 def movement(count=40):
@@ -83,7 +88,6 @@ def test_answers_every_state_with_the_current_of_the_law(driver, law):
         largest = max(largest, *np.abs(command))
     assert len(driver.answers) == len(times)
     assert (largest == 0.0) == (law == 'none')
-    assert probe.set_parameter('compensator', 'law', 'paper') is None
 
 
 def test_differentiates_position_where_velocity_is_empty(driver):
@@ -143,12 +147,12 @@ def test_only_proper_directions_count(driver, values, expected):
 def test_a_silent_direction_counts_as_none(driver):
     assert driver.probe.set_parameter('compensator', 'direction_timeout', 0.2) is None
     driver.announce([1, 1])
-    base = time.time_ns()
+    # The driver's clock counts, also where it is behind.
+    base = time.time_ns() - 100_000_000
     assert driver.ask([0.0, 0.0], ZERO, base)[0] > 0.05
     driver.announce([1, 1])
     assert driver.ask([0.0, 0.0], ZERO, base + 199_000_000)[0] > 0.05
     assert driver.ask([0.0, 0.0], ZERO, base + 201_000_000)[0] < 0.02
-    assert driver.probe.set_parameter('compensator', 'direction_timeout', 60.0) is None
 
 
 def test_a_state_sent_again_is_answered_again_but_one_that_crossed_is_not(driver):
@@ -207,7 +211,6 @@ def test_a_new_model_is_taken_over_while_running(driver, room):
         after = driver.ask([0.0, 0.0], ZERO, base + k * 50_000_000)
     wanted = 0.9 * FrictionModel.load(MODELS[2]).breakaway.positive_mean
     assert after == [pytest.approx(wanted, rel=1e-3), pytest.approx(before[1], abs=1e-6)]
-    assert probe.set_parameter('compensator', 'model_files', MODELS[:2]) is None
 
 
 def test_effects_whose_signal_is_missing_are_named_with_the_reason(room):

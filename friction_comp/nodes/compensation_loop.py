@@ -162,6 +162,7 @@ class CompensationLoop:
             self.temperature.forget()
         if states.restarted or not self._first:
             self._first = stamp
+            self.direction.begin(stamp)
         position = states.position
         usable: Any = True
         if not (are_finite(position)

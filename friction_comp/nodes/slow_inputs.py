@@ -38,6 +38,14 @@ class Direction:
         self._values = self._zeros
         self._times: list[int | None] = [None] * len(self._zeros)
 
+    def begin(self, time: int) -> None:
+        """Joint states begin at a time in ns: what was announced before is no later than that.
+
+        Until then only the node's own clock could tell when it came, and a driver's clock that is
+        behind would let it outlast the announcements that follow.
+        """
+        self._times = [taken if taken is None else min(taken, time) for taken in self._times]
+
     def take(self, values: Sequence[int], time: int) -> bool:
         """Take a message that came at a time in ns; return whether it was as it should be.
 
