@@ -15,7 +15,6 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.recordings.arm_reader import read_arm
-from friction_comp.refinement import refine
 from friction_comp.tools import predict, refine as refine_tool
 
 DATA = Path(__file__).resolve().parent.parent.parent / 'shared' / 'data' / 'ur10e_all_joints'
@@ -194,13 +193,14 @@ def test_an_unknown_way_with_gravity_is_refused(refined):
 
 
 def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
-    joints = read_arm(refined / 'fit')
     fresh = read_arm(refined / 'score')
-    result = refine([samples for samples, _ in joints['lift']])
-    found = {effect['variable']: effect['in_words'] for effect in result.report['effects']}
+    assert refine_tool.main([
+        str(refined / 'fit'), '--joint', 'lift', '--output', str(tmp_path)]) == 0
+    report = json.loads((tmp_path / 'report.json').read_text(encoding='utf-8'))
+    found = {effect['variable']: effect['in_words'] for effect in report['effects']}
     assert 'lift +bend' in found['other joints']
-    assert any('--urdf' in line for line in result.report['warnings'])
-    result.model.save(tmp_path / 'model.yaml')
+    assert any('--urdf' in line for line in report['warnings'])
+    assert 'lift +bend' in (tmp_path / 'report.html').read_text(encoding='utf-8')
     model = FrictionModel.load(tmp_path / 'model.yaml')
     samples = fresh['lift'][0][0]
     error = samples.current - model.predict(samples)

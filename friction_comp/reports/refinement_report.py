@@ -135,8 +135,9 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
         for values, interval in zip(parts, bounds):
             name = values.get('name', effect['name']).replace('_', ' ')
             for key, value in values.items():
-                if key in ('name', 'coefficients') or interval[key] in ([value, value],
-                                                                      [None, None]):
+                # What was not searched has no interval, or one without width.
+                if key == 'coefficients' or interval.get(key) in (None, [value, value],
+                                                                  [None, None]):
                     continue
                 rows.append([name, key.replace('_', ' '), number(value), between(interval[key])])
             for place, value in enumerate(values['coefficients']):
