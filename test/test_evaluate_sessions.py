@@ -21,6 +21,7 @@ from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.recordings import RecordingInfo, RecordingWriter, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.storage import Storage
+from friction_comp.reports.evaluation_words import summary, verdict
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -85,6 +86,41 @@ def test_the_verdict_compares_with_the_least_help_there_is():
         assert second.law == 'continuous'
         assert first.law == ('kinetic' if other is kinetic else 'none')
         assert evaluation.peak_reduction == pytest.approx(0.6, abs=0.05)
+
+
+def test_the_verdict_says_what_was_compared_and_how_sure_it_is():
+    """Nobody's direction is called none, and the pairs that the page lists are counted."""
+    law = info_of(activity=[(0.0, 'continuous', 'a.yaml')])
+    kinetic = info_of(activity=[(0.0, 'kinetic', 'a.yaml')])
+    evaluation = evaluate([both([1.0] * 10), both([0.4] * 10)], about=[kinetic, law])
+    words = verdict(evaluation)
+    assert 'with kinetic: **' in words
+    assert 'd = 0' not in words
+    assert 'a.yaml' not in words, 'the only model needs no name'
+    assert words.endswith('10 pairs).')
+    test, = (c for c in evaluation.comparisons if c.figure == 'peak_torque')
+    assert (test.first.law, test.second.law) == ('kinetic', 'continuous')
+    two = evaluate([both([1.0] * 10), both([0.4] * 10)], about=[
+        info_of(activity=[(0.0, 'kinetic', 'b.yaml')]), law])
+    assert 'b.yaml' in verdict(two)
+
+
+def test_a_joint_that_stuck_took_more_than_was_given():
+    stuck = both([1.0] * 10)
+    stuck = stuck.with_(position=np.zeros(len(stuck)))
+    law = info_of(activity=[(0.0, 'continuous', 'a.yaml')])
+    kinetic = info_of(activity=[(0.0, 'kinetic', 'a.yaml')])
+    evaluation = evaluate([stuck, both([0.4] * 10)], about=[kinetic, law])
+    assert evaluation.is_bound
+    words = summary(evaluation)
+    assert 'instead of more than **' in words
+    assert 'at least **' in words
+    assert 'With d = ±1 · kinetic the joint did not set out in 10 of 10 movements.' in words
+    for condition in evaluation.conditions:
+        assert ('smoothness' in condition.figures) == (condition.help.law != 'kinetic')
+    other = evaluate([both([1.0] * 10), stuck], about=[kinetic, law])
+    assert not other.is_bound
+    assert 'at least' not in summary(other)
 
 
 def test_movements_that_identification_made_are_no_persons():

@@ -81,14 +81,15 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     Returns
     -------
     list of Comparison
-        Those with an announced direction against those without first.
+        No help, then help without a direction, then help with one: each is the first against all
+        that follow.
     """
     groups: dict[Help, dict[int, list[Repetition]]] = {}
     for repetition in repetitions:
         groups.setdefault(repetition.help, {}).setdefault(
             repetition.movement.sign, []).append(repetition)
     found = []
-    ordered = sorted(groups, key=lambda one: (abs(one.announced), one.law != 'none', one))
+    ordered = sorted(groups, key=lambda one: (one.led, one.law != 'none', one))
     for first, second in combinations(ordered, 2):
         two = [(a, b) for sign in (1, -1) for a, b in zip(
             groups[first].get(sign, []), groups[second].get(sign, []))]

@@ -119,6 +119,11 @@ class Evaluation:
         """Whether the back-driving torque was measured."""
         return any('peak_torque' in r.figures for r in self.repetitions)
 
+    def label(self, known: Help) -> str:
+        """Return a condition in a few words; its model is named where there are several."""
+        models = {c.help.model for c in self.conditions if c.help.model}
+        return known.label if len(models) > 1 else known.label_without_model
+
     def pair(self) -> tuple[Help, Help] | None:
         """Return what d = ±1 is compared with: d = 0 under the same law and model.
 
@@ -130,10 +135,8 @@ class Evaluation:
         counts: dict[Help, int] = {}
         for condition in self.conditions:
             counts[condition.help] = counts.get(condition.help, 0) + condition.repetitions
-        # What has no use for a direction is as if none was announced.
-        plain = [known for known in counts
-                 if known.announced == 0 or known.law in ('none', 'kinetic')]
-        assisted = [known for known in counts if known.announced == 1 and known not in plain]
+        plain = [known for known in counts if known.announced >= 0 and not known.led]
+        assisted = [known for known in counts if known.announced == 1 and known.led]
         for alike in (lambda a, b: (a.law, a.model) == (b.law, b.model),
                       lambda a, b: (a.law, a.model) == ('kinetic', b.model),
                       lambda a, b: a.law == 'none'):
@@ -141,6 +144,10 @@ class Evaluation:
             if two:
                 return max(two, key=lambda pair: (min(counts[pair[0]], counts[pair[1]]), pair))
         return (plain[0], assisted[0]) if len(plain) == len(assisted) == 1 else None
+
+    def stuck(self, known: Help) -> int:
+        """Return in how many movements under a condition the joint did not set out."""
+        return sum(r.help == known and not r.moved for r in self.repetitions)
 
     def peak_of(self, known: Help) -> float:
         """Return the mean over both movements of a condition's peak torque, N·m."""
@@ -171,6 +178,15 @@ class Evaluation:
         plain_mean, assisted_mean = np.mean(pairs, axis=0)
         return float(plain_mean), float(assisted_mean)
 
+    @property
+    def is_bound(self) -> bool:
+        """Whether the reduction is more than what was measured.
+
+        Where the joint did not set out without a direction, nobody gave what it takes.
+        """
+        two = self.pair()
+        return two is not None and bool(self.stuck(two[0])) and not self.stuck(two[1])
+
     def _reduction(self, name: str) -> float | None:
         pair = self.compared(name)
         return 1.0 - pair[1] / pair[0] if pair and pair[0] > 0 else None
@@ -199,11 +215,11 @@ class Evaluation:
         """Return one row per repetition, after a row of names."""
         rows: list[list[Any]] = [[
             'joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law',
-            'model', *FIGURES, 'false_start']]
+            'model', *FIGURES, 'moved', 'false_start']]
         for r in self.repetitions:
             rows.append([
                 self.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
                 NAMES[r.movement.sign], r.movement.direction, r.help.law, r.help.model,
                 *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
-                int(r.false_start)])
+                int(r.moved), int(r.false_start)])
         return rows

@@ -71,12 +71,22 @@ class Help:
     announced: int
 
     @property
+    def led(self) -> bool:
+        """Whether a direction was announced to a law that has a use for one."""
+        return self.announced != 0 and self.law not in ('none', 'kinetic')
+
+    @property
     def label(self) -> str:
         """The same in a few words."""
+        return ' · '.join(filter(None, (self.label_without_model, Path(self.model).name)))
+
+    @property
+    def label_without_model(self) -> str:
+        """Direction and law in a few words."""
         words = {0: 'd = 0', 1: 'd = ±1', -1: 'd = ±1 (against)'}[self.announced]
         law = {'': '', 'none': 'no compensation', 'other': 'another commander'}.get(
             self.law, self.law)
-        return ' · '.join(filter(None, (words, law, Path(self.model).name)))
+        return ' · '.join(filter(None, (words, law)))
 
 
 @dataclass
@@ -94,6 +104,8 @@ class Repetition:
     help : Help
     figures : dict of str to float
         By the names in `FIGURES`; those that cannot be known are missing.
+    moved : bool
+        The joint set out; False where what was shown to the person moved and the joint did not.
     false_start : bool
         The joint set out during the standstill and, as far as torque was measured, unpushed.
     restless : bool
@@ -110,6 +122,7 @@ class Repetition:
     movement: Movement
     help: Help
     figures: dict[str, float]
+    moved: bool
     false_start: bool
     restless: bool
     curves: dict[str, np.ndarray] = field(default_factory=dict)
@@ -168,7 +181,8 @@ def measure(samples: Samples, movement: Movement, name: str = '',
         announced = _announcement(samples, movement)
         if announced is not None and onset > announced:
             figures['announcement_to_motion'] = onset - announced
-    if part.stop - part.start > 10:
+    moved = onset is not None or not shown
+    if moved and part.stop - part.start > 10:
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
         jerk = log_dimensionless_jerk(velocity, samples.sample_time)
@@ -177,7 +191,7 @@ def measure(samples: Samples, movement: Movement, name: str = '',
     return Repetition(
         name, _day(info, movement), movement.begin, movement, _help(samples, movement, info),
         {key: value for key, value in figures.items() if np.isfinite(value)},
-        _started_by_itself(samples, movement, figures.get('peak_torque')),
+        moved, _started_by_itself(samples, movement, figures.get('peak_torque')),
         _restless(samples, movement), _curves(samples, movement))
 
 

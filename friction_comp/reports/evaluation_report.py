@@ -75,7 +75,7 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
                        linewidth=1.0, label='shown to the person')
         for condition in conditions:
             colour = colours[condition.help]
-            label = f'{condition.help.label}, n = ' + ' + '.join(
+            label = f'{evaluation.label(condition.help)}, n = ' + ' + '.join(
                 str(c.repetitions) for c in evaluation.conditions if c.help == condition.help)
             band(above, condition.time, np.degrees(condition.position),
                  np.degrees(condition.position_std), colour, label)
@@ -96,20 +96,21 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
 
 
 @styled
-def trend_figure(trends: Sequence[Trend], colours: dict[Help, str]) -> Figure:
+def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     """Draw each day's mean with its interval, and the line through them where it is sure.
 
     Parameters
     ----------
     trends : sequence of Trend
         Of one figure.
-    colours : dict
-        Help to colour's name.
+    evaluation : Evaluation
+        To which they belong.
 
     Returns
     -------
     matplotlib.figure.Figure
     """
+    colours = _colours(evaluation)
     figure, axes = new_figure(1, 1, width=8.4, height=3.0)
     for k, trend in enumerate(trends):
         # Beside each other, so that intervals of one day do not cover each other.
@@ -121,7 +122,8 @@ def trend_figure(trends: Sequence[Trend], colours: dict[Help, str]) -> Figure:
                            (v.mean if v.high is None else v.high) - v.mean] for v in values]).T
         colour = COLOURS[colours[trend.help]]
         axes.errorbar(days, means, yerr=reach, fmt=_MARKERS[k % len(_MARKERS)], color=colour,
-                      markersize=5, capsize=3, linewidth=1.2, label=trend.help.label)
+                      markersize=5, capsize=3, linewidth=1.2,
+                      label=evaluation.label(trend.help))
         if trend.sure and trend.per_week is not None:
             line = means.mean() + trend.per_week.mean / 7.0 * (days - days.mean())
             axes.plot(days, line, color=colour, linewidth=1.0)
@@ -167,7 +169,7 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
             continue
         report.table(
             ['condition', '', *starts, *(heading(name) for name in known)],
-            [[unbroken(c.help.label), '+' if c.movement == 'positive' else '\u2212',
+            [[unbroken(evaluation.label(c.help)), '+' if c.movement == 'positive' else '\u2212',
               *([c.repetitions, f'{c.false_starts}\u00a0({share(c.false_start_share)})']
                 if starts else []),
               *(with_interval(c.figures.get(name)) for name in known)]
@@ -207,8 +209,9 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     report.table(
         ['figure', 'first', 'second', 'pairs', 'mean of the first', 'of the second',
          'difference', 'p'],
-        [[heading(c.figure), unbroken(c.first.label), unbroken(c.second.label), c.pairs,
-          number(c.before), number(c.after), with_interval(c.difference), probability(c)]
+        [[heading(c.figure), unbroken(evaluation.label(c.first)),
+          unbroken(evaluation.label(c.second)), c.pairs, number(c.before), number(c.after),
+          with_interval(c.difference), probability(c)]
          for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
         'movement.')
@@ -223,15 +226,15 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
     if not evaluation.trends:
         return
     report.text('## Day by day')
-    colours = _colours(evaluation)
     for figure in dict.fromkeys(trend.figure for trend in evaluation.trends):
         trends = [trend for trend in evaluation.trends if trend.figure == figure]
-        report.figure(trend_figure(trends, colours),
+        report.figure(trend_figure(trends, evaluation),
                       f"{heading(figure)}: each day's mean with its 95 % interval; a line where "
                       'the trend is more than chance.')
         report.table(
             ['condition', 'days', 'first', 'last', 'change per week', 'p'],
-            [[unbroken(t.help.label), len(t.days), with_interval(next(iter(t.days.values()))),
+            [[unbroken(evaluation.label(t.help)), len(t.days),
+              with_interval(next(iter(t.days.values()))),
               with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
               '–' if t.probability is None else chance(t.probability)] for t in trends],
             "A straight line through the days' means.")
@@ -285,7 +288,7 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
         return []
     known = [one for one in dict.fromkeys(c.help for c in evaluation.conditions)
              if one.announced >= 0]
-    tiles = [(f'{number(peak)} N·m', f'peak, {one.label}') for one in known
+    tiles = [(f'{number(peak)} N·m', f'peak, {evaluation.label(one)}') for one in known
              if np.isfinite(peak := evaluation.peak_of(one))][:_TILES]
     if len(tiles) > 2:
         return tiles
@@ -298,13 +301,14 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
 
 
 def _colours(evaluation: Evaluation) -> dict[Help, str]:
-    """Return a colour for each condition: blue without announcement, orange with, then others."""
+    """Return a colour for each condition: blue without a direction, orange with, then others."""
     plain, assisted = ['blue', 'green', 'violet', 'grey'], ['orange', 'red', 'yellow', 'pink']
     found: dict[Help, str] = {}
     for condition in evaluation.conditions:
         if condition.help not in found:
-            palette = assisted if condition.help.announced > 0 else (
-                plain if not condition.help.announced else ['pink', 'grey'])
-            used = sum((known.announced > 0) == (condition.help.announced > 0) for known in found)
+            known = condition.help
+            palette = ['pink', 'grey'] if known.announced < 0 else (
+                assisted if known.led else plain)
+            used = sum(other.led == known.led for other in found)
             found[condition.help] = palette[used % len(palette)]
     return found

@@ -14,13 +14,15 @@ if TYPE_CHECKING:
     from friction_comp.evaluation.compare import Comparison
     from friction_comp.evaluation.conditions import Condition, Evaluation
     from friction_comp.evaluation.intervals import Interval
+    from friction_comp.evaluation.repetitions import Help
     from friction_comp.evaluation.trend import Trend
 
 
 def summary(evaluation: Evaluation) -> str:
     """Return in plain words what the trials show, the verdict first."""
     words = [verdict(evaluation)]
-    words.extend(_trend_words(trend) for trend in evaluation.trends if trend.sure)
+    words.extend(_trend_words(trend, evaluation) for trend in evaluation.trends if trend.sure)
+    words.extend(_stuck_words(evaluation))
     starts = sum(c.false_starts for c in evaluation.conditions)
     words.append('The joint never started by itself.' if not starts else
                  f'**In {starts} repetitions the joint started by itself.** A lower '
@@ -51,11 +53,14 @@ def verdict(evaluation: Evaluation) -> str:
     if compared is not None and change is not None and two is not None:
         before, after = compared
         verb = 'less' if change >= 0 else 'more'
-        other = '' if (two[0].law, two[0].model) == (two[1].law, two[1].model) else (
-            f' ({two[0].label}; with it: {two[1].label})')
-        words = (f'With the direction announced (d = ±1) it took **{number(after)} N·m** to set '
-                 f'the joint in motion instead of **{number(before)} N·m** without (d = 0): '
-                 f'**{abs(100 * change):.0f} % {verb}**{other}')
+        alike = (two[0].law, two[0].model) == (two[1].law, two[1].model)
+        plain, assisted = (('without (d = 0)', 'the direction announced (d = ±1)') if alike else
+                           (f'with {_law(evaluation, two[0])}',
+                            f'the direction announced (d = ±1, {_law(evaluation, two[1])})'))
+        least = ('at least ', 'more than ') if evaluation.is_bound and change >= 0 else ('', '')
+        words = (f'With {assisted} it took **{number(after)} N·m** to set the joint in motion '
+                 f'instead of {least[1]}**{number(before)} N·m** {plain}: '
+                 f'{least[0]}**{abs(100 * change):.0f} % {verb}**')
         test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
                      and (c.first, c.second) == two), None)
         if test is None or test.probability is None:
@@ -77,13 +82,30 @@ def verdict(evaluation: Evaluation) -> str:
             'with it (d = ±1) and without (d = 0, or no compensation). All comparisons are below.')
 
 
-def _trend_words(trend: Trend) -> str:
+def _stuck_words(evaluation: Evaluation) -> list[str]:
+    """Return a sentence for each condition under which the joint did not always set out."""
+    found = []
+    for known in dict.fromkeys(c.help for c in evaluation.conditions):
+        stuck = evaluation.stuck(known)
+        if stuck:
+            count = sum(c.repetitions for c in evaluation.conditions if c.help == known)
+            found.append(f'With {evaluation.label(known)} the joint did not set out in {stuck} of '
+                         f'{count} movements.')
+    return found
+
+
+def _law(evaluation: Evaluation, known: Help) -> str:
+    """Return a condition without its direction, which the sentence around it says."""
+    return evaluation.label(known).partition(' · ')[2] or 'no law that the recording names'
+
+
+def _trend_words(trend: Trend, evaluation: Evaluation) -> str:
     assert trend.per_week is not None
     name, unit = FIGURES[trend.figure]
     rises = trend.per_week.mean > 0
     # Smoothness is the only figure of which more is better.
     judged = 'better' if rises == (trend.figure == 'smoothness') else 'worse'
-    return (f'Over {len(trend.days)} days, {name} with {trend.help.label} '
+    return (f'Over {len(trend.days)} days, {name} with {evaluation.label(trend.help)} '
             f'**{"rises" if rises else "falls"} by {number(abs(trend.per_week.mean))} {unit} '
             f'a week**, for the {judged} ({chance(trend.probability or 0.0)}).')
 
@@ -123,7 +145,8 @@ def share(value: Interval) -> str:
 
 def chance(probability: float) -> str:
     """Return a probability as tables of statistics have it."""
-    return 'p < 0.001' if probability < 0.001 else f'p = {probability:.2g}'
+    return ('p < 0.001' if probability < 0.001 else f'p = {probability:.2g}').replace(
+        ' ', '\u00a0')
 
 
 def probability(comparison: Comparison) -> str:
@@ -133,4 +156,6 @@ def probability(comparison: Comparison) -> str:
 
 def unbroken(label: str) -> str:
     """Return a condition's name so that a table breaks it only between its parts."""
-    return label.replace(' = ', '\u00a0=\u00a0').replace(' · ', '\u00a0· ')
+    parts = label.replace(' = ', '\u00a0=\u00a0').split(' · ')
+    # Direction and law are short.
+    return '\u00a0· '.join(filter(None, ('\u00a0·\u00a0'.join(parts[:2]), *parts[2:])))
