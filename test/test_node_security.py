@@ -3,7 +3,7 @@
 """The SROS 2 policy: each node has the rights that it uses, and no others."""
 
 from collections import defaultdict
-from contextlib import ExitStack
+from contextlib import closing, ExitStack
 from pathlib import Path
 from xml.dom import minidom
 from xml.etree import ElementTree
@@ -15,7 +15,10 @@ POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.x
 AT_TIMES = {('plant', 'publish', '/clock'), ('identification', 'publish', '/current_command'),
             ('exercise', 'subscribe', '/joint_states'),
             *((node, 'subscribe', '/clock') for node in (
-                'compensator', 'identification', 'exercise', 'recorder', 'refinement'))}
+                'compensator', 'identification', 'exercise', 'recorder', 'refinement')),
+            *(('friction_comp_doctor', 'request', f'/{node}/{what}') for node in (
+                'plant', 'compensator', 'identification', 'exercise', 'recorder', 'refinement')
+              for what in ('get_parameters', 'list_parameters'))}
 CHILDREN = {'policy': {'enclaves'}, 'enclaves': {'enclave'}, 'enclave': {'profiles'},
             'profiles': {'profile'}, 'profile': {'topics', 'services', 'actions'},
             'topics': {'topic'}, 'services': {'service'}, 'actions': {'action'}}
@@ -80,7 +83,8 @@ def test_few_may_command_a_current_or_announce_a_direction():
                 if has['publish'] & {'/direction', '/direction_stamped'}}
     assert planners == {'exercise'}
     listeners = {node for node, has in table.items() if '/interaction_wrench' in has['subscribe']}
-    assert listeners == {'recorder', 'refinement'}, 'the torque sensor is for evaluation only'
+    assert listeners == {'recorder', 'refinement', 'friction_comp_watch', 'friction_comp_doctor'}
+    assert not listeners & (commanders | planners), 'the torque sensor is for evaluation only'
     assert '/compensator/set_parameters' in table['refinement']['request']
     assert actions('operator', 'call') == {'identify_friction', 'refine_model'}
     assert actions('identification', 'execute') | actions('refinement', 'execute') == actions(
@@ -92,6 +96,8 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
     from ros_system import MODELS, own_domain, probe_node, Process
+
+    from friction_comp.nodes.live_feed import LiveFeed
     one = {'joints': ['elbow'], 'model_files': MODELS[:1]}
     starts = {'plant': one, 'compensator': one, 'identification': one,
               'exercise': {'joints': ['elbow']}, 'recorder': {'output': str(tmp_path / 'bag')},
@@ -99,7 +105,9 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
     with own_domain(), probe_node() as probe, ExitStack() as nodes:
         for name, parameters in starts.items():
             nodes.enter_context(Process(tmp_path / 'logs', name, parameters))
-        for name in starts:
+        nodes.enter_context(Process(tmp_path / 'logs', 'doctor', arguments=('--seconds', '600')))
+        nodes.enter_context(closing(LiveFeed([], [], [])))
+        for name in (*starts, 'friction_comp_watch', 'friction_comp_doctor'):
             allowed = {kind: names for kind, names in rights()[name].items() if names}
             questions = {
                 'publish': probe.get_publisher_names_and_types_by_node,
