@@ -11,6 +11,7 @@ import numpy as np
 
 from friction_comp.evaluation.intervals import Interval, mean_interval
 from friction_comp.reports.evaluation_report import add_evaluation
+from friction_comp.reports.evaluation_words import with_interval
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 
@@ -151,7 +152,8 @@ def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
     page = Report('A drive that changes, and a loop that is closed live',
                   'Watch, refine, load on trial, judge: without a restart')
     page.verdict(wear_words(stages, facts))
-    page.numbers([(f'{_text(effort(part))} N·m', f'{name}: RMS torque, {len(part)} movements')
+    page.numbers([(f'{with_interval(effort(part))} N·m',
+                   f'{name}: RMS torque, {len(part)} movements')
                   for name, part in stages.items()])
     page.figure(session_figure(evaluation, marks, samples),
                 'RMS torque of each movement by the model that was active, and the temperature '
@@ -197,9 +199,3 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
     axes[-1, 0].set_xlabel('time (s)')
     figure.legend(loc='outside lower center', ncols=2)
     return figure
-
-
-def _text(value: Interval) -> str:
-    if value.low is None or value.high is None:
-        return number(value.mean)
-    return f'{number(value.mean)} ± {number(0.5 * (value.high - value.low), 2)}'
