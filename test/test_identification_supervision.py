@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identification of joints that are not what they seem: no model, and no current to speak of."""
 
+from collections import deque
 import math
 from pathlib import Path
+import re
 
 import numpy as np
 import pytest
@@ -28,7 +30,8 @@ def model(number=1):
 class Bench:
     """A simulated joint whose sensors, or whose surroundings, may be wrong."""
 
-    def __init__(self, alter=lambda run, sample: sample, torque=lambda run, state: 0.0, seed=3):
+    def __init__(self, alter=lambda run, sample: sample, torque=lambda run, state: 0.0, seed=3,
+                 late=0):
         self.model = model()
         self.alter, self.torque = alter, torque
         load = Undeclared.from_dict({
@@ -37,6 +40,8 @@ class Bench:
         self.plant = Plant([self.model], seed=seed, undeclared=[load])
         self.run = IdentificationRun(IdentificationGoal(**GOAL), self.model.drive)
         self.largest = self.fastest = 0.0
+        # Commands on their way to the drive.
+        self.waiting = deque([0.0] * late)
 
     def finish(self, longest=400.0):
         run, state = self.run, self.plant.state
@@ -48,7 +53,8 @@ class Bench:
             self.fastest = max(self.fastest, abs(state.velocity[0]))
             # A torque from outside acts on the joint as a current does, but is not measured.
             push = self.torque(run, state) / self.model.drive.torque_per_current
-            state = self.plant.step([command + push])
+            self.waiting.append(command)
+            state = self.plant.step([self.waiting.popleft() + push])
             state.current[0] -= push
         return run.result()
 
@@ -200,3 +206,23 @@ def test_a_controller_that_rattles_is_no_wrong_unit():
     look_at_rattle(0.008)
     with pytest.raises(IdentificationError, match='another unit'):
         look_at_rattle(0.2)
+
+
+@pytest.mark.parametrize('samples', [20, 80, 250])
+def test_a_drive_that_answers_late_is_not_told_to_have_another_unit(samples):
+    """As on a machine that is busy with something else; not even the first current was right."""
+    bench = Bench(late=samples)
+    with pytest.raises(IdentificationError, match='right size') as caught:
+        bench.finish()
+    said = float(re.search(r'one (\S+) s late', str(caught.value))[1])
+    assert said == pytest.approx(1e-3 * samples, rel=0.1, abs=0.005)
+    assert bench.largest < 0.4
+
+
+@pytest.mark.parametrize(('factor', 'words'), [
+    (10.0, 'another unit'), (-1.0, 'wrong sign'), (0.0, 'not measured')])
+def test_a_wrong_unit_is_told_from_delay(factor, words):
+    bench = Bench(scaled(factor, 3), late=120)
+    with pytest.raises(IdentificationError, match=words):
+        bench.finish()
+    assert bench.largest <= bench.run.goal.ramp_peak

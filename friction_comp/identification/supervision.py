@@ -3,9 +3,10 @@
 """Tells, while a joint is identified, whether it answers the currents as a joint does.
 
 One idea serves all faults: what was commanded says what must be measured. The measured current
-follows the commanded one; the position goes where the measured velocity leads; and a current well
-above what set the joint free accelerates it. What contradicts that is a fault of the wiring, of
-the encoder, of the units, or somebody's hand, and ends the run before a model is written.
+follows the commanded one, and soon; the position goes where the measured velocity leads; and a
+current well above what set the joint free accelerates it. What contradicts that is a fault of the
+wiring, of the encoder, of the units or of the machine, or somebody's hand, and ends the run before
+a model is written.
 """
 
 from __future__ import annotations
@@ -15,15 +16,18 @@ from collections.abc import Sequence
 import math
 
 from friction_comp.drive import Drive
+from friction_comp.identification.current_lag import CurrentLag, MEMORY
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.kinetic import KineticPoint
 
-# s over which currents are smoothed before they are compared: longer than any drive's lag.
+# s over which currents are smoothed before they are compared: longer than any drive's own lag. What
+# is later comes of the way between drive and controller.
 _SMOOTHING = 0.05
-# s that the comparison looks back.
-_MEMORY = 0.5
 # Measured over commanded current that is believed; beyond, a unit or a constant is wrong.
 _LEAST_GAIN, _MOST_GAIN = 0.5, 2.0
+# Correlation from which on a measured current is the commanded one of some time before; and s from
+# which on that is what keeps a joint from answering.
+_ALIKE, _LATE = 0.9, 0.01
 # Share of what smoothing takes away of the commanded current that has to be left of it.
 _STANDS_OUT = 0.2
 # Overall gain beyond which the result says so.
@@ -61,7 +65,9 @@ class Supervision:
         self._commanded = self._measured = 0.0
         self._recent, self._all = [0.0] * 3, [0.0] * 3
         self._rattle = 0.0
+        self._lag = CurrentLag()
         self._quiet: list[float] = []
+        self._noise: float | None = 0.0
         self._begin_block()
         self._moving = False        # whether a velocity other than zero was ever measured
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
@@ -98,46 +104,71 @@ class Supervision:
             return
         self._last = time, position
         if math.isfinite(current):
-            self._compare_currents(min(step, _STEP), current, command)
+            self._compare_currents(min(step, _STEP), time, current, command)
         self._compare_ways(step, time, position, velocity)
         if friction is not None and math.isfinite(acceleration):
             self._expect_motion(step, time, position, command, friction, acceleration)
 
     # The measured current follows the commanded one.
 
-    def _compare_currents(self, step: float, current: float, command: float) -> None:
+    def _compare_currents(self, step: float, time: float, current: float,
+                          command: float) -> None:
         if command == 0.0 and self._commanded == 0.0 and len(self._quiet) < 1000:
             self._quiet.append(current)
+            self._noise = None
         share = -math.expm1(-step / _SMOOTHING)
         self._commanded += share * (command - self._commanded)
         self._measured += share * (current - self._measured)
+        self._lag.add(time, self._commanded, self._measured)
         products = (self._commanded ** 2, self._commanded * self._measured, 1.0)
-        fading = math.exp(-step / _MEMORY)
+        fading = math.exp(-step / MEMORY)
         self._rattle = fading * self._rattle + step * (command - self._commanded) ** 2
         for k, value in enumerate(products):
             self._recent[k] = fading * self._recent[k] + step * value
             self._all[k] += step * value
-        if self._recent[2] < 0.3 * _MEMORY or not self._is_loud(self._recent):
+        if self._recent[2] < 0.3 * MEMORY or not self._is_loud(self._recent):
             return
         # What smoothing leaves of a controller that rattles is no current to compare: an amplifier
         # follows it late and in part.
         if self._recent[0] < _STANDS_OUT ** 2 * self._rattle:
             return
         gain = self._recent[1] / self._recent[0]
-        if not _LEAST_GAIN <= gain <= _MOST_GAIN:
+        if _LEAST_GAIN <= gain <= _MOST_GAIN:
+            return
+        self._refuse_late()
+        # A current that nobody had time to answer tells nothing yet.
+        answer = self._lag.answer()
+        if answer.earliest > self._threshold:
+            gain = answer.gain if abs(answer.likeness) > _ALIKE else gain
             raise IdentificationError(
                 f'the measured current is {gain:.2g} times the commanded one of '
                 f'{math.copysign(1.0, self._commanded) * self._level(self._recent):.3g} A: '
                 + _cause(gain))
 
-    def _is_loud(self, products: list[float]) -> bool:
+    def _refuse_late(self) -> None:
+        """Raise IdentificationError where the measured current is the commanded one, but late."""
+        answer = self._lag.answer()
+        if (answer.delay >= _LATE and answer.likeness > _ALIKE
+                and _LEAST_GAIN <= answer.gain <= _MOST_GAIN):
+            raise IdentificationError(
+                f'the measured current follows the commanded one {answer.delay:.2g} s late, in the '
+                f'right size ({answer.gain:.2g} times as large): a joint cannot be controlled so '
+                'late. Machine or network are overloaded, or the driver lets currents or states '
+                'wait')
+
+    @property
+    def _threshold(self) -> float:
+        """Level in A below which a commanded current is not compared."""
+        if self._noise is None:
+            self._noise = 0.0
+            if len(self._quiet) > 10:
+                mean, last = sum(self._quiet) / len(self._quiet), self._quiet[-100:]
+                self._noise = math.sqrt(sum((value - mean) ** 2 for value in last) / len(last))
         # Smoothing takes a tenth of white noise at a sample a millisecond.
-        noise = 0.0
-        if len(self._quiet) > 10:
-            mean = sum(self._quiet) / len(self._quiet)
-            noise = math.sqrt(
-                sum((value - mean) ** 2 for value in self._quiet[-100:]) / len(self._quiet[-100:]))
-        return self._level(products) > max(0.5 * noise, 0.02 * self._peak)
+        return max(0.5 * self._noise, 0.02 * self._peak)
+
+    def _is_loud(self, products: list[float]) -> bool:
+        return self._level(products) > self._threshold
 
     @staticmethod
     def _level(products: list[float]) -> float:
@@ -218,6 +249,7 @@ class Supervision:
         went = position - self._from
         gained = went - self._drift * (time - self._since)
         if max(sign * went, sign * gained) < _ANSWERED * self._expected:
+            self._refuse_late()
             raise IdentificationError(
                 f'the joint does not move at {command:.3g} A, although less set it free before: '
                 'it is blocked, at a stop or held, or the encoder is stuck')
