@@ -38,6 +38,9 @@ MODELS = [str(CONFIG / f'armin_configuration_{k}.yaml') for k in (1, 2, 3)]
 JOINTS = ['elbow', 'shoulder']
 START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 10.0,
          'direction_timeout': 60.0, 'law': 'paper', 'input_reliability': 'reliable'}
+# What tests change of it while it runs.
+CHANGED = {'law': 'paper', 'breakaway_gain': 0.9, 'current_limit': 1000.0,
+           'direction_timeout': 60.0, 'model_files': MODELS[:2]}
 ZERO = [0.0, 0.0]
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -213,10 +216,13 @@ class Probe(Node):
         result = self.call(SetParameters, f'/{node}/set_parameters', request).results[0]
         return None if result.successful else result.reason
 
-    def get_parameter_of(self, node, name):
+    def get_parameters_of(self, node, names):
         reply = self.call(
-            GetParameters, f'/{node}/get_parameters', GetParameters.Request(names=[name]))
-        return rclpy.parameter.parameter_value_to_python(reply.values[0])
+            GetParameters, f'/{node}/get_parameters', GetParameters.Request(names=names))
+        return [rclpy.parameter.parameter_value_to_python(value) for value in reply.values]
+
+    def get_parameter_of(self, node, name):
+        return self.get_parameters_of(node, [name])[0]
 
     def transition(self, node, label):
         name = f'/{node}/change_state'
@@ -338,6 +344,16 @@ class FakeDriver:
         self.rest()
         self.activate()
         self.commands.clear()
+
+    def restore(self):
+        """Bring the node, begun with `START`, back from wherever a test has left it."""
+        if self.probe.state_of(self.node) == 'unconfigured':
+            assert self.probe.transition(self.node, 'configure')
+        now = self.probe.get_parameters_of(self.node, list(CHANGED))
+        for (name, value), changed in zip(CHANGED.items(), now):
+            if changed != value:
+                assert self.probe.set_parameter(self.node, name, value) is None
+        self.begin_anew()
 
     def announce(self, values):
         # Ahead of the states that follow: one process's messages arrive in order.

@@ -61,7 +61,7 @@ def shared(room):
 @pytest.fixture
 def driver(shared):
     """The shared compensator, freshly activated: without history."""
-    shared.begin_anew()
+    shared.restore()
     return shared
 
 
@@ -128,7 +128,9 @@ def test_a_repeated_stamp_is_no_new_state(hasty):
     def again():
         hasty.states.publish(joint_state(stamp, JOINTS, ZERO))
         hasty.probe.spin_for(0.05)
-        return unasked(hasty.commands[-1])
+        # The next ones may repeat it as the answer that was lost.
+        return any(unasked(command) for command in hasty.commands[before:])
+    before = len(hasty.commands)
     hasty.probe.until(again, 'a command of its own accord')
     assert list(hasty.commands[-1].data) == ZERO
 
@@ -209,10 +211,12 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
         assert driver.ask(ZERO, ZERO)[0] > 0.05
         probe.spin_for(0.02)
     other = probe.create_publisher(Float64MultiArray, 'current_command', RELIABLE)
-    probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
-    status = probe.status_of('compensator', lambda s: 'latched' in s.message)
-    assert 'may command' in status.message
-    probe.destroy_publisher(other)
+    try:
+        probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
+        status = probe.status_of('compensator', lambda s: 'latched' in s.message)
+        assert 'may command' in status.message
+    finally:
+        probe.destroy_publisher(other)
     driver.commands.clear()
     # It yields to another, and answers nothing, until it knows that it is alone.
     driver.find()

@@ -88,7 +88,7 @@ def test_trouble_on_the_way_leaves_zero_current_and_no_file(room, end):
     with probe_node() as probe, Process(room, 'identification', {
             'joints': [JOINT], 'model_files': MODELS[:1], 'output_folder': str(models),
             # As long as it may be where silence is not what ends the run.
-            'joint_state_timeout': 0.5 if end == 'silence' else 10.0}) as process:
+            'joint_state_timeout': 2.0 if end == 'silence' else 10.0}) as process:
         driver, client = Driver(probe), Client(probe)
         assert not client.ask().accepted, 'without joint states nothing can be identified'
         future = []

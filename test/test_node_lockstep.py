@@ -53,7 +53,7 @@ def run(folder, law, disturbed=False):
 
             def rests(status):
                 times.append(float(value_of(status, 'time [s]')))
-                return times[-1] == times[-2]
+                return times[-1] == times[-2] and value_of(status, 'waits for') == 'reference'
             probe.status_of('plant', rests)
             counts = [0]
 
@@ -129,7 +129,8 @@ def test_the_recording_is_whole(runs):
     # A state is sent again where its answer takes long.
     again = info.dropped.get('duplicate stamp', 0)
     assert counts['joint_states'] == counts['interaction_wrench'] == len(samples) + again
-    assert abs(counts['current_command'] - len(samples)) <= 1
+    # Nor is it known then whether its answer was lost.
+    assert -1 <= counts['current_command'] - len(samples) <= again + 1
     ticks = len(samples) // 10
     assert abs(counts['direction'] - ticks) <= 3
     assert counts['reference'] >= ticks - 3

@@ -70,7 +70,7 @@ def record(folder, law):
         for _ in range(2):
             probe.status_of('compensator', lambda status: status.message == 'inactive')
         assert probe.transition('compensator', 'activate')
-        assert exercise.wait(60.0) == 0
+        assert exercise.wait(180.0) == 0
         # What the plant said on the way may still wait to be heard.
         probe.status_of('plant', lambda status: (
             value_of(status, 'waits for') == 'reference'
@@ -156,8 +156,10 @@ def messages(path):
                 kind = connection.msgtype
                 content = reader.typestore.serialize_cdr(reader.deserialize(data, kind), kind)
                 found.setdefault(topic, []).append((time, bytes(content)))
-    # While an answer is awaited, a state and a tick's reference are sent again.
-    again = {'joint_states', 'reference', 'interaction_wrench', 'motor_temperature'}
+    # While an answer is awaited, a state and a tick's reference are sent again; the state's answer
+    # may then be, too.
+    again = {'joint_states', 'reference', 'interaction_wrench', 'motor_temperature',
+             'current_command'}
     return {topic: list(dict.fromkeys(rows)) if topic in again else rows
             for topic, rows in found.items()}
 

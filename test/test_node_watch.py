@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the live page gets of running joints over DDS, and how it lets go of them."""
 
+import itertools
 import time
 
 import numpy as np
@@ -28,20 +29,22 @@ def test_joint_current_and_residual_of_the_last_seconds():
         try:
             probe.matched(publisher)
             probe.matched(planner)
-            stamp = 10**9
-            for k in range(300):
-                t = 0.02 * k
+            stamp, steps = 10**9, itertools.count()
+
+            def shown():
+                """Publish, as a best-effort listener may miss some, until all is shown."""
+                t = 0.02 * next(steps)
                 velocity = 0.6 * np.cos(2.0 * t)
                 publisher.publish(joint_state(
                     stamp + round(t * 1e9), ['elbow'], [0.3 * np.sin(2.0 * t)], [velocity],
                     [MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current]))
                 planner.publish(joint_state(stamp, ['elbow'], [], [-0.3]))
                 probe.spin_for(0.003)
-            probe.until(lambda: feed.joints, 'the joint')
+                data = feed.window('elbow', 0.0, 2.0)
+                return t > 4.0 and len(data['time']) > 30 and data['direction'][-1] == -1.0
+            probe.until(shown, 'two seconds')
             data = feed.window('elbow', 0.0, 2.0)
-            assert data['time'][-1] - data['time'][0] <= 2.0
-            assert len(data['time']) > 30
-            assert data['direction'][-1] == -1.0
+            assert 1.5 < data['time'][-1] - data['time'][0] <= 2.0
             assert 0.3 < np.abs(data['velocity']).max() < 0.61
             np.testing.assert_allclose(
                 data['current'] * MODEL.drive.torque_per_current, data['torque'])
