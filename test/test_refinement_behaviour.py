@@ -49,6 +49,8 @@ LEFT_OUT = {
 # Those with a say in what a resting joint bears, or seems to.
 STANDSTILL = ('stribeck', 'hysteresis', 'friction_ripple', 'direction')
 CASE = {'viscous_shape': 'sub_linear'}
+# s of recording: what delays the current is only found in longer ones.
+ENOUGH, MORE = 60.0, {'actuation_lag': 150.0}
 
 
 @pytest.fixture(scope='module')
@@ -62,7 +64,8 @@ def recordings(declared, name, parameters, seed):
     drive = SimulatedDrive(
         model=declared, effects=[{'name': name, 'parameters': parameters}], noise=0.002,
         presliding=2e-4, thermal=THERMAL)
-    excitation = excitation_for((CASE.get(name, name),), rate=250.0, servo=True)
+    excitation = excitation_for((CASE.get(name, name),), rate=250.0, servo=True,
+                                duration=MORE.get(name, ENOUGH))
     return [trial.samples for trial in record(drive, seed, excitation)]
 
 
