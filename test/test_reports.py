@@ -134,6 +134,12 @@ def test_large_drawings_become_pictures():
     assert to_png(drawing()).startswith(b'\x89PNG')
 
 
+def test_a_verdict_breaks_no_number_from_its_unit():
+    page = Report('A page')
+    page.verdict('**0.3\u00a0N·m**,\nless than 1\u202fA.\n\nSecond.')
+    assert '<b>0.3\u00a0N·m</b>, less than 1\u202fA.</p><p>Second.' in page.html()
+
+
 def test_tables_align_numbers():
     report = Report('Table')
     report.table(['what', 'torque', 'count'], [

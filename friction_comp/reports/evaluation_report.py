@@ -288,7 +288,7 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
         return []
     known = [one for one in dict.fromkeys(c.help for c in evaluation.conditions)
              if one.announced >= 0]
-    tiles = [(f'{number(peak)} N·m', f'peak, {evaluation.label(one)}') for one in known
+    tiles = [(f'{number(peak)} N·m', f'peak, {unbroken(evaluation.label(one))}') for one in known
              if np.isfinite(peak := evaluation.peak_of(one))][:_TILES]
     if len(tiles) > 2:
         return tiles

@@ -102,7 +102,8 @@ class Report:
         text : str
             Paragraphs parted by blank lines, marked as in `text`.
         """
-        words = ''.join(f'<p>{_inline(" ".join(block.split()))}</p>'
+        # Lines are joined; spaces that hold a number and its unit together stay what they are.
+        words = ''.join(f'<p>{_inline(" ".join(block.strip().splitlines()))}</p>'
                         for block in re.split(r'\n\s*\n', text.strip()))
         self._parts.append(f'<div class="verdict">{words}</div>')
 
