@@ -74,6 +74,22 @@ def test_without_a_model_there_is_torque_but_no_current(recording):
     assert np.isnan(data['residual']).all()
 
 
+def test_models_that_the_recording_names_are_shown(tmp_path):
+    time = np.arange(0.0, 4.0, 0.005)
+    samples = Samples(time=time, position=np.sin(time), velocity=np.cos(time),
+                      current=MODEL.sigmoid(np.cos(time)), joint='elbow')
+    write_samples(tmp_path / 'named', samples, MODEL.drive.torque_constant,
+                  MODEL.drive.gear_ratio, custom_data={'model_file': str(FILE)})
+    one, other = (watch.recorded_feed(tmp_path / 'named', [], models).window('elbow', 3.0, 3.0)
+                  for models in ([MODEL], []))
+    for name in ('current', 'torque', 'residual'):
+        np.testing.assert_allclose(other[name], one[name], atol=1e-9)
+    assert np.isfinite(one['residual']).any()
+    write_samples(tmp_path / 'elsewhere', samples, custom_data={'model_file': '/no/such.yaml'})
+    assert np.isnan(watch.recorded_feed(tmp_path / 'elsewhere', [], []).window(
+        'elbow', 3.0, 3.0)['current']).all()
+
+
 def test_the_page_seeks_plays_and_changes_the_joint(feed):
     document = Document()
     live_page(feed, length=2.0)(document)
@@ -127,6 +143,7 @@ def test_served_to_this_machine_alone_without_anything_from_elsewhere(recording)
     try:
         port = int(re.search(r'localhost:(\d+)', process.stdout.readline())[1])
         page = urlopen(f'http://localhost:{port}/', timeout=20).read().decode()
+        assert 'prefers-color-scheme: dark' in page, 'one look with the reports'
         for source in re.findall(r'(?:src|href)="([^"]+)"', page):
             assert not source.startswith(('http', '//')) or 'localhost' in source, source
         script = re.search(r'src="([^"]*bokeh[^"]*\.js[^"]*)"', page)[1]

@@ -45,6 +45,25 @@ _GAP, _STANDSTILL = 0.25, 0.01
 _PERIOD = 200
 _SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')
 
+# The look of the other pages. Plots are drawn on a canvas, whose colours no style sheet reaches: in
+# the dark the whole page is turned inside out, hues kept.
+_TEMPLATE = """
+{% block postamble %}
+<style>
+html { background: #f6f7f9; }
+body {
+  max-width: 75rem; min-height: 100vh; margin: 0 auto; padding: 1rem 1.25rem 3rem;
+  box-sizing: border-box; background: #fff;
+  font: 16px/1.6 system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif;
+}
+@media (prefers-color-scheme: dark) {
+  html { background: #12171d; }
+  body { filter: invert(0.9) hue-rotate(180deg); }
+}
+</style>
+{% endblock %}
+"""
+
 
 class Feed(Protocol):
     """Where the page has its data from.
@@ -80,6 +99,7 @@ def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
     def application(document: Any) -> None:
         page = _Page(feed, length)
         document.title = feed.title
+        document.template = _TEMPLATE
         document.add_root(page.layout)
         document.add_periodic_callback(page.update, _PERIOD)
     return application

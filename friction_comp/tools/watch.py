@@ -23,6 +23,7 @@ from friction_comp.tools.common import Arguments, positive, progress, whole_numb
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import RecordingInfo
     from friction_comp.reports.live_page import Feed
     from friction_comp.samples import Samples
 
@@ -43,8 +44,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('recording', metavar='RECORDING', type=Path, nargs='?',
                         help='recording to play; what runs without')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
-                        help='model file of each joint, for current and residual; of what runs, '
-                        'those that the compensator uses where this is left out')
+                        help='model file of each joint, for current and residual; those that '
+                        'the compensator uses, or used, where this is left out')
     parser.add_argument('--joint', metavar='NAME', nargs='+', default=[],
                         help='joints to show; all without')
     parser.add_argument('--port', type=whole_number(0), default=5006,
@@ -170,6 +171,18 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     return {name: values[::every] for name, values in columns.items()}
 
 
+def said_by(info: RecordingInfo, joint: str) -> FrictionModel | None:
+    """Return the model that a recording says its compensator used for a joint, where it is here."""
+    from friction_comp.model.friction_model import FrictionModel
+
+    said = [activity.of(joint).model for _, activity in info.activity]
+    for path in filter(None, (*said, info.model)):
+        # A model file on another machine cannot be shown here.
+        with suppress(InputError):
+            return FrictionModel.load(path, joint)
+    return None
+
+
 def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]) -> RecordedFeed:
     """Read a recording for the page.
 
@@ -196,5 +209,11 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
                 raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
             samples[joint], info = found[0]
             notes += [note for note in info.notes if note not in notes]
+            model = None if joint in chosen else said_by(info, joint)
+            if model is not None:
+                chosen[joint] = model
+                # Read without a drive, it holds the torque.
+                samples[joint] = samples[joint].with_(
+                    current=samples[joint].current / model.drive.torque_per_current)
             report((number + 1) / len(wanted))
     return RecordedFeed(path.name, samples, chosen, notes)
