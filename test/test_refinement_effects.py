@@ -18,6 +18,8 @@ from simulated_recordings.drives import excitation_for, random_drive, record
 pytestmark = pytest.mark.slow
 
 SEEDS = (31,)
+# As much as each of these takes to be found, s; bench/refine_table.py has twice that.
+RECORDED = {'rate': 125.0, 'duration': 75.0}
 PAIRS = [('gravity', 'stribeck'), ('friction_ripple', 'inertia'), ('bump', 'sub_linear')]
 
 
@@ -33,7 +35,7 @@ def moving(samples):
 def refined(cases, seed, outside='', servo=False):
     """Return the report, and the error on a fresh recording in parts of the noise floor."""
     drive = random_drive(seed, cases)
-    excitation = excitation_for(cases, rate=125.0, servo=servo)
+    excitation = excitation_for(cases, **RECORDED, servo=servo)
     sets = []
     for number in (10 * seed + 1, 10 * seed + 2):
         trials = record(drive, number, excitation)
@@ -95,7 +97,7 @@ def test_what_no_effect_describes_is_traced_to_its_variable(name):
 
 def test_time_and_temperature_that_rise_together_are_called_ambiguous():
     drive = random_drive(60, ('temperature',))
-    excitation = excitation_for(('temperature',), recordings=1, duration=150.0, rate=125.0)
+    excitation = excitation_for(('temperature',), recordings=1, **RECORDED)
     report = refine([trial.samples for trial in record(drive, 1, excitation)],
                     drive=drive.model.drive).report
     pairs = [set(entry['between']) for entry in report['ambiguous']]
