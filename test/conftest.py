@@ -6,9 +6,15 @@ import pytest
 
 from friction_comp.package_files import name_this_environment
 
-# Long ones: they begin, so that the short ones fill what is left in the end. Each process that
-# runs tests has a ROS domain of its own (ros_system), so nodes of several tests do not meet.
-NODES = ('test_demo', 'test_node_', 'test_packaging')
+# The files that take longest begin, in the order of their longest single test or of what is made
+# once for them, so that the short ones fill what is left in the end: one process would otherwise
+# wait for the other. A file that is not here, or no longer so long, costs that wait and no more
+# (`make test TESTS=--durations=40` tells). Each process that runs tests has a ROS domain of its own
+# (ros_system), so nodes of several tests do not meet.
+LONGEST = ('test_demo', 'test_whole_arm', 'test_reproduce', 'test_packaging', 'test_node_',
+           'test_refinement_', 'test_many_recordings', 'test_identification', 'test_refine',
+           'test_code_blocks', 'test_arm', 'test_evaluate_sessions', 'test_independent_gear',
+           'test_sigmoid_fit', 'test_compiled_effects', 'test_presliding')
 
 
 # As `python3 -m friction_comp` does for nodes: some tests import ROS 2 by themselves.
@@ -30,5 +36,7 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
 
     def late(item):
-        return (not item.path.stem.startswith(NODES), item.get_closest_marker('slow') is None)
+        place = next((k for k, name in enumerate(LONGEST) if item.path.stem.startswith(name)),
+                     len(LONGEST))
+        return place, item.get_closest_marker('slow') is None
     items.sort(key=late)

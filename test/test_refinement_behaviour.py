@@ -53,7 +53,7 @@ CASE = {'viscous_shape': 'sub_linear'}
 ENOUGH, MORE = 60.0, {'actuation_lag': 150.0}
 
 
-@pytest.fixture(scope='module')
+@pytest.fixture
 def declared():
     path = Path(__file__).parents[1] / 'config' / 'armin_configuration_1.yaml'
     return FrictionModel.load(path)
