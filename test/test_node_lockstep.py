@@ -20,8 +20,8 @@ from friction_comp.simulation.loop import closed_loop
 from friction_comp.simulation.reference_movement import ReferenceMovement
 
 JOINT = 'elbow'
-MOVEMENT = {'amplitude': 0.5, 'speed': 0.7, 'acceleration_time': 0.2, 'standstill': 0.6,
-            'announcement': 0.4, 'repetitions': 1}
+MOVEMENT = {'amplitude': 0.25, 'speed': 0.7, 'acceleration_time': 0.2, 'standstill': 0.4,
+            'announcement': 0.3, 'repetitions': 1}
 SEED = 8
 pytestmark = pytest.mark.slow
 
