@@ -17,6 +17,8 @@ from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
 from friction_comp.refinement.fit.harmonics import exact_families, family_of
 from friction_comp.refinement.fit.robust_regression import solve
+from friction_comp.refinement.judge.control import control_of
+from friction_comp.refinement.prepare.fit_data import scene_of
 from friction_comp.refinement.prepare.folds import runs_of, split
 from friction_comp.refinement.thresholds import table
 from friction_comp.refinement.units import in_unit
@@ -88,6 +90,45 @@ def test_a_speed_controller_is_not_called_friction():
     assert result.report['effects'] == []
     assert result.report['verdict'] == 'record again'
     assert any('controller' in line for line in result.report['warnings'])
+
+
+def test_a_speed_controller_hides_no_friction_where_mechanics_asks_for_its_current():
+    rng = np.random.default_rng(6)
+    step, size = 0.002, 10000
+    time = np.arange(size) * step
+    wanted = np.repeat(rng.uniform(-1.0, 1.0, 40), size // 40)
+    velocity, current = np.zeros(size), np.zeros(size)
+    for k in range(size - 1):
+        current[k] = 2.0 * (wanted[k] - velocity[k])
+        friction = 0.3 * np.tanh(velocity[k] / 0.02) + 0.1 * velocity[k]
+        velocity[k + 1] = velocity[k] + step * (current[k] - friction) / 0.05
+    current[-1] = current[-2]
+    samples = Samples(time=time, position=np.cumsum(velocity) * step, velocity=velocity,
+                      reference_velocity=wanted, current=current,
+                      acceleration=np.gradient(velocity, step))
+    moving = np.abs(velocity) > 0.02
+    told = control_of(samples, samples, moving)
+    assert told.law == ''
+    assert 'speed controller' in told.answer
+    # A current that answers speeds which are noise is explained by no drive.
+    shaken = samples.with_(velocity=velocity + 0.3 * rng.standard_normal(size))
+    shaken = shaken.with_(current=2.0 * (wanted - shaken.velocity),
+                          acceleration=np.gradient(shaken.velocity, step))
+    told = control_of(shaken, shaken, moving)
+    assert 'speed controller' in told.law
+    assert told.answer == ''
+
+
+def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
+    time = np.arange(0.0, 20.0, 0.005)
+    for speeds, one in (((0.5,), True), ((0.1, 0.5, 1.0), False)):
+        speed = np.repeat(speeds, len(time) // len(speeds) + 1)[:len(time)]
+        # To and fro, turning round within 0.2 s.
+        velocity = lfilter([1.0 / 40] * 40, [1.0], speed * np.where(time % 2.0 < 1.0, 1.0, -1.0))
+        samples = Samples(time=time, position=np.cumsum(velocity) * 0.005, velocity=velocity,
+                          current=np.tanh(velocity / 0.02))
+        scene = scene_of(samples, np.abs(velocity) > 0.01, Drive(1.0, 1.0), 0.01)
+        assert ('bumps' in EFFECTS['bump'].hard_to_tell(scene)) is one
 
 
 def test_what_has_nothing_to_do_with_the_motion_gives_the_model_before():

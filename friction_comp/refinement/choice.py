@@ -137,7 +137,7 @@ def choose(question: Question, settings: dict[str, Any]) -> Choice:
     terms = [Term(type(effect), dict(effect.values)) for effect in model.effects] if model else []
     bases = [optimizer.gauss_newton_restarted(beginning(data, fold, terms))
              for fold in (0, 1)]
-    control = control_of(unfiltered(question.raw), usable, question.unit)
+    control = control_of(unfiltered(question.raw), samples, usable, question.unit)
     if control.law:
         found = Chosen(bases, len(terms), stopped="the current is a controller's answer, in which "
                        'no effect of the drive can be told')

@@ -88,11 +88,6 @@ RUN_GAP = Threshold(
     0.5, 's', 'two stretches this far apart are runs of their own, in one file or in two')
 RUN_STEPS = Threshold(20.0, 'sample times', 'a gap of fewer is a message or two lost')
 
-# What was moved.
-NEARLY_ONE_SPEED = Threshold(
-    0.4, 'of the mean speed', 'standard deviation; one speed to and fro with its starts has 0.3, '
-    'motion that varies has 0.45 and more')
-
 # Saturation.
 FEWEST_AT_END = Threshold(
     0.01, 'of the samples', 'a heap at an end of the signal that is worth a word')
@@ -104,7 +99,8 @@ FOLLOWS = Threshold(
 # Controller.
 CONTROL_LAW = Threshold(
     0.8, 'of the variance', 'current that falls with the speed error as closely as this is a '
-    'controller at work; friction, inertia and load never make current fall with speed')
+    'controller at work; where friction, inertia and load explain it as closely, with the signs of '
+    'a drive, it tells of the drive all the same')
 CONTROL_DELAY = Threshold(
     6, 'samples', 'a sampled controller answers within a few samples')
 CONTROL_WINDOW = Threshold(

@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects.base import Effect, geometric
-from friction_comp.model.effects.scene import CARRIES, RESISTS, Search
+from friction_comp.model.effects.scene import CARRIES, nearly_one_speed, RESISTS, Search
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
@@ -72,6 +72,11 @@ class Bump(Effect):
         """Return the name of a constant at a bound; a bump may lie at an end of the range."""
         name = super().at_bound(constants, scene)
         return '' if name == 'position' else name
+
+    @classmethod
+    def hard_to_tell(cls, scene: Scene) -> str:
+        """Return why motion at nearly one speed shows none for certain."""
+        return nearly_one_speed(scene)
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -89,6 +89,9 @@ class Scene:
         How many distinct positions the encoder gave.
     temperature_span : float
         Range of the motor temperature, K.
+    usual_speed, speed_spread : float
+        Median of the speed while moving in rad/s, and its standard deviation as a share of its
+        mean.
     """
 
     transition: float
@@ -107,6 +110,8 @@ class Scene:
     rested: float = math.inf
     positions: float = math.inf
     temperature_span: float = math.inf
+    usual_speed: float = math.inf
+    speed_spread: float = math.inf
 
     @property
     def span(self) -> float:
@@ -150,6 +155,21 @@ def speed_hardly_varied(scene: Scene) -> str:
         return ''
     return (f'Speed hardly varied ({scene.slow:.3g} to {scene.speed:.3g} rad/s): effects of '
             'velocity cannot be seen.')
+
+
+NEARLY_ONE = 0.4
+"""Spread of a speed that is one but for starts and reversals: one speed to and fro has 0.25 to
+0.35, motion that varies (production strokes, several speeds, sines) 0.46 and more."""
+
+
+def nearly_one_speed(scene: Scene) -> str:
+    """Return a sentence where the joint moved at one speed but for starts and reversals."""
+    if scene.speed_spread >= NEARLY_ONE:
+        return ''
+    return (f'Speed was near {scene.usual_speed:.3g} rad/s most of the time: what depends on speed '
+            'rests on the few samples of starts and reversals, and as every place is passed in one '
+            'and the same motion, bumps cannot be told from what a start or a reversal leaves '
+            'behind.')
 
 
 def too_coarse(scene: Scene) -> str:

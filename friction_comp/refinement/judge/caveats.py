@@ -9,10 +9,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS, Scene
-from friction_comp.model.effects.scene import speed_hardly_varied
 from friction_comp.refinement.judge.residual_dependence import rank_correlation
 from friction_comp.refinement.search.candidate_fit import Step
-from friction_comp.refinement.thresholds import NEARLY_ONE_SPEED
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
@@ -72,12 +70,6 @@ def warnings(samples: Samples, scene: Scene) -> list[str]:
         why = kind.hard_to_tell(scene)
         if why and all(getattr(samples, signal) is not None for signal in kind.needs):
             found.append(why)
-    if not speed_hardly_varied(scene):
-        speed = np.abs(samples.velocity)
-        speed = speed[speed > scene.slowest]
-        if len(speed) and np.std(speed) < NEARLY_ONE_SPEED * np.mean(speed):
-            found.append(f'Speed was near {np.median(speed):.3g} rad/s most of the time: what '
-                         'depends on speed rests on the few samples of starts and reversals.')
     if scene.duration < 60.0 and not any('warm-up' in line for line in found):
         found.append(f'The longest recording lasts {scene.duration:.3g} s: warm-up takes minutes '
                      'and cannot be seen in full.')

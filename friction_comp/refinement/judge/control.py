@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
+from scipy.optimize import nnls
 
 from friction_comp.refinement.thresholds import (
     CONTROL_DELAY,
@@ -30,10 +31,14 @@ class Control:
         it is no property of the drive; empty else.
     sequence : str
         A sentence where the current did not depend on the joint's state; empty else.
+    answer : str
+        A sentence where the current answers the speed, and the drive's mechanics ask for the same
+        current: nothing is wrong with it then; empty else.
     """
 
     law: str = ''
     sequence: str = ''
+    answer: str = ''
 
 
 def short_term(values: np.ndarray, samples: Samples) -> np.ndarray:
@@ -85,27 +90,64 @@ def speed_law(samples: Samples, rows: np.ndarray) -> tuple[float, float, int]:
     return best if best[2] < CONTROL_DELAY else (0.0, 0.0, 0)
 
 
-def control_of(samples: Samples, rows: np.ndarray, unit: str = 'A') -> Control:
-    """Return what decided on the current of a recording.
+def mechanics_share(samples: Samples, rows: np.ndarray) -> float:
+    """Return the share of the current's quick changes that friction, inertia and load explain.
+
+    Friction and inertia take part with the signs that they have in a drive: a controller's answer
+    to the speed is friction that pushes, and not explained by them.
 
     Parameters
     ----------
     samples : Samples
-        With velocity.
+        With velocity and acceleration.
+    rows : ndarray of bool, shape (N,)
+        The samples that count.
+    """
+    velocity = np.asarray(samples.velocity)
+    turning = 0.05 * float(np.percentile(np.abs(velocity[rows]), 95)) + 1e-300
+    resists = [np.tanh(velocity / turning), velocity, samples.acceleration]
+    carried = [values for values in (samples.load, samples.rigid_body, samples.coupling)
+               if values is not None]
+    columns = [short_term(values, samples)[rows] for values in (*resists, *carried)]
+    columns += [-values for values in columns[len(resists):]]
+    current = short_term(samples.current, samples)[rows]
+    power = float(current @ current)
+    left = nnls(np.column_stack(columns), current)[1] ** 2
+    return 1.0 - left / power if power > 0.0 else 0.0
+
+
+def control_of(samples: Samples, smooth: Samples, rows: np.ndarray, unit: str = 'A') -> Control:
+    """Return what decided on the current of a recording.
+
+    Whoever makes the current, the joint moves by its mechanics: where these explain the current's
+    quick changes, they can be found in them, whatever law a controller follows. A controller is in
+    the way where its law explains them and mechanics do not: then what it answers is noise, or a
+    motion that nobody recorded.
+
+    Parameters
+    ----------
+    samples, smooth : Samples
+        With velocity as a controller saw it, and as refinement derives it, with acceleration.
     rows : ndarray of bool, shape (N,)
         Samples in motion.
     unit : str
         Of the current.
     """
     share, slope, delay = speed_law(samples, rows)
-    law = sequence = ''
+    law = sequence = answer = ''
     if share > CONTROL_LAW:
         late = f', {1e3 * delay * samples.sample_time:.2g} ms late' if delay else ''
         law = (f'The current is the answer of a speed controller: it falls by {-slope:.3g} {unit} '
                f'for every rad/s that the joint is too fast{late}, which explains '
-               f'{100 * share:.0f} % of its changes. What goes with speed, position and time in it '
-               'is the controller, and neither friction, ripple, lag nor inertia of the drive can '
-               'be told from it.')
+               f'{100 * share:.0f} % of its changes. ')
+        mechanics = mechanics_share(smooth, rows)
+        if mechanics > CONTROL_LAW:
+            answer = law + (f'Friction, inertia and load explain {100 * mechanics:.0f} % of them, '
+                            'so that the drive can be told from it all the same.')
+            law = ''
+        else:
+            law += ('What goes with speed, position and time in it is the controller, and neither '
+                    'friction, ripple, lag nor inertia of the drive can be told from it.')
     asked = samples.current if samples.command is None else samples.command
     moves = (np.abs(np.diff(samples.velocity)) > 0) & rows[1:]
     if len(np.unique(asked[rows])) <= FEW_LEVELS and moves.any() and (
@@ -113,4 +155,4 @@ def control_of(samples: Samples, rows: np.ndarray, unit: str = 'A') -> Control:
         sequence = ('The current is a fixed sequence that does not answer to the motion (open '
                     'loop): what the joint does between two levels is seen, friction at a chosen '
                     'speed is not.')
-    return Control(law, sequence)
+    return Control(law, sequence, answer)

@@ -165,7 +165,8 @@ def _family_entry(own: list[Effect], entries: list[dict[str, Any]],
 
 
 def _warnings(o: Outcome, clip: ResidualDependence | None) -> list[str]:
-    found = [line for line in (o.control.law, o.control.sequence) if line]
+    found = [line for line in (o.control.law, o.control.sequence, o.control.answer)
+             if line]
     found += warnings(o.samples, o.data.scene)
     if clip:
         found.append(in_unit(clip.note[0].upper() + clip.note[1:] + '.', o.unit))

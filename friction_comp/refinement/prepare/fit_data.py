@@ -270,6 +270,8 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
     lowest, highest = np.percentile(moving.position, (1, 99))
     slow, speed = np.percentile(np.abs(moving.velocity), (5, 95))
     side = np.sign(moving.velocity)
+    moves = np.abs(samples.velocity)
+    moves = moves[moves > slowest]
     return Scene(
         transition=0.05 * float(speed), speed=float(speed),
         slowest=slowest, lowest=float(lowest), highest=float(highest), duration=duration,
@@ -282,6 +284,8 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
         slow=float(slow), reversals=float(np.count_nonzero(np.diff(side))),
         rested=float(np.sum(np.abs(samples.velocity) < slowest)) * samples.sample_time,
         positions=distinct(moving.position),
+        usual_speed=float(np.median(moves)),
+        speed_spread=float(np.std(moves) / np.mean(moves)),
         temperature_span=(0.0 if moving.temperature is None else
                           float(np.ptp(np.percentile(moving.temperature, (1, 99))))))
 
