@@ -160,7 +160,7 @@ def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[
     def fitted(trial: Any) -> Any:
         return sum(float(np.mean(np.abs(fit.residual[fit.index]))) for fit in trial.fits)
     firsts = sorted(trials, key=fitted)[:_FIRSTS]
-    best = None
+    pairs = []
     for trial in firsts:
         # A lag shows at every reversal, whatever else is there: it is no second of a pair.
         gains = {kind: sum(best_gain(fit, kind) for fit in trial.fits)
@@ -168,12 +168,16 @@ def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[
                  and not kind.reshapes}
         for kind in sorted(gains, key=lambda kind: -gains[kind])[:int(ADJUSTED)]:
             pair = try_kind(data, trial.fits, residual, kind)
-            if pair is not None and (best is None or pair.advantage > best.advantage):
-                best = pair
-    if best is None:
+            if pair is not None:
+                # What every drive has is no guess: then the other one alone was picked.
+                one = trial.kind.expected or kind.expected
+                pairs.append((pair, ALPHA / ((1 if one else _FIRSTS) * len(kinds))))
+    if not pairs:
         return None
+    # Of those that chance does not explain the one that explains most: two that take many shapes
+    # lower the error further, and as often by chance.
+    best, chance = max(
+        pairs, key=lambda entry: (entry[0].p_value < entry[1], entry[0].advantage))
     adjust_constants(data, residual, best)
     worth = max(2.0 * LEAST_SHARE * mean_loss(data, residual), least)
-    if best.p_value > ALPHA / (_FIRSTS * len(kinds)) or best.advantage < worth:
-        return None
-    return best
+    return best if best.p_value < chance and best.advantage > worth else None
