@@ -12,7 +12,7 @@ import pytest
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_parameters import (
     ALONE_TIME,
-    LEAST_GAINING,
+    LEAST_CHANGING,
     LONGER,
     LOWERED,
     RISE_TIME,
@@ -232,14 +232,34 @@ def drive_at(law, speeds):
 
 def test_a_joint_that_gains_speed_after_its_start_gets_less_until_it_is_slower_again():
     """Who starts a movement may speed up, and one that keeps its speed loses nothing."""
-    law, time = CompensationLaw([small_model()]), np.arange(4000) * 1e-3
+    law, time = CompensationLaw([small_model()]), np.arange(6000) * 1e-3
     speeds = np.interp(time, [0.0, START_TIME - 0.2, 1.5, 1.8, 2.6, 2.8],
                        [0.1, 0.3, 0.3, 0.33, 0.33, 0.28])
     current = drive_at(law, speeds)
     np.testing.assert_allclose(current[300:1490], 0.9 * LEVEL, rtol=5e-3)
-    np.testing.assert_allclose(current[2400:2600], LEAST_GAINING * 0.9 * LEVEL, rtol=1e-3)
-    assert law.guards['withheld'][0] == 0.0
-    np.testing.assert_allclose(current[3700:], 0.9 * LEVEL, rtol=1e-3)
+    np.testing.assert_allclose(current[2400:2600], LEAST_CHANGING * 0.9 * LEVEL, rtol=1e-3)
+    np.testing.assert_allclose(current[5700:], 0.9 * LEVEL, rtol=1e-3)
+    assert law.guards['withheld'][0] < 1e-3
+
+
+def test_a_joint_that_loses_speed_gets_less_for_as_long_as_it_does():
+    """Else the tenth of friction that is left to the gear needs many seconds to stop a rotor."""
+    law, time = CompensationLaw([small_model()]), np.arange(6000) * 1e-3
+    current = drive_at(law, np.interp(time, [1.0, 3.0], [0.6, 0.2]))
+    np.testing.assert_allclose(current[300:990], 0.9 * LEVEL, rtol=5e-3)
+    np.testing.assert_allclose(current[2000:3000], LEAST_CHANGING * 0.9 * LEVEL, rtol=1e-3)
+    np.testing.assert_allclose(current[5700:], 0.9 * LEVEL, rtol=5e-3)
+
+
+def test_a_stop_too_short_for_a_rest_is_no_new_start():
+    """Else a joint that the law drives would gain speed anew after each of them."""
+    time = np.arange(3000) * 1e-3
+    for pause, share in ((0.05, LEAST_CHANGING), (0.4, 1.0)):
+        speeds = np.interp(time, [1.0, 1.1, 1.1 + pause, 1.2 + pause], [0.3, 0.0, 0.0, 0.3])
+        current = drive_at(CompensationLaw([small_model()]), speeds)
+        again = round(1000 * (1.2 + pause))
+        np.testing.assert_allclose(
+            current[again + 350:again + 450], share * 0.9 * LEVEL, rtol=6e-3)
 
 
 def test_a_joint_that_turns_round_starts_anew():

@@ -27,8 +27,8 @@ CREEP_TIME = 1.0
 """s that a joint may creep under its preload; a push takes tenths of a second."""
 TRUST_TIME, RECOVERY_TIME = 0.5, 30.0
 """s within which all trust goes beyond the identified speeds, and comes back."""
-PACE_TIME, GAIN_SHARE, GAIN_SPEED = 0.05, 0.02, 0.003
-"""s over which the speed is averaged, and by which share and how many rad/s it has gained when
+PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
+"""s over which the speed is averaged, and by which share and how many rad/s it has changed when
 all is withheld that may be."""
 
 
@@ -209,22 +209,28 @@ def trusted(p: Any, s: Any, speed: float) -> float:
 
 
 @njit(cache=True)
-def unless_gaining(p: Any, s: Any, speed: float) -> float:
-    """Return the share that is left to a joint that gains speed, and keep the account of it.
+def while_steady(p: Any, s: Any, speed: float) -> float:
+    """Return the share that is left to a joint whose speed changes, and keep the account of it.
 
     Who starts a movement speeds up. After that a joint that becomes faster than it has been since
     then gains energy from somebody: a person, or friction below its mean here, or a model above
-    it. The law does not add to that. A joint that has all but stopped has lost its energy.
+    it. The law does not add to that. Nor does it keep going what loses speed: that is to stop.
     """
     s.pace += (s.speed - s.pace) * min(1.0, s.step / PACE_TIME)
     pace = abs(s.pace)
-    moves = s.speed * s.pace > 0.0 and speed > p.lead_speed
-    s.sliding = s.sliding + s.step if moves else 0.0
+    # A movement begins with motion and ends with rest: neither creep nor a short stop is either.
+    if s.mode != FREE or s.z * s.pace <= 0.0:
+        s.sliding = 0.0
+    elif s.sliding > 0.0 or speed > p.lead_speed:
+        s.sliding += s.step
     s.slowest = min(s.slowest, pace) if s.sliding > p.start_time else pace
-    gained = (pace - s.slowest) / (GAIN_SHARE * s.slowest + GAIN_SPEED)
+    weight = min(1.0, s.step / p.start_time) if s.sliding > 0.0 else 1.0
+    s.usual += (pace - s.usual) * weight
+    changed = max((pace - s.slowest) / (CHANGE_SHARE * s.slowest + CHANGE_SPEED),
+                  (s.usual - pace) / (CHANGE_SHARE * s.usual + CHANGE_SPEED))
     # Slowly, or a hand that trembles would be answered at its own frequency.
-    most = 1.0 - p.least_gaining
-    s.withheld = approach(s.withheld, most * min(1.0, gained), most * s.step / p.start_time)
+    most = 1.0 - p.least_changing
+    s.withheld = approach(s.withheld, most * min(1.0, changed), most * s.step / p.start_time)
     return 1.0 - s.withheld
 
 
@@ -265,7 +271,7 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    friction = unless_gaining(p, s, speed) * trusted(p, s, speed) * (
+    friction = while_steady(p, s, speed) * trusted(p, s, speed) * (
         level * s.z + p.share * p.turning * s.turned)
     if in_doubt(p, s):
         s.friction = wanted = 0.0

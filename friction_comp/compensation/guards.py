@@ -43,7 +43,7 @@ def settle(s: Any, position: float) -> None:
     s.position = s.backlash_place = s.still_place = s.home = s.mark = position
     s.half_speed = s.speed = s.z = s.turned = s.friction = s.still_time = s.creeping = s.doubt = 0.0
     s.mode, s.starting, s.caution = FREE, 0, 0
-    s.pace = s.slowest = s.sliding = s.withheld = 0.0
+    s.pace = s.slowest = s.usual = s.sliding = s.withheld = 0.0
 
 
 @njit(cache=True)

@@ -123,10 +123,10 @@ class CompensationLaw:
 
         ``taken back`` is the share of friction compensation that is withheld since the joint went
         beyond the identified speeds, ``beyond identified speeds`` for how long it did, s;
-        ``withheld`` what a joint does not get while it is faster than it was since its movement
-        began; ``preload`` the share of the preload that the joint is believed to bear and
-        ``slips`` how often it bore less; ``samples dropped`` how many were not believed, and ``in
-        doubt`` whether that, or a velocity that contradicts the encoder, gives zero current.
+        ``withheld`` what a joint does not get while it loses speed, or is faster than it was since
+        its movement began; ``preload`` the share of the preload that the joint is believed to bear
+        and ``slips`` how often it bore less; ``samples dropped`` how many were not believed, and
+        ``in doubt`` whether that, or a velocity that contradicts the encoder, gives zero current.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1

@@ -59,9 +59,9 @@ BEAR_TIME = 0.3
 LOWERED = 0.92
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
-# The least that is left to a joint that gains speed after the start of its movement, and how long
-# it slides until then, s.
-LEAST_GAINING = 0.95
+# The least that is left to a joint that gains speed after the start of its movement, or that loses
+# speed; how long it slides until then, and over how long its usual speed is averaged, s.
+LEAST_CHANGING = 0.95
 START_TIME = 0.5
 # Farther than this nobody has been pushed by accident, rad.
 MOVED = math.radians(1.0)
@@ -160,7 +160,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
     p['least_trust'], p['lowered'] = LEAST_TRUST, LOWERED
-    p['least_gaining'] = LEAST_GAINING
+    p['least_changing'] = LEAST_CHANGING
 
 
 def _set_turning(p: Any, model: FrictionModel) -> None:

@@ -29,7 +29,7 @@ PARAMETERS = _record(
     'upper lower steepness shift viscous break_positive break_negative std_positive std_negative '
     'turning '
     # Shares.
-    'gain share slow_share lowered least_trust least_gaining '
+    'gain share slow_share lowered least_trust least_changing '
     # Distances in rad.
     'distance turning_distance backlash slip still_way start_way moved_way resolution '
     'lowest highest soft_end '
@@ -50,8 +50,9 @@ STATE = _record(
     'z turned backlash_place '
     # Rest: since when and where it stands, where it rested, where leading began; s and rad.
     'still_time still_place home mark ramp creeping '
-    # Gain of speed: smoothed speed in rad/s and the lowest, s of sliding, the share withheld.
-    'pace slowest sliding withheld '
+    # Change of speed: averaged speed in rad/s, the lowest and the usual one since the start, s of
+    # sliding, the share withheld.
+    'pace slowest usual sliding withheld '
     # What the guards took back: shares 0..1, s of doubt.
     'borne trust doubt contradiction '
     # Output in A and its parts.
