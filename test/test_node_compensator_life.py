@@ -240,7 +240,9 @@ def test_an_interrupt_while_it_is_being_imported_is_no_error(room):
         with own_domain(), Process(room, 'compensator', START) as process:
             time.sleep(delay)
             process.send(signal.SIGINT)
-            assert process.wait() in (0, 130, -signal.SIGINT)
+            # On a busy machine Python itself may not be up by then, and says so.
+            assert (process.wait() in (0, 130, -signal.SIGINT)
+                    or 'init_import_site' in process.text)
             assert 'friction_comp/nodes' not in process.text
 
 
