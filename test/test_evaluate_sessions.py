@@ -123,6 +123,18 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     assert 'at least' not in summary(other)
 
 
+def test_the_first_word_of_a_compensator_holds_for_what_was_just_before():
+    samples = both([1.0] * 8)
+    for since, known in ((1.9 * PERIOD, True), (4.9 * PERIOD, False)):
+        assert (since < 10.0) == known
+        law = info_of(activity=[(since, 'continuous', 'a.yaml')])
+        laws = {r.help.law for r in evaluate([samples], about=[law]).repetitions}
+        assert laws == ({'continuous'} if known else {'', 'continuous'})
+        own = info_of()
+        own.activity = [(since, Activity(0, 'identification', '', ''))]
+        assert {r.help.law for r in evaluate([samples], about=[own]).repetitions} == {''}
+
+
 def test_movements_that_identification_made_are_no_persons():
     own = info_of()
     own.activity = [(0.0, Activity(0, 'identification', '', ''))]
