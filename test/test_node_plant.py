@@ -145,21 +145,6 @@ def test_a_plant_that_waits_for_the_reference_stands_still_without_it(room):
         probe.until(lambda: len(commander.stamps()) == 11, 'the next state')
 
 
-def test_lockstep_goes_no_faster_than_its_pace(room):
-    """A fiftieth of real time: half a second for a tick of ten samples."""
-    with probe_node() as probe, Process(room, 'plant', {
-            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep', 'pace': 0.02}):
-        commander = Commander(probe)
-        commander.find()
-        begun = time.monotonic()
-        for _ in range(30):
-            commander.step([0.0])
-        # At least the second and the third were waited for.
-        assert time.monotonic() - begun > 0.7
-        assert probe.set_parameter('plant', 'pace', 0.0) is None
-        commander.step([0.0])
-
-
 def test_time_begins_when_all_listeners_are_there(room):
     with probe_node() as probe, probe_node() as late, Process(room, 'plant', {
             'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep',

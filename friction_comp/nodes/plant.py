@@ -96,9 +96,6 @@ class PlantNode(Node):
         declare(
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference that bears its stamp')
-        declare(
-            self, 'pace', 0.0, 'in lockstep, simulated per real seconds that are not exceeded; '
-            '0: as fast as the others answer', 0.0, 1000.0)
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
             'in lockstep, subscriptions to joint_states that must be there before time begins',
@@ -127,7 +124,6 @@ class PlantNode(Node):
         self._answered = self._shown = self._nobody_holds = False
         self._reference_stamp: int | None = None
         self._waiting_since = -1
-        self._due = 0.0
         self._looks = 0
         self.create_timer(_LOOK, self._look, clock=self._steady)
         self._advance()
@@ -234,8 +230,6 @@ class PlantNode(Node):
             if not self._shown:
                 tick = self._samples % self._clock_every == 0
                 if tick and self._waiting_since != self._samples:
-                    if self._is_ahead():
-                        return
                     self._waiting_since = self._samples
                     self._tick()
                 if (tick and self._reference_stamp != self._stamp
@@ -251,18 +245,6 @@ class PlantNode(Node):
             self._answered = self._shown = False
             self._looks = 0
             self._step()
-
-    def _is_ahead(self) -> bool:
-        """Tell whether the next tick would be ahead of the pace; if not, it is taken to come."""
-        pace, now = self.get_parameter('pace').value, self._steady.now().nanoseconds
-        if not pace:
-            return False
-        if now < self._due:
-            return True
-        # Time is looked at no more often than this; what was waited for longer is not made up for.
-        tick = self._clock_every * self._sample
-        self._due = max(self._due, now - 2.0 * _LOOK * NANO) + tick / pace
-        return False
 
     def _tick(self) -> None:
         """Publish the present tick; again, where someone had not heard of it."""

@@ -161,14 +161,10 @@ class Wear(Stage):
 
     def _refine(self) -> Any:
         """Refine from what the node has kept, while the joint moves on."""
-        # A loop that runs as fast as it can would leave the refinement, which is the more patient
-        # one, little of the machine.
-        self._ros.set_parameter('plant', 'pace', 1.0)
         with progress('refines beside the running loop') as show:
             result = self._ros.refine(
                 {'joint': self.joint, 'seconds': self.past, 'load': True},
                 lambda feedback: show(feedback.progress, f'refines: {feedback.step}'))
-        self._ros.set_parameter('plant', 'pace', 0.0)
         if not result.loaded:
             raise InputError(f'the refined model was not loaded: {result.message}')
         return result
