@@ -112,6 +112,9 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     kinetic = info_of(activity=[(0.0, 'kinetic', 'a.yaml')])
     evaluation = evaluate([stuck, both([0.4] * 10)], about=[kinetic, law])
     assert evaluation.is_bound
+    # Nothing is commanded to a joint that stands still, and the law was there all the same.
+    idle = evaluate([stuck.with_(command=np.zeros(len(stuck)))], about=[kinetic])
+    assert {c.help.law for c in idle.conditions} == {'kinetic'}
     words = summary(evaluation)
     assert 'instead of more than **' in words
     assert 'at least **' in words

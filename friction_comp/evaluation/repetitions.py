@@ -192,7 +192,8 @@ def measure(samples: Samples, movement: Movement, name: str = '',
         if np.isfinite(jerk):
             figures['log_jerk'] = jerk
     return Repetition(
-        name, _day(info, movement), movement.begin, movement, _help(samples, movement, info),
+        name, _day(info, movement), movement.begin, movement,
+        _help(samples, movement, info, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         moved, _started_by_itself(samples, movement, figures.get('peak_torque')),
         _restless(samples, movement), _curves(samples, movement))
@@ -240,7 +241,8 @@ def _announcement(samples: Samples, movement: Movement) -> float | None:
     return float(samples.time[others[-1] + 1]) if len(others) and others[-1] + 1 < last else None
 
 
-def _help(samples: Samples, movement: Movement, info: RecordingInfo | None) -> Help:
+def _help(samples: Samples, movement: Movement, info: RecordingInfo | None,
+          moved: bool) -> Help:
     announced = 0 if movement.direction == 0 else (
         1 if movement.direction == movement.sign else -1)
     law, model, active = '', (info.model or '') if info else '', True
@@ -255,7 +257,8 @@ def _help(samples: Samples, movement: Movement, info: RecordingInfo | None) -> H
         law, model = known[-1].law, known[-1].model or model
     if samples.command is not None:
         idle = not samples.command[_between(samples, movement.begin, movement.end)].any()
-        if idle or not active:
+        # A law may well leave a joint alone that stands still.
+        if (idle and (moved or not law)) or not active:
             law, model = ('none', '') if idle else ('other', '')
     elif not active:
         law, model = 'none', ''
