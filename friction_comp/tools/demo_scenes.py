@@ -94,8 +94,9 @@ class Wear(Stage):
     tolerance = 0.125
     # Coarser than elsewhere: refinement and the loop share the machine.
     sample_time = 4e-3
-    # s of simulated time within which a warning must have come; s that are refined from.
-    patience, past = 400.0, 25.0
+    # s of simulated time within which a warning must have come; s that are refined from: with less,
+    # what grows with warmth is not always told from what grows with speed.
+    patience, past = 400.0, 40.0
 
     def __init__(self, arguments: Namespace, nodes: Nodes, ros: DemoClient) -> None:
         super().__init__(arguments, nodes, ros, [self.joint])
@@ -124,6 +125,7 @@ class Wear(Stage):
         self._record('session')
         warning = self._until_warned()
         self._say(f'warned after {self._marks["warned"]:.0f} s of movement: {warning}')
+        self._gather()
         result = self._refine()
         self._say(f'{result.message}; verdict: {result.verdict}')
         self._marks['loaded'] = self._now()
@@ -146,6 +148,13 @@ class Wear(Stage):
                                      f'{words or "the watch says nothing"}')
         self._marks['warned'] = self._now()
         return str(words)
+
+    def _gather(self) -> None:
+        """Move on until there is as much to refine from as is asked for."""
+        with progress('moves on, to have enough to refine from') as show:
+            while (now := self._now()) < self.past:
+                self._ros.wait(0.1)
+                show(now / self.past)
 
     def _judged(self) -> str:
         """Move on with the refined model until the watch can tell of it; return its words."""
