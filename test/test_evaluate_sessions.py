@@ -18,7 +18,12 @@ from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.repetitions import log_dimensionless_jerk, spectral_arc_length
 from friction_comp.evaluation.sessions import evaluate_recordings
-from friction_comp.recordings import RecordingInfo, RecordingWriter, write_samples
+from friction_comp.recordings import (
+    read_recording_with_info,
+    RecordingInfo,
+    RecordingWriter,
+    write_samples,
+)
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.storage import Storage
 from friction_comp.reports.evaluation_words import summary, verdict
@@ -124,18 +129,6 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     other = evaluate([both([1.0] * 10), stuck], about=[kinetic, law])
     assert not other.is_bound
     assert 'at least' not in summary(other)
-
-
-def test_the_first_word_of_a_compensator_holds_for_what_was_just_before():
-    samples = both([1.0] * 8)
-    for since, known in ((1.9 * PERIOD, True), (4.9 * PERIOD, False)):
-        assert (since < 10.0) == known
-        law = info_of(activity=[(since, 'continuous', 'a.yaml')])
-        laws = {r.help.law for r in evaluate([samples], about=[law]).repetitions}
-        assert laws == ({'continuous'} if known else {'', 'continuous'})
-        own = info_of()
-        own.activity = [(since, Activity(0, 'identification', '', ''))]
-        assert {r.help.law for r in evaluate([samples], about=[own]).repetitions} == {''}
 
 
 def test_movements_that_identification_made_are_no_persons():
@@ -329,10 +322,10 @@ def record_with_diagnostics(path, samples, changes, change=lambda message: None)
                 lambda *_: True):
             recording.write(topic, name, when, payload)
             second = when // 1_000_000_000
-            if second > said:
+            active = [pair for since, pair in changes if second - 1 >= since]
+            if second > said and active:
                 said = second
-                law, model = next(pair for since, pair in reversed(changes)
-                                  if second - 1 >= since)
+                law, model = active[-1]
                 items = [types['diagnostic_msgs/msg/KeyValue'](key, value) for key, value in (
                     ('state', 'active'), ('law', law), ('model_files', f"['{model}']"))]
                 status = types['diagnostic_msgs/msg/DiagnosticStatus'](
@@ -363,11 +356,24 @@ def test_each_joint_has_its_own_model_of_several():
     assert alone.of('elbow') == alone
 
 
+def phase(message):
+    """Make of a compensator's word one of identification that moves the joint."""
+    status = message.status[0]
+    status.name, status.message = 'arm/identification: identification', 'identifies elbow'
+    status.values = [STORE.types['diagnostic_msgs/msg/KeyValue']('phase', 'velocities')]
+
+
+@pytest.mark.parametrize(('since', 'change', 'from_start'), [
+    (3, lambda message: None, True), (12, lambda message: None, False), (3, phase, False)])
+def test_the_first_word_of_a_compensator_holds_for_what_was_just_before(
+        tmp_path, since, change, from_start):
+    record_with_diagnostics(
+        tmp_path / 'r', both([1.0] * 4), [(since, ('continuous', 'a.yaml'))], change)
+    (_, info), = read_recording_with_info([tmp_path / 'r'], 'elbow')
+    assert info.activity[0][0] == pytest.approx(0.0 if from_start else since, abs=0.1)
+
+
 def test_what_identification_moved_is_left_out(tmp_path):
-    def phase(message):
-        status = message.status[0]
-        status.name, status.message = 'arm/identification: identification', 'identifies elbow'
-        status.values = [STORE.types['diagnostic_msgs/msg/KeyValue']('phase', 'velocities')]
     record_with_diagnostics(tmp_path / 'moved', both([1.0] * 4), [(0, ('', ''))], phase)
     write_samples(tmp_path / 'pushed', both([0.4] * 4))
     evaluation, = evaluate_recordings([tmp_path / 'moved', tmp_path / 'pushed'])

@@ -23,7 +23,8 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.checkup import TYPES
 from friction_comp.package_files import package_file
-from friction_comp.recordings import write_samples
+from friction_comp.recordings import RecordingInfo, write_samples
+from friction_comp.recordings.activity import Activity
 from friction_comp.reports.live_page import drawn, live_page, SIGNALS
 from friction_comp.samples import Samples
 from friction_comp.tools import watch
@@ -88,6 +89,20 @@ def test_models_that_the_recording_names_are_shown(tmp_path):
     write_samples(tmp_path / 'elsewhere', samples, custom_data={'model_file': '/no/such.yaml'})
     assert np.isnan(watch.recorded_feed(tmp_path / 'elsewhere', [], []).window(
         'elbow', 3.0, 3.0)['current']).all()
+
+
+def test_one_model_shown_of_several_is_said():
+    other = package_file('config', 'armin_configuration_2.yaml')
+    said = [(float(k), Activity(0, 'active', 'paper', str(path)))
+            for k, path in enumerate((FILE, other, FILE))]
+    notes = []
+    model = watch.said_by(RecordingInfo('trial', '', activity=said), '', notes)
+    assert model.sigmoid(1.0) == MODEL.sigmoid(1.0)
+    note, = notes
+    assert str(other) in note
+    assert '--model' in note
+    watch.said_by(RecordingInfo('trial', '', activity=said[:1]), '', notes)
+    assert len(notes) == 1
 
 
 def test_the_page_seeks_plays_and_changes_the_joint(feed):

@@ -119,10 +119,15 @@ class Evaluation:
         """Whether the back-driving torque was measured."""
         return any('peak_torque' in r.figures for r in self.repetitions)
 
-    def label(self, known: Help) -> str:
-        """Return a condition in a few words; its model is named where there are several."""
+    def words(self, known: Help) -> tuple[str, ...]:
+        """Return direction, law and, where there are several, model of a condition."""
         models = {c.help.model for c in self.conditions if c.help.model}
-        return known.label if len(models) > 1 else known.label_without_model
+        told = known.words if len(models) > 1 else known.words[:2]
+        return tuple(filter(None, told))
+
+    def label(self, known: Help) -> str:
+        """Return the same in one line."""
+        return ' · '.join(self.words(known))
 
     def pair(self) -> tuple[Help, Help] | None:
         """Return what d = ±1 is compared with: d = 0 under the same law and model.
@@ -180,12 +185,13 @@ class Evaluation:
 
     @property
     def is_bound(self) -> bool:
-        """Whether the reduction is more than what was measured.
+        """Whether what was measured is the least that the direction takes away of the peak.
 
         Where the joint did not set out without a direction, nobody gave what it takes.
         """
-        two = self.pair()
-        return two is not None and bool(self.stuck(two[0])) and not self.stuck(two[1])
+        two, change = self.pair(), self.peak_reduction
+        return (two is not None and change is not None and change >= 0.0
+                and bool(self.stuck(two[0])) and not self.stuck(two[1]))
 
     def _reduction(self, name: str) -> float | None:
         pair = self.compared(name)

@@ -32,9 +32,6 @@ _STILL = 0.2
 # averaged is decided for all of a pace together. Finer classes take more memory where people move
 # as they like; coarser ones blur the quarter by which a duration may differ from the usual one.
 _PACE = 0.05
-# s of a recording within which a compensator that runs has said so: it does every second, in which
-# a simulation may have gone on for several. Its first word holds for what was before.
-_FIRST_WORD = 10.0
 # Encoder steps that a joint moves when it has set out.
 _LEAST_STEPS = 3
 # Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): Hz that count, share of
@@ -79,17 +76,16 @@ class Help:
         return self.announced != 0 and self.law not in ('none', 'kinetic')
 
     @property
-    def label(self) -> str:
-        """The same in a few words."""
-        return ' · '.join(filter(None, (self.label_without_model, Path(self.model).name)))
+    def words(self) -> tuple[str, str, str]:
+        """Direction, law and model in a word or two each; '' for what is not known."""
+        announced = {0: 'd = 0', 1: 'd = ±1', -1: 'd = ±1 (against)'}[self.announced]
+        law = {'none': 'no compensation', 'other': 'another commander'}.get(self.law, self.law)
+        return announced, law, Path(self.model).name
 
     @property
-    def label_without_model(self) -> str:
-        """Direction and law in a few words."""
-        words = {0: 'd = 0', 1: 'd = ±1', -1: 'd = ±1 (against)'}[self.announced]
-        law = {'': '', 'none': 'no compensation', 'other': 'another commander'}.get(
-            self.law, self.law)
-        return ' · '.join(filter(None, (words, law)))
+    def label(self) -> str:
+        """The same in one line."""
+        return ' · '.join(filter(None, self.words))
 
 
 @dataclass
@@ -246,10 +242,8 @@ def _help(samples: Samples, movement: Movement, info: RecordingInfo | None,
     announced = 0 if movement.direction == 0 else (
         1 if movement.direction == movement.sign else -1)
     law, model, active = '', (info.model or '') if info else '', True
-    said = info.activity if info else []
-    known = [activity for since, activity in said if since <= movement.constant_end]
-    if not known and said and said[0][0] < _FIRST_WORD and said[0][1].state != 'identification':
-        known = [said[0][1]]
+    known = [activity for since, activity in (info.activity if info else [])
+             if since <= movement.constant_end]
     if known:
         if known[-1].state == 'identification':
             return Help('identification', '', announced)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import math
 
 from friction_comp.drive import Drive
-from friction_comp.identification.current_lag import CurrentLag, MEMORY
+from friction_comp.identification.current_lag import Answer, CurrentLag, MEMORY
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.kinetic import KineticPoint
 
@@ -135,26 +135,15 @@ class Supervision:
         gain = self._recent[1] / self._recent[0]
         if _LEAST_GAIN <= gain <= _MOST_GAIN:
             return
-        self._refuse_late()
-        # A current that nobody had time to answer tells nothing yet.
         answer = self._lag.answer()
+        _refuse_late(answer)
+        # A current that nobody had time to answer tells nothing yet.
         if answer.earliest > self._threshold:
             gain = answer.gain if abs(answer.likeness) > _ALIKE else gain
             raise IdentificationError(
                 f'the measured current is {gain:.2g} times the commanded one of '
                 f'{math.copysign(1.0, self._commanded) * self._level(self._recent):.3g} A: '
                 + _cause(gain))
-
-    def _refuse_late(self) -> None:
-        """Raise IdentificationError where the measured current is the commanded one, but late."""
-        answer = self._lag.answer()
-        if (answer.delay >= _LATE and answer.likeness > _ALIKE
-                and _LEAST_GAIN <= answer.gain <= _MOST_GAIN):
-            raise IdentificationError(
-                f'the measured current follows the commanded one {answer.delay:.2g} s late, in the '
-                f'right size ({answer.gain:.2g} times as large): a joint cannot be controlled so '
-                'late. Machine or network are overloaded, or the driver lets currents or states '
-                'wait')
 
     @property
     def _threshold(self) -> float:
@@ -249,11 +238,21 @@ class Supervision:
         went = position - self._from
         gained = went - self._drift * (time - self._since)
         if max(sign * went, sign * gained) < _ANSWERED * self._expected:
-            self._refuse_late()
+            _refuse_late(self._lag.answer())
             raise IdentificationError(
                 f'the joint does not move at {command:.3g} A, although less set it free before: '
                 'it is blocked, at a stop or held, or the encoder is stuck')
         self._begin_answer(time, position, sign)
+
+
+def _refuse_late(answer: Answer) -> None:
+    """Raise IdentificationError where the measured current is the commanded one, but late."""
+    if (answer.delay >= _LATE and answer.likeness > _ALIKE
+            and _LEAST_GAIN <= answer.gain <= _MOST_GAIN):
+        raise IdentificationError(
+            f'the measured current follows the commanded one {answer.delay:.2g} s late, in the '
+            f'right size ({answer.gain:.2g} times as large): a joint cannot be controlled so '
+            'late. Machine or network are overloaded, or the driver lets currents or states wait')
 
 
 def _cause(gain: float) -> str:

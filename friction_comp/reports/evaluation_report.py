@@ -169,7 +169,7 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
             continue
         report.table(
             ['condition', '', *starts, *(heading(name) for name in known)],
-            [[unbroken(evaluation.label(c.help)), '+' if c.movement == 'positive' else '\u2212',
+            [[unbroken(evaluation, c.help), '+' if c.movement == 'positive' else '\u2212',
               *([c.repetitions, f'{c.false_starts}\u00a0({share(c.false_start_share)})']
                 if starts else []),
               *(with_interval(c.figures.get(name)) for name in known)]
@@ -209,8 +209,8 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     report.table(
         ['figure', 'first', 'second', 'pairs', 'mean of the first', 'of the second',
          'difference', 'p'],
-        [[heading(c.figure), unbroken(evaluation.label(c.first)),
-          unbroken(evaluation.label(c.second)), c.pairs, number(c.before), number(c.after),
+        [[heading(c.figure), unbroken(evaluation, c.first),
+          unbroken(evaluation, c.second), c.pairs, number(c.before), number(c.after),
           with_interval(c.difference), probability(c)]
          for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
@@ -233,7 +233,7 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
                       'the trend is more than chance.')
         report.table(
             ['condition', 'days', 'first', 'last', 'change per week', 'p'],
-            [[unbroken(evaluation.label(t.help)), len(t.days),
+            [[unbroken(evaluation, t.help), len(t.days),
               with_interval(next(iter(t.days.values()))),
               with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
               '–' if t.probability is None else chance(t.probability)] for t in trends],
@@ -288,7 +288,7 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
         return []
     known = [one for one in dict.fromkeys(c.help for c in evaluation.conditions)
              if one.announced >= 0]
-    tiles = [(f'{number(peak)} N·m', f'peak, {unbroken(evaluation.label(one))}') for one in known
+    tiles = [(f'{number(peak)} N·m', f'peak, {unbroken(evaluation, one)}') for one in known
              if np.isfinite(peak := evaluation.peak_of(one))][:_TILES]
     if len(tiles) > 2:
         return tiles

@@ -57,7 +57,7 @@ def verdict(evaluation: Evaluation) -> str:
         plain, assisted = (('without (d = 0)', 'the direction announced (d = ±1)') if alike else
                            (f'with {_law(evaluation, two[0])}',
                             f'the direction announced (d = ±1, {_law(evaluation, two[1])})'))
-        least = ('at least ', 'more than ') if evaluation.is_bound and change >= 0 else ('', '')
+        least = ('at least ', 'more than ') if evaluation.is_bound else ('', '')
         words = (f'With {assisted} it took **{number(after)} N·m** to set the joint in motion '
                  f'instead of {least[1]}**{number(before)} N·m** {plain}: '
                  f'{least[0]}**{abs(100 * change):.0f} % {verb}**')
@@ -88,7 +88,7 @@ def _stuck_words(evaluation: Evaluation) -> list[str]:
     for known in dict.fromkeys(c.help for c in evaluation.conditions):
         stuck = evaluation.stuck(known)
         if stuck:
-            count = sum(c.repetitions for c in evaluation.conditions if c.help == known)
+            count = sum(r.help == known for r in evaluation.repetitions)
             found.append(f'With {evaluation.label(known)} the joint did not set out in {stuck} of '
                          f'{count} movements.')
     return found
@@ -96,7 +96,7 @@ def _stuck_words(evaluation: Evaluation) -> list[str]:
 
 def _law(evaluation: Evaluation, known: Help) -> str:
     """Return a condition without its direction, which the sentence around it says."""
-    return evaluation.label(known).partition(' · ')[2] or 'no law that the recording names'
+    return ' · '.join(evaluation.words(known)[1:]) or 'no law that the recording names'
 
 
 def _trend_words(trend: Trend, evaluation: Evaluation) -> str:
@@ -154,8 +154,7 @@ def probability(comparison: Comparison) -> str:
     return '–' if comparison.probability is None else chance(comparison.probability)
 
 
-def unbroken(label: str) -> str:
-    """Return a condition's name so that a table breaks it only between its parts."""
-    parts = label.replace(' = ', '\u00a0=\u00a0').split(' · ')
-    # Direction and law are short.
-    return '\u00a0· '.join(filter(None, ('\u00a0·\u00a0'.join(parts[:2]), *parts[2:])))
+def unbroken(evaluation: Evaluation, known: Help) -> str:
+    """Return a condition's name that a narrow column breaks before the model only."""
+    words = [word.replace(' ', '\u00a0') for word in evaluation.words(known)]
+    return ' '.join(['\u00a0·\u00a0'.join(words[:2]), *words[2:]])

@@ -45,7 +45,7 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
             continue
         tiles.append((f'{number(compared[0])} → {number(compared[1])} N·m', f'{one.joint}, peak'))
         change = round(100 * (compared[1] / compared[0] - 1))
-        words.append(f'the {one.joint} {"at least " if one.is_bound and change <= 0 else ""}'
+        words.append(f'the {one.joint} {"at least " if one.is_bound else ""}'
                      f'**{abs(change)} %** {"more" if change > 0 else "less"}')
     page.verdict("With each joint's direction announced as it changes, setting it in motion and "
                  'turning it round takes of the person at its peak: '

@@ -171,15 +171,24 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     return {name: values[::every] for name, values in columns.items()}
 
 
-def said_by(info: RecordingInfo, joint: str) -> FrictionModel | None:
-    """Return the model that a recording says its compensator used for a joint, where it is here."""
+def said_by(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
+    """Return the model that a recording says its compensator used for a joint, where it is here.
+
+    Of several the first is meant; the others are told in `notes`.
+    """
     from friction_comp.model.friction_model import FrictionModel
 
     said = [activity.of(joint).model for _, activity in info.activity]
-    for path in filter(None, (*said, info.model)):
+    paths = list(dict.fromkeys(filter(None, (*said, info.model))))
+    for path in paths:
         # A model file on another machine cannot be shown here.
         with suppress(InputError):
-            return FrictionModel.load(path, joint)
+            model = FrictionModel.load(path, joint)
+            others = ', '.join(other for other in paths if other != path)
+            if others:
+                notes.append(f'{joint}: predicted by {path} throughout, although {others} was '
+                             'active as well: choose with --model')
+            return model
     return None
 
 
@@ -209,7 +218,7 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
                 raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
             samples[joint], info = found[0]
             notes += [note for note in info.notes if note not in notes]
-            model = None if joint in chosen else said_by(info, joint)
+            model = None if joint in chosen else said_by(info, joint, notes)
             if model is not None:
                 chosen[joint] = model
                 # Read without a drive, it holds the torque.

@@ -270,8 +270,7 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
     lowest, highest = np.percentile(moving.position, (1, 99))
     slow, speed = np.percentile(np.abs(moving.velocity), (5, 95))
     side = np.sign(moving.velocity)
-    moves = np.abs(samples.velocity)
-    moves = moves[moves > slowest]
+    moves = np.abs(moving.velocity)
     return Scene(
         transition=0.05 * float(speed), speed=float(speed),
         slowest=slowest, lowest=float(lowest), highest=float(highest), duration=duration,
