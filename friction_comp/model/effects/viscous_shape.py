@@ -14,26 +14,37 @@ if TYPE_CHECKING:
 
 
 class ViscousShape(Effect):
-    """``A·tanh(v/v_t)·(|v|/v_ref)^p``: sub-linear for p < 1, super-linear for p > 1.
+    """``A·tanh(v/v_t)·(u^p - 6p/((p+1)(p+2))·u)``, u = |v|/v_ref: how friction bends over speed.
 
-    It stands beside the sigmoid's own linear term, so that together they bend either way.
+    What is taken away is the straight line nearest to u^p between standstill and v_ref, so that
+    the sigmoid's linear term remains what it would be without the bend. Beyond the speeds that
+    were seen, where the bend keeps its value, friction goes on along that line: with the power
+    alone, the linear term is fitted against it, and by itself may be many times too steep.
     """
 
     name = 'viscous_shape'
     variable = 'velocity'
     held = {'velocity': 0.25}
-    constants = {'exponent': Search(1.3), 'reference': None, 'transition': None}
+    constants = {'exponent': Search(1.3), 'reference': None, 'linear': None, 'transition': None}
+
+    def __init__(self, parameters: dict[str, Any],
+                 valid_range: dict[str, Any] | None = None) -> None:
+        # Models written before the line was taken away hold the power alone.
+        super().__init__({'linear': 0.0, **parameters}, valid_range)
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Exponents below and above one."""
-        return [{'exponent': exponent, 'reference': scene.speed, 'transition': scene.transition}
+        return [{'exponent': exponent, 'reference': scene.speed, 'linear': 1.0,
+                 'transition': scene.transition}
                 for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
-        return (x.side * (abs(x.velocity) / c.reference) ** c.exponent,)
+        speed = abs(x.velocity) / c.reference
+        slope = c.linear * 6.0 * c.exponent / ((c.exponent + 1.0) * (c.exponent + 2.0))
+        return (x.side * (speed ** c.exponent - slope * speed),)
 
     @classmethod
     def hard_to_tell(cls, scene: Scene) -> str:
@@ -65,5 +76,7 @@ class ViscousShape(Effect):
     def formula(self) -> str:
         """Return the formula with its numbers."""
         c = self.values
+        exponent, speed = c['exponent'], f'|v|/{c["reference"]:.3g}'
+        slope = c['linear'] * 6.0 * exponent / ((exponent + 1.0) * (exponent + 2.0))
         return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'
-                f'·(|v|/{c["reference"]:.3g})^{c["exponent"]:.3g}')
+                f'·(({speed})^{exponent:.3g} - {slope:.3g}·{speed})')

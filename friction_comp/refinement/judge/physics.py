@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from friction_comp.model.effects import RESISTS
+from friction_comp.model.effects import CARRIES, RESISTS
 from friction_comp.refinement.fit.effect_sum import Fit
 from friction_comp.refinement.thresholds import LARGEST, PASSIVE, SPEED_RANGES
 from friction_comp.series import quantile_edges
@@ -34,12 +34,27 @@ def objection(fit: Fit, place: int) -> str:
         return 'it could only take part with a sign that no drive has'
     signal = float(np.max(np.abs(fit.target[fit.index])))
     sizes = [abs(float(own[number])) for number in term.kind.amplitudes if number < len(own)]
-    share = fit.parts[place + 1][fit.index] @ own if len(own) else np.zeros(1)
+    share = np.zeros(len(fit.index))
+    for number in _cancels_with(fit, place):
+        share += fit.parts[number + 1][fit.index] @ fit.own_coefficients()[number + 1]
     if max([*sizes, float(np.max(np.abs(share)))]) > LARGEST * signal:
         return 'it is far larger than the signal, so that another effect has to cancel it'
     if term.kind.role == RESISTS and len(own) and not passive(fit):
         return 'friction would push the joint along at some speed'
     return ''
+
+
+def _cancels_with(fit: Fit, place: int) -> list[int]:
+    """Return the places of the terms, its own among them, of which mechanics sees the sum alone.
+
+    A joint that swings while the one before it does is asked for little, by two accelerations
+    that cancel, and so are weights. Where other joints take part, what its links ask of a joint is
+    one sum, of which the size of a part says nothing.
+    """
+    links = [number for number, term in enumerate(fit.terms)
+             if term.kind.role == CARRIES and (term.kind.expected or term.kind.weight)]
+    beside = any('coupling' in term.kind.needs for term in fit.terms)
+    return links if beside and place in links else [place]
 
 
 def _again(fit: Fit, place: int) -> bool:
