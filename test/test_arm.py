@@ -8,7 +8,7 @@ from arm_maker import PLANE, random_urdf, recorded, small_arm, waves
 import numpy as np
 import pytest
 
-from friction_comp.arm.find_coupling import find_coupling, groups_for
+from friction_comp.arm.find_coupling import find_coupling, groups_for, hangs_together
 from friction_comp.arm.fit import fit_arm
 from friction_comp.arm.link_inertia import Bodies, nearest_possible, possible
 from friction_comp.arm.urdf import Chain, match_names
@@ -357,3 +357,23 @@ def test_joint_states_go_with_their_samples():
         samples.with_(arm=JointStates(PLANE, q[:4]))
     with pytest.raises(InputError, match='shape'):
         JointStates(('one',), q)
+
+
+def test_neighbours_weight_is_no_guess_among_the_hundred_that_others_are():
+    names = tuple('abcdef')
+    usual = [group for group in groups_for(names, 'c') if hangs_together(group, names)]
+    assert {frozenset(dict(group.angles)) for group in usual} == {
+        frozenset(names[start:stop]) for start in range(3) for stop in range(3, 7)
+        if stop - start > 1}
+    # Slow motion, few stretches, and much else going on: what is to be believed of the weight of
+    # neighbours might be chance in any of a hundred others.
+    found = {}
+    for one, other in ((1, 1), (0, -1)):
+        rng = np.random.default_rng(3)
+        motion = q, v, _ = waves(rng, 900, 6, 0.1)
+        slow = np.convolve(rng.standard_normal(1000), np.exp(-np.arange(100) / 25))[50:950]
+        current = np.cos(q[:, one] + other * q[:, 2]) + 0.5 * np.tanh(v[:, 2] / 0.02) + 0.07 * slow
+        found[one, other] = find_coupling(current, names, 'c', motion, np.zeros(900, dtype=int),
+                                          np.abs(v[:, 2]) > 0.01)
+    assert found[1, 1].groups[0].angles == (('b', 1), ('c', 1))
+    assert found[0, -1] is None

@@ -15,11 +15,15 @@ from friction_comp.model.effects import EFFECTS, Scene
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import refine
+from friction_comp.refinement.fit.effect_sum import Fit, Term
 from friction_comp.refinement.fit.harmonics import exact_families, family_of
 from friction_comp.refinement.fit.robust_regression import solve
 from friction_comp.refinement.judge.control import control_of
+from friction_comp.refinement.judge.physics import objection
+from friction_comp.refinement.judge.report import without_friction
 from friction_comp.refinement.prepare.fit_data import scene_of
 from friction_comp.refinement.prepare.folds import runs_of, split
+from friction_comp.refinement.prepare.prepared import prepare
 from friction_comp.refinement.thresholds import table
 from friction_comp.refinement.units import in_unit
 from friction_comp.samples import Samples
@@ -284,3 +288,36 @@ def test_effects_are_named_rightly_where_a_person_carries_the_load():
     named = [effect['name'] for effect in result.report['effects']]
     assert 'gravity' in named
     assert [effect.name for effect in result.model.effects] == [*named, 'load_torque']
+
+
+def test_a_weight_held_up_without_friction_is_no_drive():
+    weight = EFFECTS['gravity']({'coefficients': [0.1, 3.3]})
+    bend = EFFECTS['stribeck']({'velocity': 0.1, 'exponent': 1.0, 'transition': 0.01,
+                                'coefficients': [0.2]})
+
+    def model(coulomb, viscous, *effects):
+        return FrictionModel(drive=Drive(1.0, 1.0), effects=list(effects), sigmoid=Sigmoid(
+            coulomb, -coulomb, steepness=20.0, shift=0.0, viscous=viscous))
+    assert without_friction(model(0.0, 0.0, weight))
+    for resisting in (model(0.1, 0.0, weight), model(0.0, 0.1, weight),
+                      model(0.0, 0.0, weight, bend)):
+        assert not without_friction(resisting)
+
+
+def test_what_two_joints_ask_that_swing_together_is_one_sum():
+    # An elbow that swings back while the shoulder swings forth is asked for little: its inertia
+    # alone would be many times the current, and what the shoulder asks takes most of it away.
+    time, position, velocity, acceleration, _ = sines(3)
+    shoulder = 0.02 * np.sin(3.0 * time) - acceleration
+    samples = Samples(
+        time=time, position=position, velocity=velocity, acceleration=acceleration,
+        coupling=shoulder, load=shoulder, recording=np.zeros(len(time), dtype=int),
+        current=acceleration + shoulder + 0.02 * np.tanh(velocity / 0.02))
+    usable = np.abs(velocity) > 0.02
+    data = prepare(samples, usable, Drive(1.0, 1.0), 0.02)
+
+    def objection_beside(name):
+        return objection(Fit(data, usable, 100.0, [
+            Term(EFFECTS['inertia']), Term(EFFECTS[name])]), 0)
+    assert objection_beside('other_joints') == ''
+    assert 'far larger than the signal' in objection_beside('load_torque')

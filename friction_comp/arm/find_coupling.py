@@ -28,6 +28,9 @@ _FOLDS = 3
 # A group has to lower the loss on stretches not fitted by this share, this many standard errors
 # clear of nothing: over a hundred groups are tried.
 LEAST_SHARE, LEAST_ERRORS = 0.04, 3.5
+# Neighbours' weight is one of ten, and chance exceeds so many errors in one of forty. Asked of
+# what takes away a fifth besides: chance that is not fitted lowers a loss by a few percent.
+USUAL_SHARE, USUAL_ERRORS = 0.2, 2.2
 _MOST_GROUPS = 12
 _MOST_ROWS = 8000
 # So many of the groups that fit best are compared on stretches not fitted.
@@ -66,6 +69,21 @@ def groups_for(names: Sequence[str], own: str) -> list[Group]:
     groups += [Group('velocities', (), (one, two))
                for k, one in enumerate(names) for two in names[k:] if {one, two} != {own}]
     return groups
+
+
+def hangs_together(group: Group, names: Sequence[str]) -> bool:
+    """Tell whether a group is the weight of a link whose angle neighbouring joints make up.
+
+    Links hang behind one another, so that this is where weight is looked for first.
+
+    Parameters
+    ----------
+    group : Group
+    names : sequence of str
+        In their order along the arm.
+    """
+    places = sorted(list(names).index(name) for name, _ in group.angles)
+    return group.kind == 'weight' and places[-1] - places[0] == len(places) - 1
 
 
 def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
@@ -117,6 +135,7 @@ class _Search:
         base = np.column_stack((
             plain_drive_columns(v[:, k], a[:, k], 0.03 * top), np.cos(q[:, k]), np.sin(q[:, k])))
         self.groups = groups_for(names, own)
+        self._usual = [hangs_together(group, names) for group in self.groups]
         parts = [base] + [group.columns(names, q, v, a) for group in self.groups]
         edges = np.cumsum([0] + [part.shape[1] for part in parts])
         self._places = [np.arange(one, two) for one, two in zip(edges[:-1], edges[1:])]
@@ -137,17 +156,22 @@ class _Search:
                      if k not in chosen]
             short = [k for gain, k in sorted(gains, reverse=True)[:_SHORT_LIST] if gain > 0.0]
             trials = [(self._losses([*chosen, k]), k) for k in short]
-            if not trials:
+            # Of those that chance does not explain, the one that explains most.
+            sure = [(float(after.sum()), k) for after, k in trials
+                    if self._shows(k, before, after)]
+            if not sure:
                 break
-            after, best = min(trials, key=lambda trial: trial[0].sum())
-            # Ratios, since some stretches hold far more of a term than others.
-            lower = np.log((before + 1e-300) / (after + 1e-300))
-            error = np.std(lower, ddof=1) / np.sqrt(len(lower))
-            if (after.sum() > (1.0 - LEAST_SHARE) * before.sum()
-                    or lower.mean() < LEAST_ERRORS * error):
-                break
-            chosen.append(best)
+            chosen.append(min(sure)[1])
         return chosen
+
+    def _shows(self, group: int, before: np.ndarray, after: np.ndarray) -> bool:
+        """Tell whether the stretches' losses with a group are lower than chance makes them."""
+        # Ratios, since some stretches hold far more of a term than others.
+        lower = np.log((before + 1e-300) / (after + 1e-300))
+        errors = float(lower.mean() / (np.std(lower, ddof=1) / np.sqrt(len(lower)) + 1e-300))
+        share = 1.0 - float(after.sum() / before.sum())
+        return (share >= LEAST_SHARE and errors >= LEAST_ERRORS) or (
+            self._usual[group] and share >= USUAL_SHARE and errors >= USUAL_ERRORS)
 
     def coefficients(self, chosen: list[int]) -> tuple[tuple[float, ...], ...]:
         """Return the coefficients of chosen groups in A per unit, a tuple for each."""

@@ -235,13 +235,14 @@ def remaining(data: FitData, fits: list[Fit], slowest: float, floor: float
 def without_stand_ins(data: FitData, found: Chosen) -> bool:
     """Take back small effects while something large has no name; tell whether there were any.
 
-    The largest effect is kept in any case.
+    The largest effect is kept in any case, and so is what a search of its own has found.
     """
     any_gone = False
     while len(found.kinds) > 1:
         entries = [(evidence_of(data, found, place), place)
                    for place in range(found.first, len(found.fits[0].terms))
-                   if found.fits[0].terms[place].kind not in found.granted]
+                   if found.fits[0].terms[place].kind not in found.granted
+                   and not found.fits[0].terms[place].kind.shown_before]
         (evidence, poorer), _ = min(
             entries, key=lambda entry: entry[0][0]['loss_reduction'],
             default=(({'loss_reduction': 1.0}, []), 0))

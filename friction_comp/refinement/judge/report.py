@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.scene import too_coarse
+from friction_comp.model.effects.scene import RESISTS, too_coarse
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.fit.harmonics import exact_families, Family
 from friction_comp.refinement.fit.uncertainty import intervals
@@ -106,11 +106,18 @@ def report_of(outcome: Outcome) -> dict[str, Any]:
         'differentiation': dict(o.settings),
         'stopped_because': o.stopped,
     }
-    no_friction = o.model.sigmoid.upper - o.model.sigmoid.lower <= 0.0 and not o.steps
-    verdict = verdict_of(report, o.control, no_friction, too_coarse(o.data.scene))
+    verdict = verdict_of(report, o.control, without_friction(o.model),
+                         too_coarse(o.data.scene))
     report['verdict'], report['reasons'] = verdict.word, verdict.reasons
     report['record_again'] = verdict.recordings
     return report
+
+
+def without_friction(model: FrictionModel) -> bool:
+    """Tell whether nothing in a model resists the motion: the signs of a drive left no friction."""
+    base = model.sigmoid
+    return base.upper <= base.lower and (not model.effects or (base.viscous <= 0.0 and not any(
+        effect.role == RESISTS for effect in model.effects)))
 
 
 def _effects(o: Outcome) -> list[dict[str, Any]]:

@@ -60,9 +60,10 @@ def verdict_of(report: dict[str, Any], control: Control, no_friction: bool, coar
                     'fast and back')
     if no_friction:
         found.lower(AGAIN, 'On the whole the current does not resist the motion: the sign of '
-                    'effort or position is reversed, or something that was not recorded moves the '
-                    'joint.', 'check the signs of effort and position; record the load, or take it '
-                    'away')
+                    'effort or position is reversed, something that was not recorded moves the '
+                    'joint, or effort holds what a controller asked for (the weight, say) and '
+                    'friction is made up for elsewhere.', 'check the signs of effort and position, '
+                    'and that effort is measured; record the load, or take it away')
     _by_errors(found, report)
     _by_what_is_open(found, report, coarse)
     if not found.reasons:

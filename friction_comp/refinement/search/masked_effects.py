@@ -20,7 +20,13 @@ from friction_comp.refinement.search.candidate_fit import (
 )
 from friction_comp.refinement.search.candidates import best_gain
 from friction_comp.refinement.search.unlisted_products import Nameless
-from friction_comp.refinement.thresholds import ADJUSTED, ALPHA, CLEARLY_ABOVE_NOISE, LEAST_SHARE
+from friction_comp.refinement.thresholds import (
+    ADJUSTED,
+    ALPHA,
+    CLEARLY_ABOVE_NOISE,
+    EXPECTED,
+    LEAST_SHARE,
+)
 from friction_comp.series import quantile_edges
 
 if TYPE_CHECKING:
@@ -129,6 +135,18 @@ def hidden_expected(data: FitData, fits: list[Fit], residual: np.ndarray,
         'beside': 'free levels over position and time, since something larger has no name'}
 
 
+def _chance_of_pair(first: type[Effect], second: type[Effect], number: int) -> float:
+    """Return the p-value that two effects together must stay below, of a number of kinds tried."""
+    both = (first, second)
+    # What other joints ask was found beside the joint's own weight and inertia, and needs them.
+    if any(kind.shown_before for kind in both) and all(
+            kind.shown_before or kind.expected or kind.weight for kind in both):
+        return EXPECTED
+    # What every drive has is no guess: then the other one alone was picked.
+    one = any(kind.expected for kind in both)
+    return ALPHA / ((1 if one else _FIRSTS) * number)
+
+
 def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[CandidateFit],
              kinds: list[type[Effect]], least: float) -> CandidateFit | None:
     """Return the fits with two effects that help only together, None if there are no such.
@@ -169,9 +187,7 @@ def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[
         for kind in sorted(gains, key=lambda kind: -gains[kind])[:int(ADJUSTED)]:
             pair = try_kind(data, trial.fits, residual, kind)
             if pair is not None:
-                # What every drive has is no guess: then the other one alone was picked.
-                one = trial.kind.expected or kind.expected
-                pairs.append((pair, ALPHA / ((1 if one else _FIRSTS) * len(kinds))))
+                pairs.append((pair, _chance_of_pair(trial.kind, kind, len(kinds))))
     if not pairs:
         return None
     # Of those that chance does not explain the one that explains most: two that take many shapes

@@ -151,7 +151,10 @@ def exchange(data: FitData, chosen: Chosen, report: Report | None = None) -> boo
     for place in range(len(chosen.fits[0].terms) - 1, chosen.first - 1, -1):
         old = chosen.fits[0].terms[place].kind
         reshaped_by_another = chosen.fits[0].reshaped and not old.reshapes
-        if old.expected or old in chosen.granted or reshaped_by_another:
+        # Other joints' weight was found beside the joint's own: a spring would be half of a sum.
+        one_of_weights = old.weight and any(
+            kind.shown_before for kind in chosen.kinds if kind is not old)
+        if old.expected or old in chosen.granted or reshaped_by_another or one_of_weights:
             continue
         if report:
             report(0.9, f'others for {old.name}')
