@@ -131,7 +131,7 @@ def test_viscous_shape_is_a_power_of_the_speed():
     assert half == pytest.approx(0.05, rel=1e-9)
 
 
-@pytest.mark.parametrize('exponent', (0.45, 0.75, 1.4, 2.5))
+@pytest.mark.parametrize('exponent', [0.45, 0.75, 1.4, 2.5])
 def test_beyond_the_speeds_seen_friction_bends_no_further(exponent):
     seen, far = np.linspace(0.05, 1.0, 200), np.array([1.25, 4.0])
     friction = 0.3 + 0.1 * seen + 0.05 * seen ** 2
