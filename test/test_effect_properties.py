@@ -225,8 +225,12 @@ def test_a_constant_that_is_no_number_is_named(name, key):
         with pytest.raises(InputError, match=key) as caught:
             EFFECTS[name]({**defaults(name), key: value})
         assert '\n' not in str(caught.value)
+    left = {k: v for k, v in defaults(name).items() if k != key}
+    if key in EFFECTS[name].older:
+        assert EFFECTS[name](left).values[key] == EFFECTS[name].older[key]
+        return
     with pytest.raises(InputError, match=key):
-        EFFECTS[name]({k: v for k, v in defaults(name).items() if k != key})
+        EFFECTS[name](left)
 
 
 @pytest.mark.parametrize(('name', 'key'), [

@@ -26,11 +26,8 @@ class ViscousShape(Effect):
     variable = 'velocity'
     held = {'velocity': 0.25}
     constants = {'exponent': Search(1.3), 'reference': None, 'linear': None, 'transition': None}
-
-    def __init__(self, parameters: dict[str, Any],
-                 valid_range: dict[str, Any] | None = None) -> None:
-        # Models written before the line was taken away hold the power alone.
-        super().__init__({'linear': 0.0, **parameters}, valid_range)
+    # The power alone.
+    older = {'linear': 0.0}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
