@@ -64,6 +64,8 @@ class Script(Movement):
     ----------
     centre : float
         Position at the start in rad, NaN before; the motion range lies about it.
+    friction : pair of float, or None
+        Largest current in A known to be taken by friction, a direction each; None before.
     ramps : list of Ramp
     stopping : list of Ramp
         The ramps with stops.
@@ -78,6 +80,7 @@ class Script(Movement):
         super().__init__(goal, drive)
         self.warnings: list[str] = []
         self.centre = math.nan
+        self.friction: tuple[float, float] | None = None
         self.ramps: list[Ramp] = []
         self.stopping: list[Ramp] = []
         self.cycles_driven: list[np.ndarray] = []
@@ -87,16 +90,15 @@ class Script(Movement):
         self._speeds_done = 0
         _compile()
 
-    @property
-    def friction(self) -> tuple[float, float] | None:
-        """Largest current in A known to be taken by friction, a direction each; None before."""
+    def _note_friction(self) -> None:
+        """Renew `friction`, after a push or a cycle: it is looked at with every sample."""
         if 0.0 in self._push.values():
-            return None
+            return
         positive, negative = (
             sign * max([abs(self._push[sign])] + [
                 abs(point.current) for point in self.points if point.speed * sign > 0.0])
             for sign in (1, -1))
-        return positive, negative
+        self.friction = positive, negative
 
     def remaining(self) -> float:
         """Return the estimated time to the end in s."""
@@ -170,6 +172,7 @@ class Script(Movement):
                     sign * (sample.position - home) > 8.0 * self._resolution):
                 break
         self._push[sign] = sign * current
+        self._note_friction()
         strong = min(1.3 * current, self.drive.current_limit)
         room = sample.position + sign * 0.04 * self.goal.motion_range
         pushed, begin = [sample], sample.time
@@ -230,6 +233,7 @@ class Script(Movement):
                     f'{speed:g} rad/s left out: the joint sticks and slips or swings at it')
                 return
             self.points.extend(best)
+            self._note_friction()
 
     def _one_cycle(self, speed: float,
                    factor: float) -> Generator[float, Sample, tuple[KineticPoint, ...] | None]:

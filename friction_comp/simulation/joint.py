@@ -88,6 +88,11 @@ class Plant:
         self._memories = np.zeros((self.joints, max(1, max(e.memory_size for e in extras))))
         self._states = np.zeros(self.joints, JOINT_STATE)
         self._out = np.zeros(self.joints, MEASURED)
+        # Views and constants, made once: a step is a microsecond, and so is each of them.
+        self._samples = self._states['samples']
+        self._shown = self._out.view(float).reshape(self.joints, -1).T
+        self._zeros, self._nobody = np.zeros(self.joints), np.zeros(self.joints, dtype=bool)
+        self._everybody = ~self._nobody
         start_bank(self._parameters, self._states, self._random, self.sample_time, self._out)
         self._compile()
         self.state = self._measured()
@@ -117,22 +122,21 @@ class Plant:
         -------
         PlantState
         """
-        active = reference_position is not None if human_active is None else human_active
-        # Broadcasting costs more than a step: what is one value a joint already is taken as it is.
-        active = np.array(active, dtype=bool)
-        if not active.ndim:
-            active = np.full(self.joints, active)
-        position = self._row(0.0 if reference_position is None else reference_position)
-        velocity = self._row(0.0 if reference_velocity is None else reference_velocity)
-        active &= np.isfinite(position) & np.isfinite(velocity)
+        if human_active is None:
+            active = self._nobody if reference_position is None else self._everybody
+        else:
+            active = self._row(human_active, bool)
+        position = self._zeros if reference_position is None else self._row(reference_position)
+        velocity = self._zeros if reference_velocity is None else self._row(reference_velocity)
         bank_sample(
             self._parameters, self._states, self._random, self._tables, self._memories,
             self.sample_time, self._row(command), position, velocity, active, self._out)
         self.state = self._measured()
         return self.state
 
-    def _row(self, values: ArrayLike) -> np.ndarray:
-        row = np.asarray(values, dtype=float, order='C')
+    def _row(self, values: ArrayLike, kind: type = float) -> np.ndarray:
+        # Broadcasting costs more than a step: what is one value a joint already is taken as it is.
+        row = np.asarray(values, dtype=kind, order='C')
         if row.shape == (self.joints,):
             return row
         if row.ndim:
@@ -140,6 +144,5 @@ class Plant:
         return np.full(self.joints, row)
 
     def _measured(self) -> PlantState:
-        return PlantState(
-            time=float(self._states[0]['samples']) * self.sample_time,
-            **{name: self._out[name].copy() for name in self._out.dtype.names or ()})
+        # `MEASURED` has the names and the order of `PlantState`'s arrays.
+        return PlantState(float(self._samples[0]) * self.sample_time, *self._shown.copy())

@@ -102,10 +102,15 @@ def bank_sample(p: np.ndarray, s: np.ndarray, random: np.ndarray, tables: np.nda
                 memories: np.ndarray, sample_time: float, command: np.ndarray,
                 reference_position: np.ndarray, reference_velocity: np.ndarray,
                 active: np.ndarray, out: np.ndarray) -> None:
-    """Take every joint of a bank through one sample; rows are joints."""
+    """Take every joint of a bank through one sample; rows are joints.
+
+    Nobody holds a joint for which there is no finite reference.
+    """
     for j in range(p.shape[0]):
+        held = active[j] and math.isfinite(reference_position[j]) and math.isfinite(
+            reference_velocity[j])
         joint_sample(p[j], s[j], random[j], tables[j], memories[j], sample_time, command[j],
-                     reference_position[j], reference_velocity[j], active[j], out[j])
+                     reference_position[j], reference_velocity[j], held, out[j])
 
 
 @njit(cache=True)
