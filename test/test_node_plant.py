@@ -19,6 +19,7 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.joint_states import nanoseconds
+from friction_comp.nodes.plant import Pace
 from friction_comp.package_files import package_file
 from friction_comp.simulation.exercise_script import load_exercise
 from friction_comp.simulation.joint import Plant
@@ -143,6 +144,32 @@ def test_a_plant_that_waits_for_the_reference_stands_still_without_it(room):
         assert torque[-1] > 0.01
         assert probe.set_parameter('plant', 'wait_for_reference', False) is None
         probe.until(lambda: len(commander.stamps()) == 11, 'the next state')
+
+
+def test_a_pace_holds_simulated_time_to_it_and_does_not_make_up_for_a_long_wait():
+    pace, second = Pace(), 10**9
+
+    def steps(rate, begin, end):
+        """Steps of 10 ms that are taken when time is looked at every ms."""
+        return sum(pace.goes_on(rate, second // 100, now)
+                   for now in range(int(begin * second), int(end * second), second // 1000))
+    assert steps(2.0, 10.0, 11.0) == pytest.approx(200 + 2.0 * 20, abs=2)
+    assert steps(2.0, 11.0, 12.0) == pytest.approx(200, abs=2)
+    # Nothing for ten seconds, then 0.2 s of it at once.
+    assert steps(0.5, 22.0, 23.0) == pytest.approx(50 + 0.5 * 20, abs=2)
+    assert steps(0.0, 23.0, 24.0) == 1000
+
+
+def test_lockstep_with_a_pace_goes_on_and_takes_another_while_it_runs(room):
+    with probe_node() as probe, Process(room, 'plant', {
+            'joints': ['elbow'], 'model_files': MODELS[:1], 'clock': 'lockstep', 'pace': 0.02}):
+        commander = Commander(probe)
+        commander.find()
+        # Three ticks and more.
+        for _ in range(30):
+            commander.step([0.0])
+        assert probe.set_parameter('plant', 'pace', 0.0) is None
+        commander.step([0.0])
 
 
 def test_time_begins_when_all_listeners_are_there(room):

@@ -36,6 +36,33 @@ _BEGINNING = NANO
 _LARGEST_LAG = 50
 
 
+class Pace:
+    """Holds simulated time to so many s a real second."""
+
+    # What was waited for longer than this is not made up for: time is looked at every `_LOOK`, ns.
+    _MOST = 2.0 * _LOOK * NANO
+
+    def __init__(self) -> None:
+        self._due = 0.0
+
+    def goes_on(self, pace: float, step: int, now: int) -> bool:
+        """Tell whether a step may be taken now; if so, it is taken to be.
+
+        Parameters
+        ----------
+        pace : float
+            Simulated per real time; 0 for as fast as may be.
+        step, now : int
+            Simulated and real time, ns.
+        """
+        if not pace:
+            return True
+        if now < self._due:
+            return False
+        self._due = max(self._due, now - self._MOST) + step / pace
+        return True
+
+
 class PlantNode(Node):
     """Simulated geared joints with their sensors and the person who moves them.
 
@@ -96,6 +123,9 @@ class PlantNode(Node):
         declare(
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference that bears its stamp')
+        declare(
+            self, 'pace', 0.0, 'in lockstep, simulated per real seconds that are not exceeded; '
+            '0: as fast as the others answer', 0.0, 1000.0)
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
             'in lockstep, subscriptions to joint_states that must be there before time begins',
@@ -124,6 +154,7 @@ class PlantNode(Node):
         self._answered = self._shown = self._nobody_holds = False
         self._reference_stamp: int | None = None
         self._waiting_since = -1
+        self._pace = Pace()
         self._looks = 0
         self.create_timer(_LOOK, self._look, clock=self._steady)
         self._advance()
@@ -230,6 +261,10 @@ class PlantNode(Node):
             if not self._shown:
                 tick = self._samples % self._clock_every == 0
                 if tick and self._waiting_since != self._samples:
+                    if not self._pace.goes_on(
+                            self.get_parameter('pace').value,
+                            self._clock_every * self._sample, self._steady.now().nanoseconds):
+                        return
                     self._waiting_since = self._samples
                     self._tick()
                 if (tick and self._reference_stamp != self._stamp

@@ -93,9 +93,11 @@ class Wear(Stage):
     # Half of what would be told by default: the change is to be seen early.
     tolerance = 0.125
     # Coarser than elsewhere: refinement and the loop share the machine.
-    sample_time = 4e-3
-    # s of simulated time within which a warning must have come; s that are refined from: with less,
-    # what grows with warmth is not always told from what grows with speed.
+    sample_time, clock_period = 4e-3, 0.02
+    # s of simulated time within which a warning must have come; s that are refined from, in which
+    # the drive has warmed nearly as far as it will. From the first half of the warming alone, what
+    # grows with warmth is not always told from what grows with speed, and a model that has taken
+    # the one for the other is wrong when the drive has become warmer still.
     patience, past = 400.0, 40.0
 
     def __init__(self, arguments: Namespace, nodes: Nodes, ros: DemoClient) -> None:
@@ -111,7 +113,7 @@ class Wear(Stage):
                   'the cold drive, and the node that watches the residual')
         # From the first state on: the compensator, the refinement, the exercise and the recorder.
         self._start_plant([self._model], [self._hidden], self.sample_time, wait_for_reference=True,
-                          wait_for_listeners=4)
+                          wait_for_listeners=4, clock_period=self.clock_period)
         common = self._common(self._model)
         self._nodes.start('compensator', common)
         self._nodes.start('refinement', {
@@ -170,10 +172,14 @@ class Wear(Stage):
 
     def _refine(self) -> Any:
         """Refine from what the node has kept, while the joint moves on."""
+        # A loop that runs as fast as it can would leave the refinement, which is the more patient
+        # one, little of the machine.
+        self._ros.set_parameter('plant', 'pace', 1.0)
         with progress('refines beside the running loop') as show:
             result = self._ros.refine(
-                {'joint': self.joint, 'seconds': self.past, 'load': True},
+                {'joint': self.joint, 'seconds': 0.0, 'load': True},
                 lambda feedback: show(feedback.progress, f'refines: {feedback.step}'))
+        self._ros.set_parameter('plant', 'pace', 0.0)
         if not result.loaded:
             raise InputError(f'the refined model was not loaded: {result.message}')
         return result
