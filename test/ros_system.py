@@ -38,9 +38,9 @@ MODELS = [str(CONFIG / f'armin_configuration_{k}.yaml') for k in (1, 2, 3)]
 JOINTS = ['elbow', 'shoulder']
 START = {'joints': JOINTS, 'model_files': MODELS[:2], 'joint_state_timeout': 10.0,
          'direction_timeout': 60.0, 'law': 'paper', 'input_reliability': 'reliable'}
-# What tests change of it while it runs.
-CHANGED = {'law': 'paper', 'breakaway_gain': 0.9, 'current_limit': 1000.0,
-           'direction_timeout': 60.0, 'model_files': MODELS[:2]}
+# What tests change of it while it runs; what `START` leaves out begins at the node's default.
+CHANGED = {'breakaway_gain': 0.9, 'current_limit': 1000.0,
+           **{name: START[name] for name in ('law', 'direction_timeout', 'model_files')}}
 ZERO = [0.0, 0.0]
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
