@@ -136,7 +136,7 @@ class Plant:
 
     def _row(self, values: ArrayLike, kind: type = float) -> np.ndarray:
         # Broadcasting costs more than a step: what is one value a joint already is taken as it is.
-        row = np.asarray(values, dtype=kind, order='C')
+        row: np.ndarray = np.asarray(values, dtype=kind, order='C')
         if row.shape == (self.joints,):
             return row
         if row.ndim:
