@@ -96,6 +96,10 @@ class DemoClient:
                      and self._node.count_subscribers(topic) >= subscriptions),
             f'{topic} with {publishers} publishers and {subscriptions} subscriptions')
 
+    def subscriptions(self, topic):
+        """Return how many subscriptions a topic has."""
+        return self._node.count_subscribers(topic)
+
     def set_parameter(self, node, name, value):
         """Set a parameter of a running node.
 

@@ -51,13 +51,12 @@ class TwoJoints(Stage):
         for law, title in (('kinetic', 'kinetic friction only'),
                            ('continuous', 'each direction announced as it changes')):
             self._ros.set_parameter('compensator', 'law', law)
+            self._record(law)
             for k in range(self._arguments.repetitions):
                 self._nodes.start('exercise', {
                     'joints': self._joints, 'exercise_file': str(self._exercise),
                     'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
                     'input_reliability': 'reliable', 'wait_for_listeners': 2})
-                if not k:
-                    self._record(law)
                 self._follow(f'{title}, {k + 1} of {self._arguments.repetitions}')
             self._nodes.stop('recorder')
             self._say(f'moved with {title}')
@@ -119,12 +118,12 @@ class Wear(Stage):
         self._nodes.start('refinement', {
             'joints': self._joints, 'model_files': [str(self._model)], 'use_sim_time': True,
             'tolerance': self.tolerance, 'output_folder': str(self._output / 'models')})
+        self._record('session')
         self._nodes.start('exercise', {
             'joints': self._joints, 'clock': 'ticks', 'use_sim_time': True,
             # The compensator, the recorder and the refinement.
             'input_reliability': 'reliable', 'wait_for_listeners': 3,
             'repetitions': 1000, **self.movement})
-        self._record('session')
         warning = self._until_warned()
         self._say(f'warned after {self._marks["warned"]:.0f} s of movement: {warning}')
         self._gather()

@@ -79,6 +79,13 @@ class Stage(ABC):
         # Identification has a publisher while it commands only.
         self._ros.until_connected('current_command', 0, 2)
         self._ros.until_connected('interaction_wrench', 1, 1)
+        if self._nodes.started('compensator'):
+            # What it says before it has found the recorder would be missing in the recording: an
+            # exercise begins after this.
+            self._ros.forget('compensator')
+            self._ros.until(
+                lambda: int(self._ros.value('compensator', 'listeners to current_command') or 0)
+                >= self._ros.subscriptions('current_command'), 'the compensator and its listeners')
 
     def _follow(self, title: str, look: Callable[[float], None] | None = None) -> None:
         """Wait until the exercise is over; `look` is called with its time in s meanwhile."""

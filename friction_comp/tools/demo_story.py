@@ -102,12 +102,12 @@ class Demo(Stage):
 
     def _try(self, name: str, title: str, law: str, announced: bool) -> EvaluatedTrial:
         self._ros.set_parameter('compensator', 'law', law)
+        self._record(name)
         self._nodes.start('exercise', {
             'joints': [JOINT], 'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
             'input_reliability': 'reliable', 'announce_direction': announced,
             # The compensator and the recorder.
             'wait_for_listeners': 2, 'repetitions': self._arguments.repetitions, **MOVEMENT})
-        self._record(name)
         self._follow(f'trial: {title}')
         self._nodes.stop('recorder')
         trial = EvaluatedTrial(name, title, read_recording(

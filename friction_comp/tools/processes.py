@@ -104,6 +104,10 @@ class Nodes:
                 raise InputError(
                     f'node {name} ended with status {process.returncode}: {self._last(name)}')
 
+    def started(self, name: str) -> bool:
+        """Tell whether a node was started and is not known to have ended."""
+        return name in self._running
+
     def alive(self, name: str) -> bool:
         """Tell whether a node's process is there."""
         return self._running[name].poll() is None
