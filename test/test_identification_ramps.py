@@ -151,6 +151,21 @@ def test_friction_that_grows_with_speed_is_told_from_presliding(distance, streng
     assert found.warnings == []
 
 
+@pytest.mark.parametrize('count', [1, 5])
+def test_ramps_with_stops_that_contradict_each_other_leave_the_lower_breakaway(count):
+    """Two that scatter prove nothing, ten do."""
+    ramps = [ramp(dahl(2e-4), sign=sign, before=before, strengthening=0.15 * LEVEL)
+             for sign, before in [(1, -1), (1, 1), (-1, 1), (-1, -1)]]
+    stopping = [ramp(dahl(2e-4), stops=STOPS, strengthening=part * LEVEL)
+                for part in (0.0, 0.1)] * count
+    found = evaluate_ramps(ramps, stopping, 0.2, COUNT, RATE, 0.0)
+    borne = abs(np.mean(found.records.currents(1)))
+    if count == 1:
+        assert borne == pytest.approx(LEVEL, rel=0.04)
+    else:
+        assert borne > 1.1 * LEVEL
+
+
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 def test_parabolas_are_exact_on_a_parabola(place, slope, bend):
     t = 0.01 * np.arange(40)

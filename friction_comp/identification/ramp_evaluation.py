@@ -6,8 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+import math
 
 import numpy as np
+from scipy.special import ndtr, stdtrit
 
 from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
 from friction_comp.identification.friction_peak import (
@@ -94,9 +96,15 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
 
 
 def _surely(shares: Sequence[float]) -> float:
-    """Mean less its standard error: in doubt the lower breakaway is the safer one."""
-    spread = float(np.std(shares, ddof=1)) if len(shares) > 1 else 0.0
-    return float(np.mean(shares)) - spread / len(shares) ** 0.5
+    """Mean less what it may be off, by Student's t, as likely as one standard error.
+
+    In doubt the lower breakaway is the safer one. Of one ramp nothing tells how far it is off.
+    """
+    count = len(shares)
+    if count < 2:
+        return float(shares[0])
+    reach = stdtrit(count - 1, ndtr(1.0)) * np.std(shares, ddof=1) / math.sqrt(count)
+    return float(np.mean(shares) - reach)
 
 
 def _slide_begin_of(ramp: Ramp, resolution: float) -> BreakawayRecords:
