@@ -97,9 +97,9 @@ def advance(samples: Samples, lag: float) -> Samples:
     """
     if not lag:
         return samples
-    return samples.with_(**{
-        name: earlier(getattr(samples, name), samples, lag)
-        for name in _MOTION if getattr(samples, name) is not None})
+    names = [name for name in _MOTION if getattr(samples, name) is not None]
+    moved = earlier(np.array([getattr(samples, name) for name in names]).T, samples, lag)
+    return samples.with_(**dict(zip(names, moved.T)))
 
 
 def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
@@ -124,8 +124,10 @@ def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     after = np.where(last[place], place, place + 1)
     step = samples.time[after] - samples.time[place]
     share = (samples.time + lag - samples.time[place]) / np.where(step > 0, step, 1.0)
-    share = np.where(step > 0, np.clip(share, 0.0, 1.0), 0.0)[:, None]
-    moved = (1.0 - share) * source[place] + share * source[after]
+    share = np.where(step > 0, np.clip(share, 0.0, 1.0), 0.0)
+    # Column by column, each of which lies together in memory.
+    moved = np.array([(1.0 - share) * column[place] + share * column[after]
+                      for column in source.T]).T
     return moved.reshape(np.shape(values))
 
 
@@ -147,34 +149,42 @@ def delayed(values: np.ndarray, samples: Samples, time_constant: float) -> np.nd
         return values
     step = max(samples.sample_time, 1e-9)
     source = np.reshape(np.asarray(values, dtype=float), (len(values), -1))
-    result = np.array(source)
-    broken = np.zeros(len(source), dtype=bool)
-    broken[[part.start for part in samples.segments()]] = True
+    rows = np.ascontiguousarray(source.T)
+    begins = np.zeros(len(source) + 1, dtype=bool)
+    begins[[*(part.start for part in samples.segments()), -1]] = True
     if time_constant < 0.0:
-        result -= time_constant * _slope(source, broken) / step
+        result = _with_slope(rows, begins, -time_constant / step)
     else:
-        _low_pass(result, broken, math.exp(-step / time_constant))
-    return result.reshape(np.shape(values))
+        result = _low_pass(rows, begins, math.exp(-step / time_constant))
+    return result.T.reshape(np.shape(values))
 
 
 @njit(cache=True)
-def _low_pass(values: np.ndarray, broken: np.ndarray, keep: float) -> None:
-    for k in range(1, len(values)):
-        if not broken[k]:
-            for column in range(values.shape[1]):
-                values[k, column] = (keep * values[k - 1, column]
-                                     + (1.0 - keep) * values[k, column])
+def _low_pass(rows: np.ndarray, begins: np.ndarray, keep: float) -> np.ndarray:
+    result = rows.copy()
+    for row in result:
+        for k in range(1, len(row)):
+            if not begins[k]:
+                row[k] = keep * row[k - 1] + (1.0 - keep) * row[k]
+    return result
 
 
-def _slope(values: np.ndarray, broken: np.ndarray) -> np.ndarray:
-    """Return the central difference per sample, one-sided at both ends of a stretch."""
-    ahead = np.zeros_like(values)
-    ahead[:-1] = np.where(broken[1:, None], 0.0, values[1:] - values[:-1])
-    behind = np.zeros_like(values)
-    behind[1:] = ahead[:-1]
-    first, last = broken, np.append(broken[1:], True)
-    sides = np.maximum(2.0 - first - last, 1.0)[:, None]
-    return (ahead + behind) / sides
+@njit(cache=True)
+def _with_slope(rows: np.ndarray, begins: np.ndarray, times: float) -> np.ndarray:
+    """Return rows plus so many times their slope per sample.
+
+    That is the central difference, one-sided at both ends of a stretch; `begins` marks the first
+    samples, and the place after the last one.
+    """
+    result = rows.copy()
+    for place in range(len(rows)):
+        row = rows[place]
+        for k in range(len(row)):
+            before = k if begins[k] else k - 1
+            after = k if begins[k + 1] else k + 1
+            if after > before:
+                result[place, k] += times * (row[after] - row[before]) / (after - before)
+    return result
 
 
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:

@@ -218,7 +218,7 @@ def confirmed(data: FitData, every: Measured, found: Chosen) -> Fit:
         wrong = objections(whole, found.first, tuple(found.granted))
         if not wrong:
             return whole
-        found.fits = refitted(found.fits, wrong[-1][0])
+        found.fits = refitted(data, found.fits, wrong[-1][0])
         prune(data, found)
 
 
@@ -239,7 +239,7 @@ def without_stand_ins(data: FitData, found: Chosen) -> bool:
     """
     any_gone = False
     while len(found.kinds) > 1:
-        entries = [(evidence_of(data, found, place), place)
+        entries = [(evidence_of(data, found.fits, place), place)
                    for place in range(found.first, len(found.fits[0].terms))
                    if found.fits[0].terms[place].kind not in found.granted
                    and not found.fits[0].terms[place].kind.shown_before]

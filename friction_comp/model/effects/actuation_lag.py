@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,8 @@ _LONGEST = 0.15
 # Share of the loss that a lag has to take away. A sample or two may be how the signals were
 # sampled, and any blur may be that of differentiation: a lag of the drive shows at every reversal.
 _SHARE = 0.2
+# Time constants after which a low pass has forgotten: what is left is below a ten-thousandth.
+_FORGOTTEN = 10.0
 
 
 class ActuationLag(Effect):
@@ -89,9 +92,24 @@ class ActuationLag(Effect):
         return delayed(values, samples, constants['first_order'] * constants['lag'])
 
     @classmethod
+    def reach(cls, constants: dict[str, float], samples: Samples) -> int:
+        """Return how many samples away `recorded_as` looks: a low pass until it has forgotten."""
+        if constants['first_order'] <= 0.0:
+            return int(constants['first_order'] < 0.0)
+        steps = _FORGOTTEN * constants['lag'] / max(samples.sample_time, 1e-9)
+        # The next power of two: lags that differ little look at the same samples.
+        return 1 << math.ceil(math.log2(max(steps, 1.0)))
+
+    @classmethod
     def nearly_seen_by(cls, samples: Samples, constants: dict[str, float]) -> Samples:
         """Return the samples with a low pass taken for the delay that it nearly is."""
-        return advance(samples, -constants['first_order'] * constants['lag'])
+        return advance(samples, (-constants['first_order'] or 1.0) * constants['lag'])
+
+    @classmethod
+    def nearly(cls, constants: dict[str, float], samples: Samples) -> dict[str, float]:
+        """Return constants with the lag in halves of a sample."""
+        half = 0.5 * max(samples.sample_time, 1e-9)
+        return {**constants, 'lag': half * round(constants['lag'] / half)}
 
     @classmethod
     def moved(cls, values: np.ndarray, samples: Samples,

@@ -339,9 +339,19 @@ class Effect(ABC):
         return values
 
     @classmethod
+    def reach(cls, constants: dict[str, float], samples: Samples) -> int:
+        """Return how many samples away `recorded_as` looks."""
+        return 0
+
+    @classmethod
     def nearly_seen_by(cls, samples: Samples, constants: dict[str, float]) -> Samples:
-        """Return the samples whose motion asks for nearly what `recorded_as` would leave of it."""
+        """Return the samples whose motion asks for nearly what is recorded."""
         return samples
+
+    @classmethod
+    def nearly(cls, constants: dict[str, float], samples: Samples) -> dict[str, float]:
+        """Return constants that are nearly the same, and the same for many that differ little."""
+        return constants
 
     @classmethod
     def forms(cls, scene: Scene) -> list[dict[str, float]]:

@@ -26,8 +26,8 @@ _KIND = DirectionAsymmetry
 def without_offset(fit: Any, known: Any) -> Any:
     """Return a fit whose sigmoid must have the offset that is known, in A."""
     twin = fit.copy()
-    twin.offset = np.full(len(fit.residual), known)
-    twin.parts = [twin.parts[0] * np.array([0.0, 1.0, 1.0]), *twin.parts[1:]]
+    twin.offset = np.full(len(fit.data.samples), known)
+    twin.scale_columns(-1, np.array([0.0, 1.0, 1.0]))
     twin.solve()
     return twin
 

@@ -4,29 +4,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import copy
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from friction_comp.huber import huber_weights
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.fit.robust_regression import robust_scale, side_by_side, solve
+from friction_comp.refinement.fit.view import View, view_of
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
-    from friction_comp.model.effects.scene import Scene, Search
     from friction_comp.refinement.prepare.fit_data import Measured
     from friction_comp.samples import Samples
 
 # Weights that change by less than this have settled.
 _SETTLED = 1e-3
-# Terms whose columns are worked on together: few enough to stay in the processor's cache.
-_TOGETHER = 16
 
 
 @dataclass(frozen=True)
@@ -66,6 +63,10 @@ def base_columns(samples: Samples, steepness: float, shift: float = 0.0) -> np.n
 class Fit:
     """A sum of effects being fitted on some rows of the data.
 
+    A search asks for columns far more often on the fitted rows than on all others: `parts` and
+    `left` are those of the fitted rows, `whole` and `residual` are worked out where they are asked
+    for.
+
     Parameters
     ----------
     data : FitData
@@ -89,24 +90,34 @@ class Fit:
         self.index = np.nonzero(rows)[0]
         self.transition = transition or 2.0 / steepness
         self.terms = [term.turned(self.transition) for term in terms]
-        self._basis: tuple[Any, ...] | None = None
-        self._pick: tuple[Samples, Samples] | None = None
+        self.weights = np.ones(len(self.index))
+        self._residual: np.ndarray | None = None
+        self._raw: dict[Any, tuple[Term | None, Samples, np.ndarray]] = {}
+        self._view: tuple[Samples, int, View] | None = None
         self.refresh()
 
     def copy(self) -> Fit:
         """Return a copy whose terms and coefficients may change."""
         twin = copy.copy(self)
-        twin.terms, twin.parts = list(self.terms), list(self.parts)
+        twin.terms, twin.parts, twin._whole = list(self.terms), list(self.parts), list(self._whole)
         return twin
 
-    def forget(self) -> None:
-        """Drop what was kept of the samples, for they are others now."""
-        self._pick = None
+    def moved(self, data: Measured, rows: np.ndarray) -> Fit:
+        """Return a fit with the same terms and constants on other rows, solved."""
+        twin = self.copy()
+        twin.data, twin.rows, twin.index = data, rows, np.nonzero(rows)[0]
+        twin.weights, twin._view = np.ones(len(twin.index)), None
+        twin.refresh()
+        return twin
 
     def own_coefficients(self) -> list[np.ndarray]:
         """Return the coefficients in A of the base and of each term."""
-        edges = np.cumsum([part.shape[1] for part in self.parts])[:-1]
-        return np.split(self.coefficients, edges)
+        found, begin = [], 0
+        for part in self.parts:
+            end = begin + part.shape[1]
+            found.append(self.coefficients[begin:end])
+            begin = end
+        return found
 
     def loaded(self, term: Term) -> Term:
         """Return a term with the load in it that the others carry now, if it asks for that."""
@@ -142,31 +153,98 @@ class Fit:
         for term in self.terms:
             self.samples = term.kind.seen_by(self.samples, term.constants)
         self.terms = [term.turned(self.transition) for term in self.terms]
-        self.parts = [self.base()] + [self.columns(term) for term in self.terms]
+        self.parts: list[np.ndarray] = [np.empty(0)] * (len(self.terms) + 1)
+        self._whole: list[Any] = [None] * len(self.parts)
+        own = {(self.steepness, self.shift), *map(id, self.terms)}
+        self._raw = {key: held for key, held in self._raw.items() if key in own}
+        for place in range(-1, len(self.terms)):
+            self.evaluate(place)
 
     @property
     def reshaped(self) -> bool:
         """Whether a term changes the current of all others."""
         return any(term.kind.reshapes for term in self.terms)
 
-    def recorded_as(self, columns: np.ndarray) -> np.ndarray:
-        """Return columns, shape (N, M), as the recording holds them."""
-        for term in self.terms:
-            columns = term.kind.recorded_as(columns, self.samples, term.constants)
+    def evaluate(self, place: int) -> None:
+        """Compute the columns of a term again, or those of the sigmoid where `place` is -1."""
+        term, view = self.terms[place] if place >= 0 else None, self.view()
+        if view.rows is None or (term and term.kind.sees_history):
+            whole = self.columns(term, self.samples)
+            self._whole[place + 1] = whole
+            self.parts[place + 1] = whole.T.take(self.index, axis=1).T
+            return
+        self._whole[place + 1] = None
+        own = self.columns(term, view.samples)
+        self.parts[place + 1] = own if view.keep is None else own.T.take(view.keep, axis=1).T
+
+    def put(self, place: int, term: Term) -> None:
+        """Exchange a term, not solved yet; its columns are computed again if it is another."""
+        if term is not self.terms[place]:
+            self.terms[place] = term
+            self.evaluate(place)
+
+    def columns(self, term: Term | None, samples: Samples) -> np.ndarray:
+        """Return a term's columns, or the sigmoid's, as the recording holds them."""
+        lags = [other for other in self.terms if other.kind.reshapes]
+        if not lags:
+            return self._asked(term, samples)
+        # A low pass of another length is one of the same columns.
+        key = id(term) if term else (self.steepness, self.shift)
+        if key not in self._raw or self._raw[key][1] is not samples:
+            self._raw = {**self._raw, key: (term, samples, self._asked(term, samples))}
+        columns = self._raw[key][2]
+        for other in lags:
+            columns = other.kind.recorded_as(columns, samples, other.constants)
         return columns
 
-    def base(self) -> np.ndarray:
-        """Return the sigmoid's columns, shape (N, 3)."""
-        columns = base_columns(self.samples, self.steepness, self.shift)
+    def _asked(self, term: Term | None, samples: Samples) -> np.ndarray:
+        """Return a term's columns, or the sigmoid's, as the motion asks for them."""
+        if term is not None:
+            return term.columns(samples, self.data.window)
+        columns = base_columns(samples, self.steepness, self.shift)
         if not self.data.scene.both_directions:
-            # From motion in one direction a constant cannot be told from Coulomb friction, and the
-            # two together would bend into any shape: friction is taken to be odd.
+            # From motion in one direction a constant cannot be told from Coulomb friction, and
+            # the two together would bend into any shape: friction is taken to be odd.
             columns[:, 0] = 0.0
-        return self.recorded_as(columns)
+        return columns
 
-    def columns(self, term: Term) -> np.ndarray:
-        """Return a term's columns, shape (N, M)."""
-        return self.recorded_as(term.columns(self.samples, self.data.window))
+    def view(self) -> View:
+        """Return the fitted samples, and those beside them that their currents depend on."""
+        reach = max((term.kind.reach(term.constants, self.samples) for term in self.terms),
+                    default=0)
+        held = self._view
+        if held is None or held[0] is not self.samples or held[1] != reach:
+            self._view = held = (self.samples, reach, view_of(self.samples, self.index, reach))
+        return held[2]
+
+    @property
+    def whole(self) -> list[np.ndarray]:
+        """All columns on all samples, each of shape (N, M)."""
+        found = []
+        for place, columns in enumerate(self._whole):
+            if columns is None:
+                term = self.terms[place - 1] if place else None
+                columns = self._whole[place] = self.columns(term, self.samples)
+            found.append(columns)
+        return found
+
+    def forget(self) -> None:
+        """Drop what can be worked out again: of the many fits of a search most are read once."""
+        self._whole, self._residual, self._raw = [None] * len(self.parts), None, {}
+
+    def scale_columns(self, place: int, factors: np.ndarray) -> None:
+        """Multiply the columns of a term, or of the sigmoid where `place` is -1, not solved yet."""
+        self._whole = [*self.whole]
+        for parts in (self.parts, self._whole):
+            parts[place + 1] = parts[place + 1] * factors
+
+    @property
+    def residual(self) -> np.ndarray:
+        """What is left of the current on all samples, A, shape (N,)."""
+        if self._residual is None:
+            self._residual = self.target - sum((part @ own for part, own in zip(
+                self.whole, self.own_coefficients())), np.zeros(len(self.target)))
+        return self._residual
 
     @property
     def target(self) -> np.ndarray:
@@ -175,30 +253,28 @@ class Fit:
         return current if self.offset is None else current - self.offset
 
     def solve(self, rounds: int = 6) -> None:
-        """Find the coefficients by iteratively reweighted least squares."""
-        inner, goal = side_by_side(self.parts, self.index), self.target[self.index]
-        weights, signs = np.ones(len(goal)), self.signs
+        """Find the coefficients by iteratively reweighted least squares, from the weights now."""
+        inner, goal = side_by_side(self.parts), self.target[self.index]
+        weights, signs = self.weights, self.signs
         loaded = [place for place, term in enumerate(self.terms) if term.kind.carried]
         for number in range(rounds):
             if loaded and number:
                 for place in loaded:
-                    self.terms[place] = self.loaded(self.terms[place])
-                    self.parts[place + 1] = self.columns(self.terms[place])
-                inner = side_by_side(self.parts, self.index)
+                    self.put(place, self.loaded(self.terms[place]))
+                inner = side_by_side(self.parts)
             self.coefficients = solve(inner, goal, weights, signs)
             residual = goal - inner @ self.coefficients
             self.scale = robust_scale(residual)
             before, weights = weights, huber_weights(residual, self.scale)
-            if number and not loaded and np.max(np.abs(weights - before)) < _SETTLED:
+            if not loaded and np.max(np.abs(weights - before)) < _SETTLED:
                 break
-        self.weights = weights
-        self.prediction = sum((part @ own for part, own in zip(
-            self.parts, self.own_coefficients())), np.zeros(len(self.target)))
-        self.residual = self.target - self.prediction
-        self._basis = None
+        self.weights, self.left = weights, residual
+        self._residual = None
 
     def with_term(self, term: Term) -> Fit:
         """Return a copy with one more term, solved."""
+        # Many are made of one: what they share is worked out once.
+        self._whole = [*self.whole]
         twin = self.copy()
         if term.kind.reshapes:
             twin.terms.append(term)
@@ -206,7 +282,9 @@ class Fit:
             return twin
         term = self.loaded(term.turned(self.transition))
         twin.terms.append(term)
-        twin.parts = self.parts + [self.columns(term)]
+        twin.parts.append(np.empty(0))
+        twin._whole.append(None)
+        twin.evaluate(len(twin.terms) - 1)
         twin.solve()
         return twin
 
@@ -217,7 +295,7 @@ class Fit:
         if gone.kind.reshapes:
             twin.refresh()
             return twin
-        twin.parts = self.parts[:place + 1] + self.parts[place + 2:]
+        del twin.parts[place + 1], twin._whole[place + 1]
         twin.solve()
         return twin
 
@@ -226,124 +304,27 @@ class Fit:
         twin = self.copy()
         twin.terms = [self.terms[place] for place in places]
         twin.parts = [self.parts[0], *(self.parts[place + 1] for place in places)]
+        twin._whole = [self._whole[0], *(self._whole[place + 1] for place in places)]
         own = self.own_coefficients()
         twin.coefficients = np.concatenate([own[0], *(own[place + 1] for place in places)])
-        twin._basis = None
         return twin
 
-    def basis(self, every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return orthonormal weighted columns and the weighted residual on the fitted rows."""
-        if self._basis is None or self._basis[0] != every:
-            index = self.index[::every]
-            root = np.sqrt(self.weights[::every])
-            matrix = side_by_side(self.parts, index) * root[:, None]
-            norm = np.linalg.norm(matrix, axis=0) + 1e-300
-            q, _ = np.linalg.qr(matrix / norm)
-            residual = self.residual[index] * root
-            residual = residual - q @ (q.T @ residual)
-            self._basis = (every, index, root, q, residual)
-        return self._basis[1:]
+    def picked(self, every: int) -> Samples:
+        """Return every n-th of the fitted samples, as their currents nearly see them.
 
-    def gain(self, term: Term, every: int = 1) -> float:
-        """Return by how much a term would lower the weighted sum of squares, in A²."""
-        return self.gains([term], every)[0]
-
-    def gains(self, terms: Sequence[Term], every: int = 1) -> list[float]:
-        """Return by how much each term, alone, would lower the weighted sum of squares, in A²."""
-        found: list[float] = []
-        for first in range(0, len(terms), _TOGETHER):
-            found += self._gains([self.loaded(term) for term in terms[first:first + _TOGETHER]],
-                                 every)
-        return found
-
-    def _gains(self, terms: Sequence[Term], every: int) -> list[float]:
-        """Return the gains of a few terms, whose columns are orthogonalised all at once."""
-        index, root, q, residual = self.basis(every)
-        parts = [self._columns_at(term, index) for term in terms]
-        edges = np.cumsum([0, *(part.shape[1] for part in parts)])
-        if not edges[-1]:
-            return [0.0] * len(terms)
-        rows = side_by_side(parts).T * root
-        before = np.sqrt(np.einsum('ij,ij->i', rows, rows))
-        rows -= (rows @ q) @ q.T
-        after = np.sqrt(np.einsum('ij,ij->i', rows, rows))
-        # A column that the model already has is no news, whatever rounding leaves of it.
-        fresh = after > 1e-4 * before
-        product = np.where(fresh, rows @ residual / np.where(fresh, after, 1.0), 0.0)
-        found = []
-        for term, begin, end in zip(terms, edges[:-1], edges[1:]):
-            places = begin + np.nonzero(fresh[begin:end])[0]
-            wanted = (*term.kind.signs, *[0] * int(end - begin))
-            own, goal = product[places], product[places]
-            if len(places) > 1:
-                gram = rows[places] @ rows[places].T / np.outer(after[places], after[places])
-                gram.flat[::len(gram) + 1] += 1e-9
-                own = np.linalg.solve(gram, goal)
-            wrong = any(wanted[place - begin] * value < 0.0 for place, value in zip(places, own))
-            found.append(0.0 if wrong else float(goal @ own) * every)
-        return found
-
-    def _columns_at(self, term: Term, index: np.ndarray) -> np.ndarray:
-        """Return a term's columns on some of the fitted rows, shape (len(index), M).
-
-        Beside a low pass of the current they are nearly right, at a tenth of the cost: enough to
-        tell one point of a grid from another.
+        Fits that nearly see the same have the same ones.
         """
-        if term.kind.sees_history:
-            return self.columns(term)[index]
-        return term.columns(self._picked(index), self.data.window)
-
-    def _picked(self, index: np.ndarray) -> Samples:
-        """Return the fitted samples alone."""
-        held = self._pick
-        if held is None or held[0] is not self.samples or len(held[1]) != len(index):
-            samples = self.samples
-            for term in self.terms:
-                samples = term.kind.nearly_seen_by(samples, term.constants)
-            self._pick = held = (self.samples, samples.take(index))
-        return held[1]
-
-    def search(self, term: Term, every: int = 1, evaluations: int = 14) -> tuple[Term, float]:
-        """Return the term with its constants searched around where they are, and its gain."""
-        best = self.gain(term, every)
-        for name, how in term.kind.constants.items():
-            if how is None or how.joint_only:
-                continue
-            current = term.constants[name]
-            low, high, back = bracket(how, current, term.constants, self.data.scene)
-
-            def loss(x: float, name: str = name, back: Callable[..., Any] | type = back,
-                     term: Term = term) -> float:
-                value = term.kind.limited(
-                    name, float(back(x)), term.constants, self.data.scene)
-                return -self.gain(term.with_constants(**{name: value}), every)
-            found = minimize_scalar(loss, bounds=(low, high), method='bounded',
-                                    options={'maxiter': evaluations, 'xatol': 1e-4 * (high - low)})
-            if -found.fun > best:
-                best = -found.fun
-                value = term.kind.limited(
-                    name, float(back(found.x)), term.constants, self.data.scene)
-                term = term.with_constants(**{name: value})
-        return term, best
-
-
-def bracket(how: Search, value: float, constants: dict[str, Any],
-            scene: Scene) -> tuple[float, float, Callable[[float], float]]:
-    """Return the search interval of a constant and the map from its scale.
-
-    Parameters
-    ----------
-    how : Search
-    value : float
-        The constant's value now.
-    constants : dict
-        All constants of the term.
-    scene : Scene
-    """
-    if how.logarithmic:
-        return math.log(value / how.width), math.log(value * how.width), math.exp
-    half = how.width * how.unit(scene, constants)
-    return value - half, value + half, float
+        lags = [(term.kind, term.kind.nearly(term.constants, self.samples))
+                for term in self.terms if term.kind.reshapes]
+        key = 'picked', id(self.index), every, *(tuple(own.values()) for _, own in lags)
+        known = self.data.known
+        if key not in known:
+            samples = self.data.samples
+            for kind, constants in lags:
+                samples = kind.nearly_seen_by(samples, constants)
+            # The rows are kept as well, or others might get their place.
+            known[key] = samples.take(self.index[::every]), self.index
+        return known[key][0]
 
 
 def first_fit(data: Measured, rows: np.ndarray, offset: np.ndarray | None = None,
@@ -356,7 +337,7 @@ def first_fit(data: Measured, rows: np.ndarray, offset: np.ndarray | None = None
     best = None
     for steepness in np.geomspace(4.0 / speed, 1200.0 / speed, 12):
         fit = Fit(data, thin, float(steepness), offset=offset)
-        size = float(np.sum(np.abs(fit.residual[fit.index])))
+        size = float(np.sum(np.abs(fit.left)))
         if best is None or size < best[0]:
             best = (size, fit.steepness)
     return Fit(data, rows, best[1], offset=offset)

@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+import functools
 import math
 from typing import Any, TYPE_CHECKING
 
@@ -39,8 +41,8 @@ def final_fit(data: Measured, fits: list[Fit]) -> Fit:
     """Return the fit on all usable rows, started from the constants of either fold."""
     best = None
     for start in fits:
-        fit = optimizer.gauss_newton(moved(start, data, data.usable))
-        size = float(np.mean(np.abs(fit.residual[data.usable])))
+        fit = optimizer.gauss_newton(start.moved(data, data.usable))
+        size = float(np.mean(np.abs(fit.left)))
         if best is None or size < best[0]:
             best = (size, fit)
     return _with_transition(best[1])
@@ -110,25 +112,29 @@ def with_steepness(fit: Fit, steepness: float) -> Fit:
     twin.steepness, twin.transition = float(steepness), 2.0 / float(steepness)
     twin.shift = fit.shift * fit.steepness / twin.steepness
     twin.fill()
-    twin.solve(3)
+    twin.solve(1)
     return twin
 
 
 def tune_transition(fit: Fit) -> Fit:
     """Return the fit with the change of sign around standstill as all samples show it."""
     fit = tune_lag(fit)
-    careful, free = _tuned(fit, _AS_GOOD), _tuned(fit, np.inf)
+
+    @functools.cache
+    def steep(logarithm: float) -> Fit:
+        return with_steepness(fit, np.exp(logarithm))
+    careful, free = (_tuned(fit, slack, steep) for slack in (_AS_GOOD, np.inf))
     if free.steepness == careful.steepness:
         return careful
     return free if _Judge(fit, _AS_GOOD).prefers(free, careful) else careful
 
 
-def _tuned(fit: Fit, slack: float) -> Fit:
+def _tuned(fit: Fit, slack: float, steep: Callable[[float], Fit]) -> Fit:
     """Return the fit with the steepness that is best everywhere, at so much loss in motion."""
     judge, speed = _Judge(fit, slack), fit.data.scene.speed
 
     def tried(logarithm: float) -> float:
-        return judge.hear(with_steepness(fit, np.exp(logarithm)))
+        return judge.hear(steep(float(logarithm)))
     grid = np.log(np.geomspace(8.0 / speed, 2000.0 / speed, 14))
     place = grid[int(np.argmin([tried(value) for value in grid]))]
     step = grid[1] - grid[0]
@@ -136,8 +142,9 @@ def _tuned(fit: Fit, slack: float) -> Fit:
                     options={'maxiter': 8})
     if judge.best is fit:
         return fit
-    judge.best.solve()
-    return judge.best
+    best = judge.best.copy()
+    best.solve()
+    return best
 
 
 def tune_lag(fit: Fit) -> Fit:
@@ -147,10 +154,14 @@ def tune_lag(fit: Fit) -> Fit:
         return fit
     judge, kind = _Judge(fit, _NEARLY_AS_GOOD), fit.terms[place].kind
     for steepness in (fit.steepness, 300.0 / fit.data.scene.speed):
+        now = with_steepness(fit, steepness)
         for constants in kind.forms(fit.data.scene):
-            twin = fit.copy()
-            twin.terms[place] = Term(kind, constants)
-            judge.hear(with_steepness(twin, steepness))
+            # From one to the next, so that what is the same in both stays.
+            now = now.copy()
+            now.terms[place] = Term(kind, constants)
+            now.fill()
+            now.solve(1)
+            judge.hear(now)
     if judge.best is fit:
         return fit
     near, term = judge.best, judge.best.terms[place]
@@ -164,15 +175,6 @@ def tune_lag(fit: Fit) -> Fit:
     minimize_scalar(tried, bounds=(-0.4, 0.4), method='bounded', options={'maxiter': 10})
     judge.best.solve()
     return judge.best
-
-
-def moved(fit: Fit, data: Measured, rows: np.ndarray) -> Fit:
-    """Return a fit with the same terms and constants on other rows, solved."""
-    twin = fit.copy()
-    twin.data, twin.rows, twin.index = data, rows, np.nonzero(rows)[0]
-    twin.forget()
-    twin.refresh()
-    return twin
 
 
 def to_model(fit: Fit, samples: Samples | None, usable: np.ndarray | None, drive: Drive,
@@ -190,7 +192,7 @@ def to_model(fit: Fit, samples: Samples | None, usable: np.ndarray | None, drive
     """
     if samples is not None and len(samples) <= _MOST_SAMPLES and fit.data.window:
         whole = Measured(samples, usable, 0.0, fit.data.scene, fit.data.load_coefficient)
-        fit = moved(fit, whole, usable)
+        fit = fit.moved(whole, usable)
     offset, coulomb, viscous = (float(value) for value in fit.coefficients[:3])
     sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb,
                       steepness=fit.steepness, shift=fit.shift, viscous=viscous)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
 
 _HALVINGS = 4
+# Rounds of new weights for a step on trial, which begins with those that it comes from.
+_TRIAL = 1
 _ENOUGH = 1e-4
 # Steepness of the sigmoid, and the velocity over which other terms change sign, in parts of the
 # top speed: outside of this the recordings cannot tell.
@@ -96,12 +98,11 @@ def shifted(fit: Fit, moves: list[tuple[Handle, float]]) -> Fit:
     if reshaped:
         twin.fill()
         return twin
-    base = fit.parts[0]
+    for place, (new, old) in enumerate(zip(twin.terms, fit.terms)):
+        if new is not old:
+            twin.evaluate(place)
     if (twin.steepness, twin.shift) != (fit.steepness, fit.shift):
-        base = twin.base()
-    twin.parts = [base] + [
-        part if new is old else twin.columns(new)
-        for new, old, part in zip(twin.terms, fit.terms, fit.parts[1:])]
+        twin.evaluate(-1)
     return twin
 
 
@@ -133,9 +134,8 @@ def gauss_newton(fit: Fit, rounds: int = 6, centered: bool = False) -> Fit:
     -------
     Fit
     """
-    index = fit.index
     scale = fit.scale
-    best = float(np.mean(huber_loss(fit.residual[index], scale)))
+    best = float(np.mean(huber_loss(fit.left, scale)))
     for _ in range(rounds):
         knobs = handles(fit, centered)
         small = 1e-3
@@ -144,15 +144,15 @@ def gauss_newton(fit: Fit, rounds: int = 6, centered: bool = False) -> Fit:
             twin = shifted(fit, [(handle, small)])
             changed = [((new - old) @ own)[:, None] for new, old, own in zip(
                 twin.parts, fit.parts, fit.own_coefficients()) if new is not old]
-            slopes.append(sum(changed, np.zeros((len(fit.target), 1))) / small)
-        design = side_by_side([*fit.parts, *slopes], index)
-        step = solve(design, fit.target[index], fit.weights)[-len(knobs):]
+            slopes.append(sum(changed, np.zeros((len(fit.index), 1))) / small)
+        design = side_by_side([*fit.parts, *slopes])
+        step = solve(design, fit.target[fit.index], fit.weights)[-len(knobs):]
         step = np.clip(step, -1.0, 1.0)
         better = None
         for halving in range(_HALVINGS):
             twin = shifted(fit, list(zip(knobs, step * 0.5 ** halving)))
-            twin.solve(3)
-            size = float(np.mean(huber_loss(twin.residual[index], scale)))
+            twin.solve(_TRIAL)
+            size = float(np.mean(huber_loss(twin.left, scale)))
             if size < best:
                 better = (size, twin)
                 break
@@ -161,6 +161,7 @@ def gauss_newton(fit: Fit, rounds: int = 6, centered: bool = False) -> Fit:
         gain, best, fit = best - better[0], better[0], better[1]
         if gain < _ENOUGH * best:
             break
+    fit = fit.copy()
     fit.solve()
     return fit
 
@@ -173,22 +174,22 @@ def gauss_newton_restarted(fit: Fit) -> Fit:
     """
     near = gauss_newton(fit)
     speed = fit.data.scene.speed
-    scale, index = near.scale, near.index
+    scale = near.scale
     fresh = None
     for steepness in (12.0 / speed, 40.0 / speed, 120.0 / speed, 400.0 / speed):
         twin = fit.copy()
         twin.steepness, twin.shift, twin.transition = steepness, 0.0, 2.0 / steepness
         twin.fill()
-        twin.solve(3)
-        size = float(np.mean(huber_loss(twin.residual[index], scale)))
+        twin.solve(_TRIAL)
+        size = float(np.mean(huber_loss(twin.left, scale)))
         if fresh is None or size < fresh[0]:
             fresh = (size, twin)
-    limit = float(np.mean(huber_loss(near.residual[index], scale)))
+    limit = float(np.mean(huber_loss(near.left, scale)))
     # Only a start that is in reach of the present best is worth the way.
     if fresh[0] > 4.0 * limit + 1e-30:
         return near
     other = gauss_newton(fresh[1])
-    size = float(np.mean(huber_loss(other.residual[index], scale)))
+    size = float(np.mean(huber_loss(other.left, scale)))
     return other if size < limit else near
 
 

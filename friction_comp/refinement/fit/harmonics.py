@@ -82,8 +82,7 @@ def with_exact_multiples(fit: Fit) -> Fit:
         twin = now.copy()
         for place, frequency in changes.items():
             term = now.terms[place]
-            twin.terms[place] = term.with_constants(**{term.kind.spectral: float(frequency)})
-            twin.parts[place + 1] = twin.columns(twin.terms[place])
+            twin.put(place, term.with_constants(**{term.kind.spectral: float(frequency)}))
         twin.solve()
         return twin if _loss(twin, scale) <= limit else None
 
@@ -109,7 +108,7 @@ def with_exact_multiples(fit: Fit) -> Fit:
 
 
 def _loss(fit: Fit, scale: float) -> float:
-    return float(np.mean(huber_loss(fit.residual[fit.index], scale)))
+    return float(np.mean(huber_loss(fit.left, scale)))
 
 
 def exact_families(effects: Sequence[Effect]) -> list[Family]:

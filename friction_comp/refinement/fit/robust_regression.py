@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from friction_comp.huber import HUBER
 
@@ -42,23 +43,34 @@ def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray,
     ndarray, shape (M,)
     """
     rows = np.ascontiguousarray(matrix.T)
-    norm = np.sqrt(np.einsum('ij,ij->i', rows, rows) / max(rows.shape[1], 1))
-    fine = np.isfinite(norm) & (norm > 1e-100)
-    if not fine.all():
+    root = np.sqrt(weights)
+    weighted = rows * root
+    gram = weighted @ weighted.T
+    power = np.diag(gram)
+    if not (power < 1e200).all() or (power < 1e-200).any():
         # Out of all proportion, or never other than zero: such a column explains nothing.
-        rows, norm = np.where(fine[:, None], rows, 0.0), np.where(fine, norm, 1.0)
-    weighted = rows * np.sqrt(weights)
-    gram = weighted @ weighted.T / np.outer(norm, norm)
-    gram.flat[::len(gram) + 1] += _RIDGE * max(rows.shape[1], 1)
-    goal = rows @ (weights * current) / norm
-    found = np.linalg.lstsq(gram, goal, rcond=1e-12)[0]
+        fine = np.isfinite(power) & (power < 1e200) & (power > 1e-200)
+        weighted = np.where(fine[:, None], weighted, 0.0)
+        gram = weighted @ weighted.T
+        power = np.where(fine, np.diag(gram), 1.0)
+    norm = np.sqrt(power)
+    gram = gram / norm / norm[:, None]
+    gram.flat[::len(gram) + 1] += _RIDGE
+    goal = weighted @ (root * current) / norm
+    found = _solved(gram, goal)
     if len(signs):
         wanted, free = np.asarray(signs), np.ones(len(goal), dtype=bool)
         while np.any(wrong := free & (found * wanted < 0.0)):
             free[np.argmin(np.where(wrong, found * wanted, 0.0))] = False
             found = np.zeros(len(goal))
-            found[free] = np.linalg.lstsq(gram[np.ix_(free, free)], goal[free], rcond=1e-12)[0]
-    return found / norm
+            found[free] = _solved(gram[np.ix_(free, free)], goal[free])
+    return np.asarray(found / norm)
+
+
+def _solved(gram: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """Return the solution of normal equations, whose ridge keeps them solvable."""
+    _, found, failed = dposv(gram, goal)
+    return np.linalg.lstsq(gram, goal, rcond=1e-12)[0] if failed else found
 
 
 def side_by_side(parts: Sequence[np.ndarray], index: np.ndarray | None = None) -> np.ndarray:

@@ -47,7 +47,7 @@ def residual_elsewhere(fit: Fit, part: np.ndarray) -> np.ndarray:
         Of the usable samples.
     """
     index = np.nonzero(fit.data.usable)[0]
-    columns, goal = side_by_side(fit.parts, index), fit.target[index]
+    columns, goal = side_by_side(fit.whole, index), fit.target[index]
     weights = huber_weights(fit.residual[index], fit.scale)
     number, size = int(part.max()) + 1, columns.shape[1]
     squares, products = np.empty((number, size, size)), np.empty((number, size))
@@ -63,6 +63,7 @@ def residual_elsewhere(fit: Fit, part: np.ndarray) -> np.ndarray:
         others[np.diag_indices(size)] += _RIDGE
         found = np.linalg.solve(others, (product - products[k]) / norm) / norm
         residual[part == k] = goal[part == k] - columns[part == k] @ found
+    fit.forget()
     return residual
 
 

@@ -36,7 +36,7 @@ def objection(fit: Fit, place: int) -> str:
     sizes = [abs(float(own[number])) for number in term.kind.amplitudes if number < len(own)]
     share = np.zeros(len(fit.index))
     for number in _cancels_with(fit, place):
-        share += fit.parts[number + 1][fit.index] @ fit.own_coefficients()[number + 1]
+        share += fit.parts[number + 1] @ fit.own_coefficients()[number + 1]
     if max([*sizes, float(np.max(np.abs(share)))]) > LARGEST * signal:
         return 'it is far larger than the signal, so that another effect has to cancel it'
     if term.kind.role == RESISTS and len(own) and not passive(fit):
@@ -90,7 +90,7 @@ def passive(fit: Fit) -> bool:
     for term, part, gains in zip(fit.terms, fit.parts[1:], own[1:]):
         if term.kind.role == RESISTS and part.shape[1]:
             friction = friction + part @ gains
-    friction, velocity = friction[fit.index], fit.samples.velocity[fit.index]
+    velocity = fit.samples.velocity[fit.index]
     speed = np.abs(velocity)
     edges = quantile_edges(speed, int(SPEED_RANGES))
     cell = np.searchsorted(edges, speed)

@@ -46,6 +46,8 @@ class Measured:
     load_coefficient : float
         A per N·m of load by which the motor is spared, where mechanics is relied on for it: see
         `load_compensation.carried_by_a_person`.
+    known : dict
+        What was worked out on these data: see `remembered`.
     """
 
     samples: Samples
@@ -53,6 +55,7 @@ class Measured:
     window: float
     scene: Scene
     load_coefficient: float = 0.0
+    known: dict[Any, Any] = field(default_factory=dict, kw_only=True, repr=False, compare=False)
 
     @property
     def target(self) -> np.ndarray:

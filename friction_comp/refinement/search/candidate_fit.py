@@ -14,7 +14,8 @@ from friction_comp.refinement.fit.effect_sum import Fit, Term
 from friction_comp.refinement.fit.robust_regression import huber_loss, robust_scale
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual
 from friction_comp.refinement.judge.physics import objection
-from friction_comp.refinement.search.candidates import best_forms, best_term
+from friction_comp.refinement.remembered import remembered
+from friction_comp.refinement.search.candidates import best_forms, best_term, searched
 from friction_comp.refinement.thresholds import ALPHA, EXPECTED, LEAST_SHARE
 
 if TYPE_CHECKING:
@@ -23,8 +24,7 @@ if TYPE_CHECKING:
     from friction_comp.refinement.prepare.fit_data import FitData
 
 
-
-@dataclass
+@dataclass(frozen=True, eq=False)
 class CandidateFit:
     """A candidate effect, fitted in both folds."""
 
@@ -68,6 +68,7 @@ class Step:
     rivals: list[Any] = field(default_factory=list)
 
 
+@remembered
 def try_kind(data: FitData, fits: list[Fit], residual: np.ndarray,
              kind: type[Effect]) -> CandidateFit | None:
     """Fit one more effect in both folds; None where it makes no sense.
@@ -86,15 +87,14 @@ def try_kind(data: FitData, fits: list[Fit], residual: np.ndarray,
         for term in terms:
             variant = {name: term.constants[name] for name in fixed}
             choices.append([
-                fit.search(Term(kind, {**own.constants, **variant}))[0]
+                searched(fit, Term(kind, {**own.constants, **variant}))
                 for fit, own in zip(fits, terms)])
     best = None
     for choice in choices:
         grown = [fit.with_term(term) for fit, term in zip(fits, choice)]
         if any(objection(fit, -1) for fit in grown):
             continue
-        trial = CandidateFit(kind, grown, held_out_residual(data, grown))
-        trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+        trial = compared(data, residual, kind, grown)
         if best is None or trial.advantage > best.advantage:
             best = trial
     return best
@@ -107,9 +107,8 @@ def _best_form(data: FitData, fits: list[Fit], residual: np.ndarray,
     for choice in zip(*(best_forms(fit, kind) for fit in fits)):
         if any(term is None for term in choice):
             continue
-        trial = CandidateFit(
-            kind, [fit.with_term(term) for fit, term in zip(fits, choice)], residual)
-        adjust_constants(data, residual, trial)
+        trial = adjusted(data, residual, CandidateFit(
+            kind, [fit.with_term(term) for fit, term in zip(fits, choice)], residual))
         if not any(objection(fit, -1) for fit in trial.fits) and (
                 best is None or trial.advantage > best.advantage):
             best = trial
@@ -137,13 +136,19 @@ def chance_of(kind: type[Effect], number: int) -> float:
     return EXPECTED if kind.expected or kind.shown_before else ALPHA / max(number, 1)
 
 
-def adjust_constants(data: FitData, residual: np.ndarray, trial: CandidateFit,
-                     thorough: bool = False) -> None:
-    """Adjust all constants of a trial together and count its advantage again."""
+def compared(data: FitData, residual: np.ndarray, kind: type[Effect],
+             fits: list[Fit]) -> CandidateFit:
+    """Return the trial of fits with one more effect, its advantage over a residual counted."""
+    left = held_out_residual(data, fits)
+    return CandidateFit(kind, fits, left, *advantage(data, residual, left))
+
+
+@remembered
+def adjusted(data: FitData, residual: np.ndarray, trial: CandidateFit,
+             thorough: bool = False) -> CandidateFit:
+    """Return a trial with all constants adjusted together, its advantage counted again."""
     adjust = optimizer.gauss_newton_restarted if thorough else optimizer.gauss_newton
-    trial.fits = [adjust(fit) for fit in trial.fits]
-    trial.residual = held_out_residual(data, trial.fits)
-    trial.advantage, trial.error, trial.p_value = advantage(data, residual, trial.residual)
+    return compared(data, residual, trial.kind, [adjust(fit) for fit in trial.fits])
 
 
 def mean_loss(data: FitData, residual: np.ndarray, scale: float | None = None) -> float:

@@ -4,19 +4,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 import math
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.fit.effect_sum import Term
 from friction_comp.refinement.fit.final_fit import mechanical_load
-from friction_comp.refinement.fit.robust_regression import solve
+from friction_comp.refinement.fit.robust_regression import side_by_side, solve
+from friction_comp.refinement.fit.score_test import ScoreTest
 from friction_comp.refinement.search.spectrum import highest_frequency, peaks, position_spectrum
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
+    from friction_comp.model.effects.scene import Scene, Search
     from friction_comp.refinement.fit.effect_sum import Fit
     from friction_comp.refinement.prepare.fit_data import FitData
 
@@ -58,8 +62,51 @@ def best_term(fit: Fit, kind: type[Effect]) -> Term | None:
     best, _ = _on_grid(fit, kind)
     if best is None:
         return None
-    best, _ = fit.search(best, max(1, round(len(fit.index) / _COARSE_ROWS)))
-    return best
+    return searched(fit, best, max(1, round(len(fit.index) / _COARSE_ROWS)))
+
+
+def searched(fit: Fit, term: Term, every: int = 1, evaluations: int = 14) -> Term:
+    """Return the term with its constants searched around where they are, one after the other."""
+    test = ScoreTest(fit, every)
+    best, = test.gains([term])
+    for name, how in term.kind.constants.items():
+        if how is None or how.joint_only:
+            continue
+        current = term.constants[name]
+        low, high, back = bracket(how, current, term.constants, fit.data.scene)
+
+        def loss(x: float, name: str = name, back: Callable[..., Any] | type = back,
+                 term: Term = term) -> float:
+            value = term.kind.limited(
+                name, float(back(x)), term.constants, fit.data.scene)
+            return -test.gains([term.with_constants(**{name: value})])[0]
+        found = minimize_scalar(loss, bounds=(low, high), method='bounded',
+                                options={'maxiter': evaluations, 'xatol': 1e-4 * (high - low)})
+        if -found.fun > best:
+            best = -found.fun
+            value = term.kind.limited(
+                name, float(back(found.x)), term.constants, fit.data.scene)
+            term = term.with_constants(**{name: value})
+    return term
+
+
+def bracket(how: Search, value: float, constants: dict[str, Any],
+            scene: Scene) -> tuple[float, float, Callable[[float], float]]:
+    """Return the search interval of a constant and the map from its scale.
+
+    Parameters
+    ----------
+    how : Search
+    value : float
+        The constant's value now.
+    constants : dict
+        All constants of the term.
+    scene : Scene
+    """
+    if how.logarithmic:
+        return math.log(value / how.width), math.log(value * how.width), math.exp
+    half = how.width * how.unit(scene, constants)
+    return value - half, value + half, float
 
 
 def best_gain(fit: Fit, kind: type[Effect]) -> float:
@@ -69,11 +116,12 @@ def best_gain(fit: Fit, kind: type[Effect]) -> float:
 
 def _on_grid(fit: Fit, kind: type[Effect]) -> tuple[Term | None, float]:
     if kind.spectral:
-        terms, every = _by_spectrum(fit, kind), 1
+        terms = _by_spectrum(fit, kind)
+        gains = ScoreTest(fit, 1).gains(terms)
     else:
         terms = [Term(kind, constants) for constants in kind.grid(fit.data.scene)]
         every = max(1, round(len(fit.index) / _COARSE_ROWS))
-    gains = fit.gains(terms, every)
+        gains = ScoreTest(fit, every).gains_on_grid(terms)
     most = max(gains, default=0.0)
     return (terms[gains.index(most)], most) if most > 0.0 else (None, 0.0)
 
@@ -85,7 +133,7 @@ def _by_spectrum(fit: Fit, kind: type[Effect]) -> list[Term]:
     samples = fit.samples
     highest = highest_frequency(samples, data.usable, scene, data.window)
     position = samples.position[index]
-    residual = fit.residual[index] * fit.weights
+    residual = fit.left * fit.weights
     separation = 2.0 * math.pi / max(scene.highest - scene.lowest, 1e-9)
     name = kind.spectral
     taken = [term.constants[name] for term in fit.terms if term.kind is kind]
@@ -121,7 +169,7 @@ def best_forms(fit: Fit, kind: type[Effect]) -> list[Term] | None:
         inner = matrix[index]
         residual = goal - inner @ solve(inner, goal, weights)
         return float(weights @ residual ** 2)
-    matrix = np.hstack(fit.parts)
+    matrix = side_by_side(fit.whole)
     without = error(matrix)
     best: dict[tuple[float, ...], tuple[Term | None, float]] = {}
     for constants in kind.grid(fit.data.scene):

@@ -14,7 +14,7 @@ from friction_comp.refinement.judge.evidence import held_out_residual
 from friction_comp.refinement.judge.physics import objection
 from friction_comp.refinement.judge.scores import noise_floor
 from friction_comp.refinement.search.candidate_fit import (
-    adjust_constants,
+    adjusted,
     mean_loss,
     try_kind,
 )
@@ -176,7 +176,7 @@ def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[
         return None
 
     def fitted(trial: Any) -> Any:
-        return sum(float(np.mean(np.abs(fit.residual[fit.index]))) for fit in trial.fits)
+        return sum(float(np.mean(np.abs(fit.left))) for fit in trial.fits)
     firsts = sorted(trials, key=fitted)[:_FIRSTS]
     pairs = []
     for trial in firsts:
@@ -194,6 +194,6 @@ def together(data: FitData, fits: list[Fit], residual: np.ndarray, trials: list[
     # lower the error further, and as often by chance.
     best, chance = max(
         pairs, key=lambda entry: (entry[0].p_value < entry[1], entry[0].advantage))
-    adjust_constants(data, residual, best)
+    best = adjusted(data, residual, best)
     worth = max(2.0 * LEAST_SHARE * mean_loss(data, residual), least)
     return best if best.p_value < chance and best.advantage > worth else None

@@ -12,12 +12,14 @@ from friction_comp.model.effects import Effect
 from friction_comp.refinement.fit import gauss_newton as optimizer
 from friction_comp.refinement.fit.effect_sum import Fit
 from friction_comp.refinement.fit.robust_regression import robust_scale
+from friction_comp.refinement.fit.score_test import ScoreTest
 from friction_comp.refinement.judge.carry_over import carries_over
 from friction_comp.refinement.judge.evidence import advantage, held_out_residual, rms
 from friction_comp.refinement.judge.physics import bound, objection, sound
 from friction_comp.refinement.prepare.fit_data import FitData
+from friction_comp.refinement.remembered import remembered
 from friction_comp.refinement.search.candidate_fit import (
-    adjust_constants,
+    adjusted,
     CandidateFit,
     chance_of,
     mean_loss,
@@ -96,23 +98,25 @@ def settle(data: FitData, chosen: Chosen, report: Report | None = None) -> Chose
     return chosen
 
 
-def refitted(fits: Sequence[Fit], place: int) -> list[Fit]:
+@remembered
+def refitted(data: FitData, fits: Sequence[Fit], place: int) -> list[Fit]:
     """Return fits without one term, everything else fitted again."""
     return [optimizer.gauss_newton_restarted(fit.without(place)) for fit in fits]
 
 
-def evidence_of(data: FitData, chosen: Chosen, place: int) -> tuple[dict[str, Any], list[Fit]]:
+@remembered
+def evidence_of(data: FitData, fits: list[Fit], place: int) -> tuple[dict[str, Any], list[Fit]]:
     """Return the evidence of a term in the whole, and the fits without it.
 
     The others' coefficients are solved for without it. Where that leaves any doubt, all their
     constants are adjusted as well: they might make up for it.
     """
-    full = held_out_residual(data, chosen.fits)
-    poorer = [fit.without(place) for fit in chosen.fits]
+    full = held_out_residual(data, fits)
+    poorer = [fit.without(place) for fit in fits]
     without = held_out_residual(data, poorer)
     missed, error, p_value = advantage(data, without, full)
     if missed < IN_DOUBT * mean_loss(data, without) or p_value > 1e-6:
-        poorer = refitted(chosen.fits, place)
+        poorer = refitted(data, fits, place)
         without = held_out_residual(data, poorer)
         missed, error, p_value = advantage(data, without, full)
     loss = mean_loss(data, without)
@@ -134,12 +138,12 @@ def prune(data: FitData, chosen: Chosen) -> bool:
         if kind in chosen.granted:
             place -= 1
             continue
-        evidence, poorer = evidence_of(data, chosen, place)
+        evidence, poorer = evidence_of(data, chosen.fits, place)
         loss = mean_loss(data, held_out_residual(data, poorer))
         if (evidence['advantage'] < max(LEAST_SHARE * loss, least)
                 or evidence['p_value'] > chance_of(kind, 1) or not sound(chosen.fits, [place])
                 or not carries_over(poorer, chosen.fits, len(chosen.kinds))):
-            chosen.fits, any_gone = refitted(chosen.fits, place), True
+            chosen.fits, any_gone = refitted(data, chosen.fits, place), True
             place = len(poorer[0].terms)
         place -= 1
     return any_gone
@@ -171,7 +175,7 @@ def _replacement(data: FitData, chosen: Chosen, place: int) -> CandidateFit | No
     if old.kind.reshapes:
         limit = 0.0
     else:
-        limit = EXCHANGE * sum(fit.gain(other.terms[place])
+        limit = EXCHANGE * sum(ScoreTest(fit, 1).gains([other.terms[place]])[0]
                                for fit, other in zip(poorer, chosen.fits))
     mine = Chosen(chosen.fits, chosen.first).complexity
     best = None
@@ -183,7 +187,7 @@ def _replacement(data: FitData, chosen: Chosen, place: int) -> CandidateFit | No
         trial = try_kind(data, poorer, residual, kind)
         if trial is None:
             continue
-        adjust_constants(data, residual, trial)
+        trial = adjusted(data, residual, trial)
         lead, error, _ = advantage(data, full, trial.residual)
         if old.kind.holds_on_another_day and not kind.holds_on_another_day and (
                 lead <= as_good(error, trial.advantage)):
@@ -215,7 +219,7 @@ def _beside_product(data: FitData, bases: Sequence[Fit], chosen: Chosen, report:
         return chosen, None
     # What is small beside something that is only traced may well be its rest.
     for last in range(len(beside.fits[0].terms) - 1, place, -1):
-        evidence, fewer = evidence_of(data, beside, last)
+        evidence, fewer = evidence_of(data, beside.fits, last)
         if (evidence['loss_reduction'] < STAND_IN
                 and beside.fits[0].terms[last].kind not in beside.granted):
             beside.fits = fewer
@@ -246,7 +250,7 @@ def in_order(data: FitData, bases: Sequence[Fit], chosen: Chosen
     order = list(range(chosen.first))
     left = list(range(chosen.first, len(chosen.fits[0].terms)))
     scale = robust_scale(held_out_residual(data, chosen.fits)[data.usable])
-    evidence = {place: evidence_of(data, chosen, place)[0] for place in left}
+    evidence = {place: evidence_of(data, chosen.fits, place)[0] for place in left}
     steps, now = [], [_starting(base, fit, chosen.first) for base, fit in zip(bases, chosen.fits)]
     while left:
         tried = []

@@ -17,7 +17,7 @@ from friction_comp.refinement.judge.evidence import advantage, held_out_residual
 from friction_comp.refinement.judge.physics import sound
 from friction_comp.refinement.prepare.fit_data import FitData
 from friction_comp.refinement.search.candidate_fit import (
-    adjust_constants,
+    adjusted,
     CandidateFit,
     chance_of,
     least_share,
@@ -120,8 +120,8 @@ def grow(data: FitData, chosen: Chosen, without: Sequence[type[Effect]] = (),
             if trial is not None:
                 trials.append(trial)
         trials.sort(key=lambda trial: -trial.advantage)
-        for trial in trials[:int(ADJUSTED)]:
-            adjust_constants(data, residual, trial)
+        trials[:int(ADJUSTED)] = [
+            adjusted(data, residual, trial) for trial in trials[:int(ADJUSTED)]]
         if chosen.product is None and done < PRODUCT_ROUNDS:
             chosen.product = best_product(
                 data, chosen.fits, residual, trials, max(LEAST_SHARE * loss, least))
@@ -170,6 +170,7 @@ def first_sound(data: FitData, fits: list[Fit], residual: np.ndarray, loss: floa
     loss, least : float
         Mean loss without it, and the advantage that is worth a name, A².
     trials : list of CandidateFit
+        Those that were looked at more closely are exchanged for what they came to.
     number : int
         How many kinds were tried.
     """
@@ -178,12 +179,13 @@ def first_sound(data: FitData, fits: list[Fit], residual: np.ndarray, loss: floa
                 and trial.advantage > max(least_share(trial, data) * loss, least))
     left = [trial for trial in trials if deserves(trial)]
     while left:
-        best = simplest_of_the_best(data, left)
-        adjust_constants(data, residual, best, thorough=True)
+        rough = simplest_of_the_best(data, left)
+        best = adjusted(data, residual, rough, thorough=True)
+        trials[trials.index(rough)] = best
         if deserves(best) and sound(best.fits, [-1]) and carries_over(
                 fits, best.fits, len(best.fits[0].terms)):
             return best
-        left = [trial for trial in left if trial is not best]
+        left = [trial for trial in left if trial is not rough]
     return None
 
 
@@ -219,7 +221,7 @@ def alike(data: FitData, first: CandidateFit, second: CandidateFit) -> bool:
     lead, error, _ = advantage(data, second.residual, first.residual)
     if lead > as_good(error, first.advantage):
         return False
-    parts = [np.hstack(trial.fits[0].parts[-1:])[data.usable]
+    parts = [trial.fits[0].whole[-1][data.usable]
              @ trial.fits[0].own_coefficients()[-1] for trial in (first, second)]
     if not all(np.std(part) > 0 for part in parts):
         return False
