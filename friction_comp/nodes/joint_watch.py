@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 import math
 import struct
 from typing import Any
@@ -18,6 +19,9 @@ from friction_comp.monitoring.live_residual import LiveResidual
 
 # ns between the states that are looked at, age at which a load or a temperature says nothing more.
 _STEP, _LOAD_AGE, _HEAT_AGE = 8_000_000, 200_000_000, 60_000_000_000
+# Messages of a topic that may wait for the states of their time, which come after them: some
+# seconds' worth at a kilohertz, as long as a busy machine may keep the node from taking them.
+_WAITING = 10_000
 # A new model is judged by so many blocks of motion, and by no fewer than the first number.
 _FEWEST, _ENOUGH = 30, 300
 # Errors that differ by less are as good as each other.
@@ -43,12 +47,16 @@ class LiveSignals:
     def __init__(self, joints: list[str], torque_per_current: list[float]) -> None:
         self._joints, self._gains = joints, torque_per_current
         self._due = self._last = 0
-        self._held: dict[tuple[str, str], tuple[int, bytes]] = {}
+        self._held: dict[tuple[str, str], deque[tuple[int, bytes]]] = {}
         self._rows: list[list[list[float]]] = [[] for _ in joints]
 
     def hold(self, topic: str, stamp: int, cdr: bytes) -> None:
-        """Keep the newest message of a topic on one joint (its frame_id)."""
-        self._held[topic, frame_of(cdr)] = stamp, bytes(cdr)
+        """Keep a message of a topic on one joint (its frame_id) for the states of its time."""
+        held = self._held.setdefault((topic, frame_of(cdr)), deque(maxlen=_WAITING))
+        if held and stamp < held[-1][0]:
+            # Time started over.
+            held.clear()
+        held.append((stamp, bytes(cdr)))
 
     def see(self, stamp: int, cdr: bytes) -> None:
         """Take a joint state, unless the one before has only just been taken."""
@@ -81,9 +89,12 @@ class LiveSignals:
 
     def _fresh(self, topic: str, joint: str, stamp: int, kind: Any, age: Any) -> Any:
         held = self._held.get((topic, joint))
-        if held is None or abs(stamp - held[0]) > age:
+        if held is None:
             return None
-        return deserialize_message(held[1], kind)
+        # Several may have been taken at once, the newest of them long after this state.
+        while len(held) > 1 and held[1][0] <= stamp:
+            held.popleft()
+        return None if abs(stamp - held[0][0]) > age else deserialize_message(held[0][1], kind)
 
     def take(self) -> list[np.ndarray]:
         """Return the rows of each joint since the last call."""
