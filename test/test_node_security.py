@@ -99,7 +99,8 @@ def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
 
     from friction_comp.nodes.live_feed import LiveFeed
     one = {'joints': ['elbow'], 'model_files': MODELS[:1]}
-    starts = {'plant': one, 'compensator': one, 'identification': one,
+    # What they use does not depend on how much of it.
+    starts = {'plant': {**one, 'sample_time': 0.01}, 'compensator': one, 'identification': one,
               'exercise': {'joints': ['elbow']}, 'recorder': {'output': str(tmp_path / 'bag')},
               'refinement': one}
     with own_domain(), probe_node() as probe, ExitStack() as nodes:
