@@ -73,7 +73,7 @@ class Bench:
             lambda message: self.steps.append(message.feedback)), 'answer to the goal')
 
     def result(self, handle):
-        # Refinement lets all others go first, which may be for long where they keep both cores busy.
+        # Refinement lets all others go first: for long where they keep both cores busy.
         return self.probe.answered(handle.get_result_async, 'the result', 20.0, 900.0)
 
 
