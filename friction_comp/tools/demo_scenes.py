@@ -93,8 +93,8 @@ class Wear(Stage):
     tolerance = 0.125
     # Coarser than elsewhere: refinement and the loop share the machine.
     sample_time, clock_period = 4e-3, 0.02
-    # s of simulated time within which a warning must have come; s that are refined from, in which
-    # the drive has warmed nearly as far as it will. From the first half of the warming alone, what
+    # s of simulated time within which a warning must have come; s of movement before it refines, in
+    # which the drive warms nearly as far as it will. From the first half of the warming alone, what
     # grows with warmth is not always told from what grows with speed, and a model that has taken
     # the one for the other is wrong when the drive has become warmer still.
     patience, past = 400.0, 40.0
@@ -170,7 +170,7 @@ class Wear(Stage):
         return words
 
     def _refine(self) -> Any:
-        """Refine from what the node has kept, while the joint moves on."""
+        """Refine from all that the node has kept, while the joint moves on."""
         # A loop that runs as fast as it can would leave the refinement, which is the more patient
         # one, little of the machine.
         self._ros.set_parameter('plant', 'pace', 1.0)
