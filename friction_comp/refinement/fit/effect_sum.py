@@ -90,7 +90,6 @@ class Fit:
         self.index = np.nonzero(rows)[0]
         self.transition = transition or 2.0 / steepness
         self.terms = [term.turned(self.transition) for term in terms]
-        self.weights = np.ones(len(self.index))
         self._residual: np.ndarray | None = None
         self._raw: dict[Any, tuple[Term | None, Samples, np.ndarray]] = {}
         self._view: tuple[Samples, int, View] | None = None
@@ -106,7 +105,7 @@ class Fit:
         """Return a fit with the same terms and constants on other rows, solved."""
         twin = self.copy()
         twin.data, twin.rows, twin.index = data, rows, np.nonzero(rows)[0]
-        twin.weights, twin._view = np.ones(len(twin.index)), None
+        twin._view = None
         twin.refresh()
         return twin
 
@@ -253,9 +252,13 @@ class Fit:
         return current if self.offset is None else current - self.offset
 
     def solve(self, rounds: int = 6) -> None:
-        """Find the coefficients by iteratively reweighted least squares, from the weights now."""
+        """Find the coefficients by iteratively reweighted least squares.
+
+        The weights begin at one: with those of the fit it comes from, what another start would
+        explain counts little already, and a fit stays in a valley that leads nowhere.
+        """
         inner, goal = side_by_side(self.parts), self.target[self.index]
-        weights, signs = self.weights, self.signs
+        weights, signs = np.ones(len(goal)), self.signs
         loaded = [place for place, term in enumerate(self.terms) if term.kind.carried]
         for number in range(rounds):
             if loaded and number:
@@ -266,7 +269,7 @@ class Fit:
             residual = goal - inner @ self.coefficients
             self.scale = robust_scale(residual)
             before, weights = weights, huber_weights(residual, self.scale)
-            if not loaded and np.max(np.abs(weights - before)) < _SETTLED:
+            if number and not loaded and np.max(np.abs(weights - before)) < _SETTLED:
                 break
         self.weights, self.left = weights, residual
         self._residual = None

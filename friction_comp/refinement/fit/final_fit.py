@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 # More samples than this gain nothing, and would cost memory.
 _MOST_SAMPLES = 200_000
+# Rounds of new weights for a fit on trial.
+_TRIAL = 3
 # Losses in motion that differ by less are as good as each other.
 _AS_GOOD = 1.01
 _NEARLY_AS_GOOD = 1.05
@@ -112,7 +114,7 @@ def with_steepness(fit: Fit, steepness: float) -> Fit:
     twin.steepness, twin.transition = float(steepness), 2.0 / float(steepness)
     twin.shift = fit.shift * fit.steepness / twin.steepness
     twin.fill()
-    twin.solve(1)
+    twin.solve(_TRIAL)
     return twin
 
 
@@ -160,7 +162,7 @@ def tune_lag(fit: Fit) -> Fit:
             now = now.copy()
             now.terms[place] = Term(kind, constants)
             now.fill()
-            now.solve(1)
+            now.solve(_TRIAL)
             judge.hear(now)
     if judge.best is fit:
         return fit

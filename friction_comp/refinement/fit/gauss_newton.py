@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
 
 _HALVINGS = 4
-# Rounds of new weights for a step on trial, which begins with those that it comes from.
-_TRIAL = 1
+# Rounds of new weights for a step on trial.
+_TRIAL = 3
 _ENOUGH = 1e-4
 # Steepness of the sigmoid, and the velocity over which other terms change sign, in parts of the
 # top speed: outside of this the recordings cannot tell.
