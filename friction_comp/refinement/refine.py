@@ -106,12 +106,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     clipped |= saturated(differentiate(raw, settings), clipped)
     raw, arm = with_other_joints(model.with_arm(raw) if model else raw, ~clipped, settings)
     question = Question(raw, clipped, model, drive, unit, progress)
-    found = choose(question, settings)
-    # Which bandwidth suits is seen better once the effects are known.
-    better = sharpest(found.model, raw, found.usable, settings)
-    if better != settings and len(raw) < _TWICE:
-        found = choose(question, better)
-    found = _with_lag_that_holds(question, found)
+    found = _with_lag_that_holds(question, _chosen(question, settings))
     # Samples near standstill do not decide which effects there are; what the model is worth beside
     # rest and at reversals does depend on how sharply the two are told apart.
     settings = sharpest(
@@ -123,12 +118,25 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     return result
 
 
+def _chosen(question: Question, settings: dict[str, Any]) -> Choice:
+    """Return the effects, chosen again where another way of differentiating suits them better.
+
+    Which bandwidth suits is seen better once the effects are known.
+    """
+    found = choose(question, settings)
+    better = sharpest(found.model, question.raw, found.usable, settings)
+    if better == settings or len(question.raw) >= _TWICE:
+        return found
+    return choose(question, better)
+
+
 def _with_lag_that_holds(question: Question, found: Choice) -> Choice:
     """Return a choice without lag, unless it shows at a smoother velocity or nothing else will do.
 
     A zero-phase filter delays nothing: a lag of the drive is the same whatever the bandwidth. What
     makes up for noise or blur of one way of differentiating, or for the shape of another effect,
-    comes and goes with it. Such a lag has to be worth its place beside the best that does without.
+    comes and goes with it. Such a lag has to be worth its place beside the best that does without,
+    differentiated as suits that.
     """
     lags = tuple({step.kind for step in found.steps if step.kind.reshapes})
     if not lags or len(question.raw) >= _TWICE:
@@ -140,12 +148,16 @@ def _with_lag_that_holds(question: Question, found: Choice) -> Choice:
     if not choices or lag_shows(question, found, max(
             choices, key=lambda choice: choice['bandwidth'])):
         return found
-    other = choose(replace(question, without=(*question.without, *lags)), settings)
+    other = _chosen(replace(question, without=(*question.without, *lags)), settings)
     worth = max(step.kind.worth(0.0, step.fits[0].terms[-1].constants, found.data.scene)
                 for step in found.steps if step.kind.reshapes)
+    rows = [choice.data.usable for choice in (found, other)]
+    if len(rows[0]) == len(rows[1]):
+        # Not every velocity tells the same samples from rest.
+        rows = [rows[0] & rows[1]] * 2
     errors = [rms(held_out_residual(choice.data, choice.steps[-1].fits if choice.steps else
-                                    choice.bases)[choice.data.usable])
-              for choice in (found, other)]
+                                    choice.bases)[those])
+              for choice, those in zip((found, other), rows)]
     return found if errors[0] ** 2 < (1.0 - worth) * errors[1] ** 2 else other
 
 
