@@ -45,7 +45,8 @@ def solve(matrix: np.ndarray, current: np.ndarray, weights: np.ndarray,
     rows = np.ascontiguousarray(matrix.T)
     root = np.sqrt(weights)
     weighted = rows * root
-    gram = weighted @ weighted.T
+    with np.errstate(over='ignore', invalid='ignore'):
+        gram = weighted @ weighted.T
     power = np.diag(gram)
     if not (power < 1e200).all() or (power < 1e-200).any():
         # Out of all proportion, or never other than zero: such a column explains nothing.
