@@ -181,8 +181,9 @@ def test_identifies_a_drive(system):
     np.testing.assert_allclose(result.speeds, speeds, rtol=1e-3)
     np.testing.assert_allclose(result.currents, truth.sigmoid(np.array(speeds)), atol=6e-3)
     assert all(0.0 <= value < 0.02 for value in result.standard_deviations)
-    assert result.breakaway_positive_mean == pytest.approx(0.0995, rel=0.06)
-    assert result.breakaway_negative_mean == pytest.approx(-0.0995, rel=0.06)
+    # Two ramps a side, whose scatter is 3.4 %.
+    assert result.breakaway_positive_mean == pytest.approx(0.0995, rel=0.1)
+    assert result.breakaway_negative_mean == pytest.approx(-0.0995, rel=0.1)
     assert result.breakaway_positive_std < 0.01
     model = FrictionModel.load(result.model_file)
     assert model.joint == JOINT
