@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How tests are dealt to several processes, where pytest-xdist is there to do so."""
 
+import signal
+
 import pytest
 
 from friction_comp.package_files import name_this_environment
@@ -19,6 +21,10 @@ LONGEST = ('test_demo', 'test_whole_arm', 'test_reproduce', 'test_packaging', 't
 
 # As `python3 -m friction_comp` does for nodes: some tests import ROS 2 by themselves.
 name_this_environment()
+# A shell's background jobs, and what they start, ignore interrupts: tools that tests interrupt
+# would never end.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def shared_in_its_file(item):
