@@ -26,6 +26,7 @@ from friction_comp.recordings import (
 )
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.storage import Storage
+from friction_comp.recordings.stream import stream_recording_with_info
 from friction_comp.reports.evaluation_words import summary, verdict
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -371,6 +372,10 @@ def test_the_first_word_of_a_compensator_holds_for_what_was_just_before(
         tmp_path / 'r', both([1.0] * 4), [(since, ('continuous', 'a.yaml'))], change)
     (_, info), = read_recording_with_info([tmp_path / 'r'], 'elbow')
     assert info.activity[0][0] == pytest.approx(0.0 if from_start else since, abs=0.1)
+    # Also where a recording is read in stretches: its beginning is meant, not theirs.
+    for _, info in stream_recording_with_info(tmp_path / 'r', 'elbow', seconds=8.0):
+        for moment, _ in info.activity[:1]:
+            assert moment == pytest.approx(0.0 if from_start else since, abs=0.1)
 
 
 def test_what_identification_moved_is_left_out(tmp_path):

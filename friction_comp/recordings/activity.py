@@ -14,9 +14,9 @@ from rosbags.typesys import get_typestore, Stores
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 # Nodes that command, in whose diagnostics activity is.
 HEARD = (b'compensator', b'identification')
-# s of a recording within which a compensator that runs has said so: it does every second, in which
-# a simulation may have gone on for several.
-_FIRST_WORD = 10.0
+# ns of a recording within which a compensator that runs has said so: it does every second, in
+# which a simulation may have gone on for several.
+_FIRST_WORD = 10_000_000_000
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,17 @@ class Activity:
         return replace(self, model=self.models.get(joint, self.model))
 
 
-def from_diagnostics(messages: Sequence[tuple[int, bytes]]) -> list[Activity]:
+def from_diagnostics(messages: Sequence[tuple[int, bytes]], begin: int) -> list[Activity]:
     """Return what changed, in order of time.
+
+    A compensator's first word holds for what was just before it, as it repeats itself every second.
 
     Parameters
     ----------
     messages : sequence of (int, bytes)
         Receive time in ns and serialised DiagnosticArray.
+    begin : int
+        Receive time in ns of the recording's first message.
 
     Returns
     -------
@@ -83,22 +87,9 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]]) -> list[Activity]:
                     _note(found, Activity(time, '', '', ''))
             elif (now := compensator_says(status, time)) is not None:
                 _note(found, now)
+    if found and found[0].time - begin < _FIRST_WORD and found[0].state != 'identification':
+        found[0] = replace(found[0], time=min(found[0].time, begin))
     return found
-
-
-def since_start(said: list[tuple[float, Activity]]) -> list[tuple[float, Activity]]:
-    """Return activities with the s since a recording's start from which on each holds.
-
-    A compensator's first word holds for what was before it, as it repeats itself every second.
-
-    Parameters
-    ----------
-    said : list of (float, Activity)
-        With the moments at which they were said, in order.
-    """
-    if said and said[0][0] < _FIRST_WORD and said[0][1].state != 'identification':
-        return [(min(said[0][0], 0.0), said[0][1]), *said[1:]]
-    return said
 
 
 def compensator_says(status: Any, time: int = 0) -> Activity | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.recordings import clocks
-from friction_comp.recordings.activity import Activity, since_start
+from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.joint_motion import beside
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import (
@@ -296,8 +296,8 @@ def to_samples(scan: Scan, joint: str | None,
     info.rows = order
     clocks.note_gaps(info.stamps[order], info.notes)
     base = TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
-    info.activity = since_start([(base.moment(activity.time) - info.start, activity.of(joint))
-                                 for activity in scan.activity])
+    info.activity = [(base.moment(activity.time) - info.start, activity.of(joint))
+                     for activity in scan.activity]
     time = info.stamps[order]
     samples = Samples(
         time=time, position=_unwrapped(time, position[order], info.notes),

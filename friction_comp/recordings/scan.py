@@ -237,6 +237,7 @@ class Scanner:
         self._joint = joint
         self._storage: Storage | None = None
         self._diagnostics: list[tuple[int, bytes]] = []
+        self._begin = 0
 
     @property
     def progress(self) -> float:
@@ -249,6 +250,8 @@ class Scanner:
             self._storage = Storage(self.path)
             for number, (topic, kind, receive, raw) in enumerate(
                     self._storage.messages(self._wanted)):
+                if not number:
+                    self._begin = receive
                 if kind == DIAGNOSTICS:
                     if any(node in raw for node in HEARD):
                         self._diagnostics.append((receive, raw))
@@ -280,7 +283,7 @@ class Scanner:
         tracks = [track for store in self.stores.values() if (track := store.take()) is not None]
         return Scan(
             self.path, tracks, self._storage.topics, self._storage.notes, self._storage.custom,
-            from_diagnostics(self._diagnostics))
+            from_diagnostics(self._diagnostics, self._begin))
 
 
 class Store:

@@ -151,13 +151,11 @@ def _with_lag_that_holds(question: Question, found: Choice) -> Choice:
     other = _chosen(replace(question, without=(*question.without, *lags)), settings)
     worth = max(step.kind.worth(0.0, step.fits[0].terms[-1].constants, found.data.scene)
                 for step in found.steps if step.kind.reshapes)
-    rows = [choice.data.usable for choice in (found, other)]
-    if len(rows[0]) == len(rows[1]):
-        # Not every velocity tells the same samples from rest.
-        rows = [rows[0] & rows[1]] * 2
+    # Not every velocity tells the same samples from rest.
+    rows = found.data.usable & other.data.usable
     errors = [rms(held_out_residual(choice.data, choice.steps[-1].fits if choice.steps else
-                                    choice.bases)[those])
-              for choice, those in zip((found, other), rows)]
+                                    choice.bases)[rows])
+              for choice in (found, other)]
     return found if errors[0] ** 2 < (1.0 - worth) * errors[1] ** 2 else other
 
 

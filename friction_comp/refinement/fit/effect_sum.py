@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # Weights that change by less than this have settled.
 _SETTLED = 1e-3
+TRIAL = 3
+"""Rounds of new weights for a fit on trial."""
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,7 @@ class Fit:
     def evaluate(self, place: int) -> None:
         """Compute the columns of a term again, or those of the sigmoid where `place` is -1."""
         term, view = self.terms[place] if place >= 0 else None, self.view()
-        if view.rows is None or (term and term.kind.sees_history):
+        if view.samples is self.samples or (term and term.kind.sees_history):
             whole = self.columns(term, self.samples)
             self._whole[place + 1] = whole
             self.parts[place + 1] = whole.T.take(self.index, axis=1).T
@@ -219,13 +221,11 @@ class Fit:
     @property
     def whole(self) -> list[np.ndarray]:
         """All columns on all samples, each of shape (N, M)."""
-        found = []
         for place, columns in enumerate(self._whole):
             if columns is None:
                 term = self.terms[place - 1] if place else None
-                columns = self._whole[place] = self.columns(term, self.samples)
-            found.append(columns)
-        return found
+                self._whole[place] = self.columns(term, self.samples)
+        return list(self._whole)
 
     def forget(self) -> None:
         """Drop what can be worked out again: of the many fits of a search most are read once."""
@@ -233,7 +233,7 @@ class Fit:
 
     def scale_columns(self, place: int, factors: np.ndarray) -> None:
         """Multiply the columns of a term, or of the sigmoid where `place` is -1, not solved yet."""
-        self._whole = [*self.whole]
+        self._whole = self.whole
         for parts in (self.parts, self._whole):
             parts[place + 1] = parts[place + 1] * factors
 
@@ -276,9 +276,9 @@ class Fit:
 
     def with_term(self, term: Term) -> Fit:
         """Return a copy with one more term, solved."""
-        # Many are made of one: what they share is worked out once.
-        self._whole = [*self.whole]
         twin = self.copy()
+        # Many are made of one: what they share is worked out once.
+        twin._whole = self.whole
         if term.kind.reshapes:
             twin.terms.append(term)
             twin.refresh()

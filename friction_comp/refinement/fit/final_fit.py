@@ -18,7 +18,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.fit import gauss_newton as optimizer
-from friction_comp.refinement.fit.effect_sum import Term
+from friction_comp.refinement.fit.effect_sum import Term, TRIAL
 from friction_comp.refinement.fit.robust_regression import huber_loss
 from friction_comp.refinement.judge.carry_over import parts_of, shows_in_parts
 from friction_comp.refinement.prepare.fit_data import Measured
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 # More samples than this gain nothing, and would cost memory.
 _MOST_SAMPLES = 200_000
-# Rounds of new weights for a fit on trial.
-_TRIAL = 3
 # Losses in motion that differ by less are as good as each other.
 _AS_GOOD = 1.01
 _NEARLY_AS_GOOD = 1.05
@@ -114,7 +112,7 @@ def with_steepness(fit: Fit, steepness: float) -> Fit:
     twin.steepness, twin.transition = float(steepness), 2.0 / float(steepness)
     twin.shift = fit.shift * fit.steepness / twin.steepness
     twin.fill()
-    twin.solve(_TRIAL)
+    twin.solve(TRIAL)
     return twin
 
 
@@ -162,7 +160,7 @@ def tune_lag(fit: Fit) -> Fit:
             now = now.copy()
             now.terms[place] = Term(kind, constants)
             now.fill()
-            now.solve(_TRIAL)
+            now.solve(TRIAL)
             judge.hear(now)
     if judge.best is fit:
         return fit

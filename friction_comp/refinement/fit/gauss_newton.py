@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.refinement.fit.effect_sum import TRIAL
 from friction_comp.refinement.fit.robust_regression import huber_loss, side_by_side, solve
 
 if TYPE_CHECKING:
     from friction_comp.refinement.fit.effect_sum import Fit
 
 _HALVINGS = 4
-# Rounds of new weights for a step on trial.
-_TRIAL = 3
 _ENOUGH = 1e-4
 # Steepness of the sigmoid, and the velocity over which other terms change sign, in parts of the
 # top speed: outside of this the recordings cannot tell.
@@ -151,7 +150,7 @@ def gauss_newton(fit: Fit, rounds: int = 6, centered: bool = False) -> Fit:
         better = None
         for halving in range(_HALVINGS):
             twin = shifted(fit, list(zip(knobs, step * 0.5 ** halving)))
-            twin.solve(_TRIAL)
+            twin.solve(TRIAL)
             size = float(np.mean(huber_loss(twin.left, scale)))
             if size < best:
                 better = (size, twin)
@@ -180,7 +179,7 @@ def gauss_newton_restarted(fit: Fit) -> Fit:
         twin = fit.copy()
         twin.steepness, twin.shift, twin.transition = steepness, 0.0, 2.0 / steepness
         twin.fill()
-        twin.solve(_TRIAL)
+        twin.solve(TRIAL)
         size = float(np.mean(huber_loss(twin.left, scale)))
         if fresh is None or size < fresh[0]:
             fresh = (size, twin)

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.refinement.fit.effect_sum import Term
 from friction_comp.refinement.fit.robust_regression import side_by_side
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
-    from friction_comp.refinement.fit.effect_sum import Fit, Term
+    from friction_comp.refinement.fit.effect_sum import Fit
 
 # Columns that are worked on together: few enough to stay in the processor's cache.
 _TOGETHER = 32
@@ -50,19 +51,17 @@ class ScoreTest:
         """Return by how much each term of a kind would lower the weighted sum of squares, A²."""
         return self._gains(terms[0].kind, self.columns(terms)) if terms else []
 
-    def gains_on_grid(self, terms: Sequence[Term]) -> list[float]:
-        """Return the gains of terms that are asked again and again, their columns kept."""
-        fit = self.fit
-        if not terms:
-            return []
-        kind, known = terms[0].kind, fit.data.known
-        if kind.carried or (kind.sees_history and fit.reshaped):
-            return self.gains(terms)
+    def gains_on_grid(self, kind: type[Effect]) -> tuple[list[Term], list[float]]:
+        """Return the terms of a kind's grid and their gains; their columns are kept."""
+        fit, known = self.fit, self.fit.data.known
+        terms = [Term(kind, constants) for constants in kind.grid(fit.data.scene)]
+        if not terms or kind.carried or (kind.sees_history and fit.reshaped):
+            return terms, self.gains(terms)
         samples = fit.picked(self.every)
         key = 'grid', kind, id(samples)
         if key not in known:
             known[key] = self.columns(terms), samples
-        return self._gains(kind, known[key][0])
+        return terms, self._gains(kind, known[key][0])
 
     def columns(self, terms: Sequence[Term]) -> np.ndarray:
         """Return the columns of terms of one kind, shape (T, M, L)."""

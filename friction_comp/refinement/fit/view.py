@@ -23,19 +23,18 @@ class View:
     Parameters
     ----------
     samples : Samples
-    rows : ndarray of int or None
-        Which of all samples these are; None for all of them.
     keep : ndarray of int or None
         Which of these are fitted; None for all of them.
     """
 
     samples: Samples
-    rows: np.ndarray | None
     keep: np.ndarray | None
 
 
 def view_of(samples: Samples, index: np.ndarray, reach: int) -> View:
     """Return the samples of some rows, and as many beside each as its current depends on.
+
+    Where these are most of all samples, they are all of them, as the same object.
 
     Parameters
     ----------
@@ -52,5 +51,5 @@ def view_of(samples: Samples, index: np.ndarray, reach: int) -> View:
         np.add.at(change, np.minimum(index + reach + 1, size), -1)
         near = np.nonzero(np.cumsum(change[:-1]))[0]
     if len(near) > _MOST * size:
-        return View(samples, None, index)
-    return View(samples.take(near), near, np.searchsorted(near, index) if reach else None)
+        return View(samples, index)
+    return View(samples.take(near), np.searchsorted(near, index) if reach else None)

@@ -9,7 +9,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import ndtr, stdtr
+from scipy import stats
+from scipy.special import stdtr
 
 from friction_comp.refinement.fit.robust_regression import huber_loss, robust_scale
 from friction_comp.refinement.prepare.correlation import stretches
@@ -95,14 +96,9 @@ def ranks_tail(values: np.ndarray) -> float:
     A few stretches may hold most of an effect (the hardest accelerations): their size says little,
     that nearly all have the same sign says much.
     """
-    values = values[values != 0.0]
-    number = len(values)
-    if number < 6:
+    if len(values) < 6 or not np.any(values):
         return 1.0
-    # The normal approximation; that ties are none is for certain in sums of measured numbers.
-    ranks = np.argsort(np.argsort(np.abs(values))) + 1.0
-    deviation = math.sqrt(number * (number + 1) * (2 * number + 1) / 24.0)
-    return float(ndtr(-(ranks[values > 0.0].sum() - number * (number + 1) / 4.0) / deviation))
+    return float(stats.wilcoxon(values, alternative='greater', method='approx').pvalue)
 
 
 def where_it_acts(energy: np.ndarray, count: np.ndarray, scale: float) -> np.ndarray:

@@ -119,9 +119,8 @@ def _on_grid(fit: Fit, kind: type[Effect]) -> tuple[Term | None, float]:
         terms = _by_spectrum(fit, kind)
         gains = ScoreTest(fit, 1).gains(terms)
     else:
-        terms = [Term(kind, constants) for constants in kind.grid(fit.data.scene)]
         every = max(1, round(len(fit.index) / _COARSE_ROWS))
-        gains = ScoreTest(fit, every).gains_on_grid(terms)
+        terms, gains = ScoreTest(fit, every).gains_on_grid(kind)
     most = max(gains, default=0.0)
     return (terms[gains.index(most)], most) if most > 0.0 else (None, 0.0)
 
