@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What refining a measured recording costs, as multiples of a loop of plain Python beside it.
 
-    python3 bench/refine_time.py [--data ../shared/data] [--sets emps emps:80000 emps:gaps]
+    python3 bench/refine_time.py [--data ../shared/data] [--sets emps kinova_gen3_joint7:80000 ...]
                                  [--other CHECKOUT]
 
-NAME:80000 is the set's `fit` put together in time until it has that many samples, NAME:gaps its
-first 18 000 samples with 60 gaps. Recordings that repeat make chance look like evidence, so that
-more effects are fitted there than a drive of that length has: the figure is an upper one. Each
-line is a process of its own, which imports all it needs; with --other, the same is done with the
-package of another checkout, by turns.
+NAME:80000 is the set's `fit` and `score`, again and again until there are that many samples;
+NAME:gaps is the first 18 000 samples of its `fit` with 60 gaps. Recordings that repeat make chance
+look like evidence, so that more effects are fitted there than a drive of that length has: the
+figure is an upper one. Each line is a process of its own, which imports all it needs; with --other,
+the same is done with the package of another checkout, by turns.
 """
 
 import argparse
@@ -40,6 +40,8 @@ def recording(data, name):
 
     name, _, kind = name.partition(':')
     parts = read_recording([data / name / 'fit'])
+    if kind.isdigit():
+        parts += read_recording([data / name / 'score'])
     if kind == 'gaps':
         whole = parts[0].take(slice(0, 18_000))
         keep = np.ones(len(whole), dtype=bool)
@@ -67,7 +69,7 @@ def measure(data, name):
     cost = time.process_time() - began
     unit = 0.5 * (before + loop())
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f'{name:14s}{sum(map(len, samples)):7d} samples  {cost:6.1f} s, {cost / unit:5.1f} loops '
+    print(f'{name:25s}{sum(map(len, samples)):7d} samples  {cost:6.1f} s, {cost / unit:5.1f} loops '
           f'of {unit:.2f} s, {memory:5.0f} MB  '
           + ', '.join(effect['name'] for effect in result.report['effects']), flush=True)
 
@@ -76,7 +78,8 @@ def main():
     """Measure each set in a process of its own."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--data', type=Path, default=ROOT.parent / 'shared' / 'data')
-    parser.add_argument('--sets', nargs='+', default=['emps', 'emps:80000', 'emps:gaps'])
+    parser.add_argument('--sets', nargs='+', default=[
+        'emps', 'emps:gaps', 'emps:80000', 'kinova_gen3_joint7:80000'])
     parser.add_argument('--other', type=Path, help='checkout to compare with')
     parser.add_argument('--one', help=argparse.SUPPRESS)
     arguments = parser.parse_args()

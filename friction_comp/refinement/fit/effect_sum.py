@@ -14,7 +14,7 @@ import numpy as np
 
 from friction_comp.huber import huber_weights
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement.fit.robust_regression import robust_scale, side_by_side, solve
+from friction_comp.refinement.fit.robust_regression import LeastSquares, robust_scale, side_by_side
 from friction_comp.refinement.fit.view import View, view_of
 
 if TYPE_CHECKING:
@@ -257,16 +257,17 @@ class Fit:
         The weights begin at one: with those of the fit it comes from, what another start would
         explain counts little already, and a fit stays in a valley that leads nowhere.
         """
-        inner, goal = side_by_side(self.parts), self.target[self.index]
+        goal = self.target[self.index]
+        equations = LeastSquares(side_by_side(self.parts), goal)
         weights, signs = np.ones(len(goal)), self.signs
+        begins = np.cumsum([part.shape[1] for part in self.parts])
         loaded = [place for place, term in enumerate(self.terms) if term.kind.carried]
         for number in range(rounds):
-            if loaded and number:
-                for place in loaded:
-                    self.put(place, self.loaded(self.terms[place]))
-                inner = side_by_side(self.parts)
-            self.coefficients = solve(inner, goal, weights, signs)
-            residual = goal - inner @ self.coefficients
+            for place in loaded if number else ():
+                self.put(place, self.loaded(self.terms[place]))
+                equations.exchange(begins[place], self.parts[place + 1])
+            self.coefficients = equations.solved(weights, signs)
+            residual = equations.left(self.coefficients)
             self.scale = robust_scale(residual)
             before, weights = weights, huber_weights(residual, self.scale)
             if number and not loaded and np.max(np.abs(weights - before)) < _SETTLED:

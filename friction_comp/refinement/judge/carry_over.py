@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,20 +50,21 @@ def residual_elsewhere(fit: Fit, part: np.ndarray) -> np.ndarray:
     index = np.nonzero(fit.data.usable)[0]
     columns, goal = side_by_side(fit.whole, index), fit.target[index]
     weights = huber_weights(fit.residual[index], fit.scale)
-    number, size = int(part.max()) + 1, columns.shape[1]
-    squares, products = np.empty((number, size, size)), np.empty((number, size))
-    for k in range(number):
-        own = columns[part == k]
-        weighted = own * weights[part == k, None]
-        squares[k], products[k] = weighted.T @ own, weighted.T @ goal[part == k]
+    # The parts follow each other.
+    edges = np.searchsorted(part, np.arange(int(part.max()) + 2))
+    parts, size = [slice(*pair) for pair in pairwise(edges)], columns.shape[1]
+    squares, products = np.empty((len(parts), size, size)), np.empty((len(parts), size))
+    for k, own in enumerate(parts):
+        weighted = columns[own] * weights[own, None]
+        squares[k], products[k] = weighted.T @ columns[own], weighted.T @ goal[own]
     square, product = squares.sum(axis=0), products.sum(axis=0)
     norm = np.sqrt(np.diag(square)) + 1e-300
     residual = np.empty(len(goal))
-    for k in range(number):
+    for k, own in enumerate(parts):
         others = (square - squares[k]) / norm[:, None] / norm
         others[np.diag_indices(size)] += _RIDGE
         found = np.linalg.solve(others, (product - products[k]) / norm) / norm
-        residual[part == k] = goal[part == k] - columns[part == k] @ found
+        residual[own] = goal[own] - columns[own] @ found
     fit.forget()
     return residual
 
