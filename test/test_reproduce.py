@@ -3,7 +3,12 @@
 """The note's experiments in small."""
 
 import json
+import os
 from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -76,3 +81,33 @@ def test_bad_arguments_leave_nothing(tmp_path, capsys):
     (tmp_path / 'file').write_text('x')
     assert run('reproduce', ['--output', str(tmp_path / 'file')]) == 2
     assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL], ids=lambda n: n.name)
+def test_an_interrupt_leaves_no_process(tmp_path, number):
+    """Sent to the tool alone, while a process of its own measures a look-up table."""
+    tool = subprocess.Popen(
+        [sys.executable, '-m', 'friction_comp', 'reproduce', '--output', str(tmp_path / 'out')],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+    try:
+        end = time.monotonic() + 120.0
+        while not _running(tool.pid, 'spawn_main'):
+            assert time.monotonic() < end
+            assert tool.poll() is None
+            time.sleep(0.05)
+        tool.send_signal(number)
+        assert tool.wait(60.0) == (130 if number == signal.SIGINT else -signal.SIGKILL)
+        end = time.monotonic() + 60.0
+        while left := _running(tool.pid, ''):
+            assert time.monotonic() < end, left
+            time.sleep(0.05)
+        assert b'Traceback' not in tool.stderr.read()
+    finally:
+        if _running(tool.pid, ''):
+            os.killpg(tool.pid, signal.SIGKILL)
+
+
+def _running(session, words):
+    """Return the processes of a session whose command has some words in it."""
+    return subprocess.run(['pgrep', '-a', '-f', '-s', str(session), words or '.'], text=True,
+                          stdout=subprocess.PIPE, check=False).stdout
