@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What other joints ask of a joint's motor, where no URDF says how they are connected.
 
-A serial arm's torques are sums of harmonics of sums and differences of joint angles (its weight),
-of such harmonics times accelerations (its inertia), and of products of velocities. Which of them
-count is found in the recording: one group of terms at a time, as long as stretches that were not
-fitted bear it out. Such a sum holds for postures like the recorded ones; a URDF does better.
+The potential energy of a serial arm is a sum of harmonics of sums and differences of joint angles,
+its kinetic energy of such harmonics times two velocities, and what it asks of a joint follows from
+these by Lagrange's equations. Which of them count is found in the recording: one group of terms at
+a time, as long as stretches that were not fitted bear it out, and where none does alone, all that
+two neighbours' links may ask at once, since weight and inertia cancel where an arm swings freely.
+Such a sum holds for postures like the recorded ones; a URDF does better.
 
 Two laws of mechanics leave out what would only stand in for something else. Weight asks of a joint
 the slope of the potential energy by that joint's own angle, which is therefore part of every term.
@@ -57,24 +59,48 @@ def groups_for(names: Sequence[str], own: str) -> list[Group]:
     sums += [tuple((name, 1) for name in names[start:stop])
              for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
     groups = [Group('weight', angles) for angles in sums if own in (name for name, _ in angles)]
-    singles = [()] + [((name, 1),) for name in names]
-    pairs = [((one, 1), (two, 1)) for one, two in zip(names, names[1:])]
-    for name in names:
-        for angles in singles + pairs:
-            turned = {one for one, _ in angles}
-            # Of two joints' common inertia the angle of the first one makes no difference.
-            if not {own, name} <= turned and (name != own or turned):
-                groups.append(Group('inertia', angles, (name,)))
-    # Products of velocities are left without angles: over angles there would be hundreds.
-    groups += [Group('velocities', (), (one, two))
-               for k, one in enumerate(names) for two in names[k:] if {one, two} != {own}]
+    singles: list[tuple[tuple[str, int], ...]] = [()] + [((name, 1),) for name in names]
+    beside = list(zip(names, names[1:]))
+    sums = singles + [((one, 1), (two, 1)) for one, two in beside]
+    pairs = [(own, name) for name in names] + [
+        pair for pair in [(name, name) for name in names] + beside if own not in pair]
+    for one, two in pairs:
+        for angles in sums:
+            turned = {name for name, _ in angles}
+            # Of two joints' common inertia the angle of the first one makes no difference, and
+            # without accelerating itself a joint feels an energy by its own angle alone.
+            if not {one, two} <= turned and (own in (one, two) or own in turned) and (
+                    one != two or turned):
+                groups.append(Group('kinetic', angles, (own, one, two)))
     return groups
 
 
-def hangs_together(group: Group, names: Sequence[str]) -> bool:
-    """Tell whether a group is the weight of a link whose angle neighbouring joints make up.
+def of_neighbours(names: Sequence[str], own: str) -> list[list[Group]]:
+    """Return what each neighbour's links, and both together, may ask of a joint, each as a set.
 
-    Links hang behind one another, so that this is where weight is looked for first.
+    Parameters
+    ----------
+    names : sequence of str
+        In their order along the arm.
+    own : str
+
+    Returns
+    -------
+    list of list of Group
+    """
+    place = list(names).index(own)
+    neighbours = (*names[max(place - 1, 0):place], *names[place + 1:place + 2])
+    beside = [{own, name} for name in neighbours]
+    if len(beside) > 1:
+        beside.append(set.union(*beside))
+    return [[group for group in groups_for(names, own) if group.everyone <= near]
+            for near in beside]
+
+
+def hangs_together(group: Group, names: Sequence[str]) -> bool:
+    """Tell whether neighbouring joints make up a group: two of them, or more that turn a weight.
+
+    Links hang behind one another, so that this is where a coupling is looked for first.
 
     Parameters
     ----------
@@ -82,8 +108,9 @@ def hangs_together(group: Group, names: Sequence[str]) -> bool:
     names : sequence of str
         In their order along the arm.
     """
-    places = sorted(list(names).index(name) for name, _ in group.angles)
-    return group.kind == 'weight' and places[-1] - places[0] == len(places) - 1
+    places = sorted(list(names).index(name) for name in group.everyone)
+    beside = places[-1] - places[0] == len(places) - 1
+    return beside and (group.kind == 'weight' or len(places) == 2)
 
 
 def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
@@ -136,6 +163,8 @@ class _Search:
             plain_drive_columns(v[:, k], a[:, k], 0.03 * top), np.cos(q[:, k]), np.sin(q[:, k])))
         self.groups = groups_for(names, own)
         self._usual = [hangs_together(group, names) for group in self.groups]
+        self._together = [[self.groups.index(group) for group in near]
+                          for near in of_neighbours(names, own)]
         parts = [base] + [group.columns(names, q, v, a) for group in self.groups]
         edges = np.cumsum([0] + [part.shape[1] for part in parts])
         self._places = [np.arange(one, two) for one, two in zip(edges[:-1], edges[1:])]
@@ -147,8 +176,18 @@ class _Search:
         self._weigh(np.ones(len(q)))
 
     def run(self) -> list[int]:
-        """Return the numbers of the groups chosen, in their order."""
-        chosen: list[int] = []
+        """Return the numbers of the groups chosen: the better choice of several starts."""
+        self._weigh(np.ones(len(self._matrix)))
+        none = self._losses([])
+        starts: list[list[int]] = [[]] + [near for near in self._together if self._lowers(
+            none, self._losses(near), LEAST_SHARE, LEAST_ERRORS)]
+        choices = [self._grown(start) for start in starts]
+        self._weigh(np.ones(len(self._matrix)))
+        return min(choices, key=lambda chosen: float(self._losses(chosen).sum()))
+
+    def _grown(self, start: list[int]) -> list[int]:
+        """Return groups without those that are not missed, and with those that lower the losses."""
+        chosen = self._pruned(start)
         while len(chosen) < _MOST_GROUPS:
             self._weigh(bulk_weights(self._residual(chosen)))
             before = self._losses(chosen)
@@ -162,16 +201,34 @@ class _Search:
             if not sure:
                 break
             chosen.append(min(sure)[1])
+        return self._pruned(chosen)
+
+    def _pruned(self, chosen: list[int]) -> list[int]:
+        """Return groups without those that stretches not fitted do not miss."""
+        while chosen:
+            losses = self._losses(chosen)
+            least, without = min(
+                ((self._losses([k for k in chosen if k != gone]), gone) for gone in chosen),
+                key=lambda entry: float(entry[0].sum()))
+            if self._shows(without, least, losses):
+                break
+            chosen = [k for k in chosen if k != without]
         return chosen
 
     def _shows(self, group: int, before: np.ndarray, after: np.ndarray) -> bool:
         """Tell whether the stretches' losses with a group are lower than chance makes them."""
+        return self._lowers(before, after, LEAST_SHARE, LEAST_ERRORS) or (
+            self._usual[group] and self._lowers(before, after, USUAL_SHARE, USUAL_ERRORS))
+
+    @staticmethod
+    def _lowers(before: np.ndarray, after: np.ndarray, least_share: float,
+                least_errors: float) -> bool:
+        """Tell whether losses are lower by a share, and by so many standard errors."""
         # Ratios, since some stretches hold far more of a term than others.
         lower = np.log((before + 1e-300) / (after + 1e-300))
         errors = float(lower.mean() / (np.std(lower, ddof=1) / np.sqrt(len(lower)) + 1e-300))
         share = 1.0 - float(after.sum() / before.sum())
-        return (share >= LEAST_SHARE and errors >= LEAST_ERRORS) or (
-            self._usual[group] and share >= USUAL_SHARE and errors >= USUAL_ERRORS)
+        return share >= least_share and errors >= least_errors
 
     def coefficients(self, chosen: list[int]) -> tuple[tuple[float, ...], ...]:
         """Return the coefficients of chosen groups in A per unit, a tuple for each."""

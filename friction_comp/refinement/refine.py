@@ -104,7 +104,8 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     clipped = recordings.clipped(raw.current)
     settings = choose_differentiation(raw, clipped)
     clipped |= saturated(differentiate(raw, settings), clipped)
-    raw, arm = with_other_joints(model.with_arm(raw) if model else raw, ~clipped, settings)
+    raw, arm, settings = with_other_joints(
+        model.with_arm(raw) if model else raw, ~clipped, settings)
     question = Question(raw, clipped, model, drive, unit, progress)
     found = _with_lag_that_holds(question, _chosen(question, settings))
     # Samples near standstill do not decide which effects there are; what the model is worth beside

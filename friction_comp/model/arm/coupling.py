@@ -12,6 +12,9 @@ import numpy as np
 
 from friction_comp.errors import InputError
 
+# How many joints each kind of group names beside those of its angles.
+_JOINTS = {'weight': 0, 'kinetic': 3, 'inertia': 1, 'velocities': 2}
+
 
 @dataclass(frozen=True)
 class Group:
@@ -19,13 +22,15 @@ class Group:
 
     Parameters
     ----------
-    kind : {'weight', 'inertia', 'velocities'}
-        Cosine and sine of a sum of angles; an acceleration, or the product of two velocities,
-        alone or times these.
+    kind : {'weight', 'kinetic', 'inertia', 'velocities'}
+        Cosine and sine of a sum of angles; what a kinetic energy of two velocities, alone or times
+        these, asks of a joint; an acceleration, or the product of two velocities, alone or times
+        these (model files of earlier versions have the last two).
     angles : tuple of (str, int)
         Joint and sign of each angle in the sum.
     joints : tuple of str
-        Whose acceleration, or whose velocities.
+        The joint it is asked of and whose velocities the energy has; whose acceleration; whose
+        velocities.
     """
 
     kind: str
@@ -46,15 +51,30 @@ class Group:
         ndarray, shape (N, 1) or (N, 2)
         """
         place = {name: k for k, name in enumerate(names)}
-        factor = np.ones(len(q))
-        if self.kind == 'inertia':
-            factor = a[:, place[self.joints[0]]]
-        elif self.kind == 'velocities':
-            factor = v[:, place[self.joints[0]]] * v[:, place[self.joints[1]]]
+        joints = [place[name] for name in self.joints]
         if not self.angles:
-            return factor[:, None]
+            return self._factors(joints, v, a)[0][:, None]
         total = sum(side * q[:, place[name]] for name, side in self.angles)
-        return factor[:, None] * np.column_stack((np.cos(total), np.sin(total)))
+        turning = sum(side * v[:, place[name]] for name, side in self.angles)
+        of_own = dict(self.angles).get(self.joints[0], 0) if self.joints else 0
+        alone, sloping = self._factors(joints, v, a, turning, of_own)
+        cosine, sine = np.cos(total), np.sin(total)
+        return np.column_stack((alone * cosine - sloping * sine, alone * sine + sloping * cosine))
+
+    def _factors(self, joints: list[int], v: np.ndarray, a: np.ndarray, turning: Any = 0.0,
+                 of_own: int = 0) -> tuple[Any, Any]:
+        """Return what a function of the angles is multiplied by, and what its slope is."""
+        if self.kind == 'inertia':
+            return a[:, joints[0]], 0.0
+        if self.kind == 'velocities':
+            return v[:, joints[0]] * v[:, joints[1]], 0.0
+        if self.kind == 'weight':
+            return np.ones(len(v)), 0.0
+        # Lagrange's equation for the energy f(angles)·v_one·v_two.
+        own, one, two = joints
+        pull = (own == one) * v[:, two] + (own == two) * v[:, one]
+        return ((own == one) * a[:, two] + (own == two) * a[:, one],
+                turning * pull - of_own * v[:, one] * v[:, two])
 
     @property
     def everyone(self) -> set[str]:
@@ -64,13 +84,14 @@ class Group:
     def describe(self) -> str:
         """Return the group in words."""
         total = ' '.join(('+' if side > 0 else '-') + name for name, side in self.angles)
-        total = total.removeprefix('+')
+        over = f' over the angle {total.removeprefix("+")}' * bool(total)
         if self.kind == 'weight':
-            return f'weight over the angle {total}'
+            return f'weight{over}'
         if self.kind == 'inertia':
-            return f'acceleration of {self.joints[0]}' + (f' over the angle {total}' * bool(total))
-        return (f'velocities of {self.joints[0]} and {self.joints[1]}'
-                + f' over the angle {total}' * bool(total))
+            return f'acceleration of {self.joints[0]}{over}'
+        if self.kind == 'kinetic' and self.joints[0] in self.joints[1:]:
+            return f'inertia of {" with ".join(dict.fromkeys(self.joints[1:]))}{over}'
+        return f'velocities of {" and ".join(dict.fromkeys(self.joints[-2:]))}{over}'
 
 
 @dataclass(frozen=True)
@@ -129,8 +150,8 @@ class Coupling:
                     tuple((str(name), int(side)) for name, side in entry['angles']),
                     tuple(str(name) for name in entry['joints']))
                 numbers = tuple(float(value) for value in entry['coefficients'])
-                joints = {'weight': 0, 'inertia': 1, 'velocities': 2}.get(group.kind)
-                if joints != len(group.joints) or len(numbers) != (2 if group.angles else 1):
+                wanted = 2 if group.angles else 1
+                if _JOINTS.get(group.kind) != len(group.joints) or len(numbers) != wanted:
                     raise InputError(f'coupling: a group of kind {group.kind!r} is not complete')
                 if not np.isfinite(numbers).all():
                     raise InputError('coupling: coefficients must be finite')

@@ -33,9 +33,11 @@ def objection(fit: Fit, place: int) -> str:
     if np.size(own) and not np.any(own):
         return 'it could only take part with a sign that no drive has'
     signal = float(np.max(np.abs(fit.target[fit.index])))
-    sizes = [abs(float(own[number])) for number in term.kind.amplitudes if number < len(own)]
+    parts = _cancels_with(fit, place)
+    sizes = [abs(float(own[number])) for number in term.kind.amplitudes
+             if number < len(own) and parts == [place]]
     share = np.zeros(len(fit.index))
-    for number in _cancels_with(fit, place):
+    for number in parts:
         share += fit.parts[number + 1] @ fit.own_coefficients()[number + 1]
     if max([*sizes, float(np.max(np.abs(share)))]) > LARGEST * signal:
         return 'it is far larger than the signal, so that another effect has to cancel it'

@@ -12,6 +12,7 @@ from friction_comp.arm.find_coupling import find_coupling
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.states import moving_states
 from friction_comp.refinement.judge.verdict import IN_PART, lower_report
+from friction_comp.refinement.prepare.fit_data import bandwidths
 from friction_comp.samples import Samples
 
 # Share of its usual top speed below which the joint counts as at rest.
@@ -20,11 +21,16 @@ _STILL = 0.01
 _LEAST = 1e-3
 # Motion comes again where positions differ by less than this share of how much they vary.
 _AGAIN, _ANEW, _ROWS = 0.01, 0.3, 1500
+# Another bandwidth is taken where it leaves less than this share of the error.
+_CLEARLY = 0.97
 
 
 def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, Any]
-                      ) -> tuple[Samples, Arm | None]:
+                      ) -> tuple[Samples, Arm | None, dict[str, Any]]:
     """Return samples with what other joints add to the current, where the recording shows any.
+
+    What is left of one joint's own motion says little of how smooth acceleration has to be where
+    others ask for most of the current: that is chosen by what they ask.
 
     Parameters
     ----------
@@ -41,22 +47,36 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
         With `coupling`, or unchanged.
     Arm or None
         What a model needs to compute it.
+    dict
+        The settings that suit it.
     """
     beside = moved_beside(samples)
     if not beside:
-        return samples, None
+        return samples, None, settings
     names = [name for name in samples.arm.joints if name in beside or name == samples.joint]
-    if samples.arm.velocity is None:
-        settings = {**settings, 'source': 'position'}
-    motion = moving_states(samples, names, settings)
+    # The same samples for all, told from rest by the velocity chosen without the others.
+    motion = moving_states(samples, names, for_all(samples, settings))
     speed = np.abs(motion[1][:, names.index(samples.joint)])
-    found = find_coupling(
-        samples.current, names, samples.joint, motion, samples.recording,
-        usable & (speed > _STILL * np.percentile(speed, 95)))
-    if found is None:
-        return samples, None
-    return (samples.with_(coupling=found.current(names, *motion)),
-            Arm(coupling=found, differentiation=dict(settings)))
+    rows = usable & (speed > _STILL * np.percentile(speed, 95))
+    best, chosen = None, settings
+    for choice in [settings, *(other for other in bandwidths(samples)
+                               if other['source'] == settings['source'] and other != settings)]:
+        moved = moving_states(samples, names, for_all(samples, choice))
+        found = find_coupling(
+            samples.current, names, samples.joint, moved, samples.recording, rows)
+        if found is not None and (best is None or found.errors[1] < _CLEARLY * best.errors[1]):
+            best, chosen, motion = found, choice, moved
+    if best is None:
+        return samples, None, settings
+    return (samples.with_(coupling=best.current(names, *motion)),
+            Arm(coupling=best, differentiation=for_all(samples, chosen)), chosen)
+
+
+def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings for the motion of all joints, whose velocity may not be recorded."""
+    if samples.arm is not None and samples.arm.velocity is None:
+        return {**settings, 'source': 'position'}
+    return dict(settings)
 
 
 def moved_beside(samples: Samples) -> list[str]:

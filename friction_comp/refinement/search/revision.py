@@ -10,7 +10,7 @@ from typing import Any
 
 from friction_comp.model.effects import Effect
 from friction_comp.refinement.fit import gauss_newton as optimizer
-from friction_comp.refinement.fit.effect_sum import Fit
+from friction_comp.refinement.fit.effect_sum import Fit, Term
 from friction_comp.refinement.fit.robust_regression import robust_scale
 from friction_comp.refinement.fit.score_test import ScoreTest
 from friction_comp.refinement.judge.carry_over import carries_over
@@ -22,6 +22,7 @@ from friction_comp.refinement.search.candidate_fit import (
     adjusted,
     CandidateFit,
     chance_of,
+    compared,
     mean_loss,
     Step,
     try_kind,
@@ -36,6 +37,7 @@ from friction_comp.refinement.search.stepwise import (
 )
 from friction_comp.refinement.thresholds import (
     ADJUSTED,
+    ALPHA,
     EXCHANGE,
     IN_DOUBT,
     LEAST_SHARE,
@@ -52,7 +54,9 @@ def search(data: FitData, bases: Sequence[Fit], report: Report | None = None,
     The search adds the best effect again and again, then takes back and exchanges. An effect that
     takes many shapes may have come early as a stand-in for several plainer ones, which a single
     exchange does not bring to light: the search is then done once more without it, and it has to
-    prove itself beside what was found so.
+    prove itself beside what was found so. And where a joint swings nearly by itself, weight and
+    inertia cancel: none of them explains anything alone, so that the search is done once more from
+    all of them, where together they explain something.
 
     Parameters
     ----------
@@ -73,9 +77,33 @@ def search(data: FitData, bases: Sequence[Fit], report: Report | None = None,
         plain = grow(data, replace(empty, granted={}, rivals={}), tuple(flexible), report)
         plain = settle(data, grow(data, plain, report=report), report)
         chosen = simpler_if_as_good(data, chosen, plain)
+    whole = with_mechanics(data, empty)
+    if whole is not None and not set(whole.kinds) <= set(chosen.kinds):
+        whole = settle(data, grow(data, whole, report=report), report)
+        chosen = simpler_if_as_good(data, chosen, whole)
     if chosen.product is None:
         return chosen, None
     return _beside_product(data, bases, chosen, report)
+
+
+def with_mechanics(data: FitData, empty: Chosen) -> Chosen | None:
+    """Return the choice of all that masses ask of a joint at once, None where data show no need."""
+    kinds = [kind for kind in kinds_for(data, empty.fits[0].terms)
+             if (kind.expected or kind.weight or kind.shown_before) and kind not in empty.without]
+    fits: list[Fit] = list(empty.fits)
+    for kind in kinds:
+        fits = [fit.with_term(Term(kind, {})) for fit in fits]
+    for place in reversed(range(empty.first, len(fits[0].terms))):
+        if any(objection(fit, place) for fit in fits):
+            fits = [fit.without(place) for fit in fits]
+    if len(fits[0].terms) - empty.first < 2:
+        return None
+    residual = held_out_residual(data, empty.fits)
+    trial = adjusted(data, residual, compared(data, residual, kinds[-1], fits))
+    worth = max(2.0 * LEAST_SHARE * mean_loss(data, residual), least_advantage(data))
+    if trial.p_value > ALPHA or trial.advantage < worth:
+        return None
+    return replace(empty, fits=trial.fits, granted={}, rivals={})
 
 
 def simpler_if_as_good(data: FitData, first: Chosen, second: Chosen) -> Chosen:
