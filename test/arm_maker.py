@@ -133,3 +133,44 @@ def recorded(urdf, names, motion, scales, friction, rng, noise=0.02, step=0.01):
         samples.append(Samples(time=np.arange(len(q)) * step, position=q[:, k], velocity=v[:, k],
                                current=current, arm=arm, joint=name))
     return samples
+
+
+def swinging(rng, duration, rate=250.0, noise=0.02):
+    """Return two `Samples`, of the shoulder and the elbow of a double pendulum under weak torques.
+
+    The equations of motion are written out by hand; friction is Coulomb's and viscous, and torques
+    are sums of sines of some 3 N·m, less than the weight of the arm asks for.
+    """
+    from scipy.integrate import solve_ivp
+
+    (m1, m2), (l1, l2), fall, rotor = (1.2, 0.8), (0.3, 0.25), 9.81, 0.01
+    frequency = 2 * np.pi * rng.uniform(0.2, 1.5, (5, 2))
+    phase, share = rng.uniform(0, 2 * np.pi, (5, 2)), rng.uniform(0.2, 0.5, (5, 2)) * (2.0, 0.8)
+
+    def torque(t):
+        return (share * np.sin(frequency * t + phase)).sum(axis=0)
+
+    def friction(v):
+        return 0.08 * np.tanh(v / 0.02) + 0.02 * v
+
+    def acceleration(t, q, v):
+        near = m2 * l1 * l2 * np.cos(q[1])
+        own = m2 * l2 ** 2 + rotor
+        mass = np.array([[(m1 + m2) * l1 ** 2 + m2 * l2 ** 2 + rotor + 2 * near,
+                          m2 * l2 ** 2 + near], [m2 * l2 ** 2 + near, own]])
+        bend = m2 * l1 * l2 * np.sin(q[1])
+        turning = np.array([-bend * v[1] * (2 * v[0] + v[1]), bend * v[0] ** 2])
+        outer = m2 * fall * l2 * np.sin(q[0] + q[1])
+        weight = np.array([(m1 + m2) * fall * l1 * np.sin(q[0]) + outer, outer])
+        return np.linalg.solve(mass, torque(t) - friction(v) - turning - weight)
+
+    t = np.arange(int(duration * rate)) / rate
+    states = solve_ivp(lambda t, y: np.concatenate((y[2:], acceleration(t, y[:2], y[2:]))),
+                       (0.0, duration), rng.uniform(-0.5, 0.5, 4), t_eval=t, rtol=1e-7,
+                       atol=1e-8).y.T
+    names = ('shoulder', 'elbow')
+    arm = JointStates(names, states[:, :2], states[:, 2:])
+    asked = np.array([torque(moment) for moment in t])
+    return [Samples(time=t, position=states[:, k], velocity=states[:, 2 + k], joint=name, arm=arm,
+                    current=asked[:, k] + noise * rng.standard_normal(len(t)))
+            for k, name in enumerate(names)]

@@ -8,12 +8,10 @@ from arm_maker import PLANE, random_urdf, recorded, small_arm, waves
 import numpy as np
 import pytest
 
-from friction_comp.arm.find_coupling import find_coupling, groups_for, hangs_together
 from friction_comp.arm.fit import fit_arm
 from friction_comp.arm.link_inertia import Bodies, nearest_possible, possible
 from friction_comp.arm.urdf import Chain, match_names
 from friction_comp.errors import InputError
-from friction_comp.model.arm.coupling import Coupling
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, Tree
 from friction_comp.samples import JointStates, Samples
@@ -279,59 +277,6 @@ def test_without_pinocchio_the_error_says_how_to_get_it(monkeypatch, tmp_path):
 # Without a URDF.
 
 
-def planar(rng, size, noise=0.02):
-    """Return currents and motion of two parallel joints with weight, and one that has neither."""
-    motion = q, v, a = waves(rng, size, 3, 0.01)
-    shoulder = 2.0 * np.cos(q[:, 0]) + 0.8 * np.cos(q[:, 0] + q[:, 1])
-    elbow = 0.8 * np.cos(q[:, 0] + q[:, 1])
-    currents = [part + 0.3 * np.tanh(v[:, k] / 0.01) + 0.2 * v[:, k] + 0.05 * a[:, k]
-                + noise * rng.standard_normal(size)
-                for k, part in enumerate((shoulder, elbow, 0.0))]
-    return currents, motion
-
-
-@pytest.mark.parametrize('seed', range(3))
-def test_the_weight_of_the_next_link_is_found_without_a_urdf(seed):
-    rng = np.random.default_rng(seed)
-    names = ('shoulder', 'elbow', 'wrist')
-    currents, motion = planar(rng, 4000)
-    zeros = np.zeros(4000, dtype=int)
-    moving = [np.abs(motion[1][:, k]) > 0.01 for k in range(3)]
-    for k in (0, 1):
-        found = find_coupling(currents[k], names, names[k], motion, zeros, moving[k])
-        assert found.groups[0].angles == (('shoulder', 1), ('elbow', 1))
-        assert found.errors[1] < 0.04 < 0.1 < found.errors[0]
-        again = Coupling.from_dict(found.to_dict())
-        assert again.current(names, *motion) == pytest.approx(found.current(names, *motion))
-    assert find_coupling(currents[2], names, 'wrist', motion, zeros, moving[2]) is None
-
-
-@pytest.mark.parametrize('own', 'abcd')
-def test_what_mechanics_rules_out_is_not_tried(own):
-    for group in groups_for('abcd', own):
-        turned = {name for name, _ in group.angles}
-        if group.kind == 'weight':
-            assert own in turned
-            assert turned != {own}
-        elif group.kind == 'inertia':
-            assert not {own, *group.joints} <= turned
-            assert turned | set(group.joints) != {own}
-        else:
-            assert set(group.joints) != {own}
-
-
-def test_joints_that_move_independently_show_no_coupling():
-    for seed in range(10, 20):
-        rng = np.random.default_rng(seed)
-        names = tuple('abcdef')
-        motion = waves(rng, 3000, 6, 0.01)
-        v = motion[1][:, 2]
-        slow = np.convolve(rng.standard_normal(3100), np.exp(-np.arange(100) / 20))[50:3050]
-        current = 0.3 * np.tanh(v / 0.02) + 0.2 * v + 0.02 * slow
-        assert find_coupling(current, names, 'c', motion, np.zeros(3000, dtype=int),
-                             np.abs(v) > 0.01) is None
-
-
 def test_motion_of_all_joints_is_differentiated_alike():
     q, v, a = waves(np.random.default_rng(8), 800, 3, 0.01)
     samples = Samples(time=np.arange(800) * 0.01, position=q[:, 1], current=q[:, 1], joint='lift',
@@ -357,23 +302,3 @@ def test_joint_states_go_with_their_samples():
         samples.with_(arm=JointStates(PLANE, q[:4]))
     with pytest.raises(InputError, match='shape'):
         JointStates(('one',), q)
-
-
-def test_neighbours_weight_is_no_guess_among_the_hundred_that_others_are():
-    names = tuple('abcdef')
-    usual = [group for group in groups_for(names, 'c') if hangs_together(group, names)]
-    assert {frozenset(dict(group.angles)) for group in usual} == {
-        frozenset(names[start:stop]) for start in range(3) for stop in range(3, 7)
-        if stop - start > 1}
-    # Slow motion, few stretches, and much else going on: what is to be believed of the weight of
-    # neighbours might be chance in any of a hundred others.
-    found = {}
-    for one, other in ((1, 1), (0, -1)):
-        rng = np.random.default_rng(3)
-        motion = q, v, _ = waves(rng, 900, 6, 0.1)
-        slow = np.convolve(rng.standard_normal(1000), np.exp(-np.arange(100) / 25))[50:950]
-        current = np.cos(q[:, one] + other * q[:, 2]) + 0.5 * np.tanh(v[:, 2] / 0.02) + 0.07 * slow
-        found[one, other] = find_coupling(current, names, 'c', motion, np.zeros(900, dtype=int),
-                                          np.abs(v[:, 2]) > 0.01)
-    assert found[1, 1].groups[0].angles == (('b', 1), ('c', 1))
-    assert found[0, -1] is None
