@@ -191,8 +191,7 @@ class _Search:
         while len(chosen) < _MOST_GROUPS:
             self._weigh(bulk_weights(self._residual(chosen)))
             before = self._losses(chosen)
-            gains = [(self._gain(chosen, k), k) for k in range(len(self.groups))
-                     if k not in chosen]
+            gains = self._gains(chosen)
             short = [k for gain, k in sorted(gains, reverse=True)[:_SHORT_LIST] if gain > 0.0]
             trials = [(self._losses([*chosen, k]), k) for k in short]
             # Of those that chance does not explain, the one that explains most.
@@ -270,15 +269,21 @@ class _Search:
                 losses[number] = mix @ self._grams[number][np.ix_(places, places)] @ mix
         return losses
 
-    def _gain(self, chosen: list[int], group: int) -> float:
-        """Return by how much a group lowers the weighted sum of squares of everything."""
+    def _gains(self, chosen: list[int]) -> list[tuple[float, int]]:
+        """Return by how much each other group lowers the weighted sum of squares of everything."""
         gram = self._grams.sum(axis=0)
         columns, found = self._solved(chosen, np.arange(len(self._grams)))
-        own = self._places[group + 1]
         inner = gram[np.ix_(columns, columns)]
         inner = inner + _RIDGE * np.trace(inner) / len(inner) * np.eye(len(inner))
-        cross = gram[np.ix_(columns, own)]
-        rest = gram[np.ix_(own, own)] - cross.T @ np.linalg.solve(inner, cross)
-        rest = rest + _RIDGE * np.trace(gram[np.ix_(own, own)]) / len(own) * np.eye(len(own))
-        slope = gram[own, -1] - cross.T @ found
-        return float(slope @ np.linalg.solve(rest, slope))
+        had = np.linalg.solve(inner, gram[columns])
+        gains = []
+        for k in range(len(self.groups)):
+            if k in chosen:
+                continue
+            own = self._places[k + 1]
+            block = gram[np.ix_(own, own)]
+            rest = block - gram[np.ix_(columns, own)].T @ had[:, own]
+            rest = rest + _RIDGE * np.trace(block) / len(own) * np.eye(len(own))
+            slope = gram[own, -1] - gram[np.ix_(columns, own)].T @ found
+            gains.append((float(slope @ np.linalg.solve(rest, slope)), k))
+        return gains
