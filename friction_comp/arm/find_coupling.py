@@ -5,9 +5,9 @@
 The potential energy of a serial arm is a sum of harmonics of sums and differences of joint angles,
 its kinetic energy of such harmonics times two velocities, and what it asks of a joint follows from
 these by Lagrange's equations. Which of them count is found in the recording: one group of terms at
-a time, as long as stretches that were not fitted bear it out, and where none does alone, all that
-two neighbours' links may ask at once, since weight and inertia cancel where an arm swings freely.
-Such a sum holds for postures like the recorded ones; a URDF does better.
+a time, as long as times and postures that were not fitted bear it out, or all that neighbours'
+links may ask at once, since weight and inertia cancel where an arm swings freely. Such a sum holds
+for postures like the recorded ones; a URDF does better.
 
 Two laws of mechanics leave out what would only stand in for something else. Weight asks of a joint
 the slope of the potential energy by that joint's own angle, which is therefore part of every term.
@@ -19,8 +19,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations
+import warnings
 
 import numpy as np
+from scipy.cluster.vq import kmeans2
 
 from friction_comp.arm.robust import bulk_weights, STRETCHES, stretches_of
 from friction_comp.model.arm.coupling import Coupling, Group
@@ -37,6 +39,8 @@ _MOST_GROUPS = 12
 _MOST_ROWS = 8000
 # So many of the groups that fit best are compared on stretches not fitted.
 _SHORT_LIST = 6
+# Fewer samples than these are not counted by themselves.
+_FEWEST = 20
 _RIDGE = 1e-6
 
 
@@ -98,9 +102,9 @@ def of_neighbours(names: Sequence[str], own: str) -> list[list[Group]]:
 
 
 def hangs_together(group: Group, names: Sequence[str]) -> bool:
-    """Tell whether neighbouring joints make up a group: two of them, or more that turn a weight.
+    """Tell whether a group is the weight of a link whose angle neighbouring joints make up.
 
-    Links hang behind one another, so that this is where a coupling is looked for first.
+    Links hang behind one another, so that this is where weight is looked for first.
 
     Parameters
     ----------
@@ -108,9 +112,8 @@ def hangs_together(group: Group, names: Sequence[str]) -> bool:
     names : sequence of str
         In their order along the arm.
     """
-    places = sorted(list(names).index(name) for name in group.everyone)
-    beside = places[-1] - places[0] == len(places) - 1
-    return beside and (group.kind == 'weight' or len(places) == 2)
+    places = sorted(list(names).index(name) for name, _ in group.angles)
+    return group.kind == 'weight' and places[-1] - places[0] == len(places) - 1
 
 
 def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
@@ -139,7 +142,7 @@ def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
     """
     index = np.nonzero(rows)[0]
     index = index[::max(1, len(index) // _MOST_ROWS)]
-    if len(index) < 20 * STRETCHES:
+    if len(index) < _FEWEST * STRETCHES:
         return None
     q, v, a = (values[index] for values in motion)
     search = _Search(current[index], names, own, (q, v, a), stretches_of(recording[index]))
@@ -151,8 +154,41 @@ def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
                     (search.error([]), search.error(chosen)))
 
 
+def _cells(stretch: np.ndarray, position: np.ndarray
+           ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Return which samples are left out together, and two ways to hold them out.
+
+    Most excitations come by the same postures again and again: what is left out of some stretches
+    of time was driven in others, and a sum of wrong terms passes. A term therefore has to help in
+    stretches of time and in regions of posture that it was not fitted to.
+
+    Parameters
+    ----------
+    stretch : ndarray of int, shape (L,)
+    position : ndarray, shape (L, J)
+        rad.
+
+    Returns
+    -------
+    cell : ndarray of int, shape (L,)
+        Stretch and region of posture in one.
+    own : ndarray of int, shape (C,)
+        The stretch of each cell.
+    ways : list of ndarray of int, shape (C,)
+        The fold of each cell.
+    """
+    spread = (position - position.mean(axis=0)) / (position.std(axis=0) + 1e-9)
+    with warnings.catch_warnings():
+        # A region without a sample is none.
+        warnings.simplefilter('ignore', UserWarning)
+        _, region = kmeans2(spread, _FOLDS, minit='++', seed=0)
+    cells, cell = np.unique(_FOLDS * stretch + region, return_inverse=True)
+    ways = [cells // _FOLDS % _FOLDS, cells % _FOLDS]
+    return cell, cells // _FOLDS, [way for way in ways if len(np.unique(way)) > 1]
+
+
 class _Search:
-    """Greedy choice of groups beside the joint's own friction, weight and inertia."""
+    """Choice of groups beside the joint's own friction, weight and inertia."""
 
     def __init__(self, current: np.ndarray, names: Sequence[str], own: str,
                  motion: tuple[np.ndarray, np.ndarray, np.ndarray], stretch: np.ndarray) -> None:
@@ -171,16 +207,18 @@ class _Search:
         matrix = np.hstack([*parts, current[:, None]])
         self._norm = np.sqrt(np.mean(matrix ** 2, axis=0)) + 1e-300
         self._matrix = matrix / self._norm
-        self._stretch = stretch
-        self._count = np.bincount(stretch).astype(float)
+        self._cell, self._stretch, self._ways = _cells(stretch, q)
+        self._size, count = len(q), np.bincount(self._cell)
+        # A few samples by themselves say more of the noise than of a term.
+        self._told = count >= _FEWEST
         self._weigh(np.ones(len(q)))
 
     def run(self) -> list[int]:
         """Return the numbers of the groups chosen: the better choice of several starts."""
         self._weigh(np.ones(len(self._matrix)))
         none = self._losses([])
-        starts: list[list[int]] = [[]] + [near for near in self._together if self._lowers(
-            none, self._losses(near), LEAST_SHARE, LEAST_ERRORS)]
+        starts: list[list[int]] = [[]] + [near for near in self._together if self._certain(
+            none, self._losses(near))]
         choices = [self._grown(start) for start in starts]
         self._weigh(np.ones(len(self._matrix)))
         return min(choices, key=lambda chosen: float(self._losses(chosen).sum()))
@@ -215,19 +253,18 @@ class _Search:
         return chosen
 
     def _shows(self, group: int, before: np.ndarray, after: np.ndarray) -> bool:
-        """Tell whether the stretches' losses with a group are lower than chance makes them."""
-        return self._lowers(before, after, LEAST_SHARE, LEAST_ERRORS) or (
-            self._usual[group] and self._lowers(before, after, USUAL_SHARE, USUAL_ERRORS))
+        """Tell whether the cells' losses with a group are lower than chance makes them."""
+        if self._usual[group]:
+            # Slow motion passes each posture once: there is none that was not fitted.
+            old, new = (np.bincount(self._stretch, losses[0])[None] for losses in (before, after))
+            if _lowers(old, new, USUAL_SHARE, USUAL_ERRORS):
+                return True
+        return self._certain(before, after)
 
-    @staticmethod
-    def _lowers(before: np.ndarray, after: np.ndarray, least_share: float,
-                least_errors: float) -> bool:
-        """Tell whether losses are lower by a share, and by so many standard errors."""
-        # Ratios, since some stretches hold far more of a term than others.
-        lower = np.log((before + 1e-300) / (after + 1e-300))
-        errors = float(lower.mean() / (np.std(lower, ddof=1) / np.sqrt(len(lower)) + 1e-300))
-        share = 1.0 - float(after.sum() / before.sum())
-        return share >= least_share and errors >= least_errors
+    def _certain(self, before: np.ndarray, after: np.ndarray) -> bool:
+        """Tell whether losses are lower in times and in postures that were not fitted."""
+        return self._told.sum() > _FOLDS and _lowers(
+            before[:, self._told], after[:, self._told], LEAST_SHARE, LEAST_ERRORS)
 
     def coefficients(self, chosen: list[int]) -> tuple[tuple[float, ...], ...]:
         """Return the coefficients of chosen groups in A per unit, a tuple for each."""
@@ -239,12 +276,13 @@ class _Search:
     def error(self, chosen: list[int]) -> float:
         """Return the RMS error in A on stretches not fitted."""
         self._weigh(np.ones(len(self._matrix)))
-        return float(np.sqrt(self._losses(chosen).sum() / self._count.sum()) * self._norm[-1])
+        mean = self._losses(chosen).mean(axis=0).sum() / self._size
+        return float(np.sqrt(mean) * self._norm[-1])
 
     def _weigh(self, weights: np.ndarray) -> None:
         self._grams = np.array([
             (self._matrix[rows] * weights[rows, None]).T @ self._matrix[rows]
-            for rows in (self._stretch == number for number in range(len(self._count)))])
+            for rows in (self._cell == number for number in range(len(self._stretch)))])
 
     def _solved(self, chosen: list[int], stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         columns = np.concatenate([self._places[0], *(self._places[k + 1] for k in chosen)])
@@ -258,15 +296,16 @@ class _Search:
         return self._matrix[:, -1] - self._matrix[:, columns] @ found
 
     def _losses(self, chosen: list[int]) -> np.ndarray:
-        """Return the weighted sum of squares of every stretch by a fit on the others' folds."""
+        """Return every cell's weighted sum of squares by fits on other folds, (W, C)."""
         numbers = np.arange(len(self._grams))
-        losses = np.empty(len(numbers))
-        for fold in range(_FOLDS):
-            columns, found = self._solved(chosen, numbers[numbers % _FOLDS != fold])
-            mix = np.append(found, -1.0)
-            places = np.append(columns, self._matrix.shape[1] - 1)
-            for number in numbers[numbers % _FOLDS == fold]:
-                losses[number] = mix @ self._grams[number][np.ix_(places, places)] @ mix
+        losses = np.empty((len(self._ways), len(numbers)))
+        for way, loss in zip(self._ways, losses):
+            for fold in np.unique(way):
+                columns, found = self._solved(chosen, numbers[way != fold])
+                mix = np.append(found, -1.0)
+                places = np.append(columns, self._matrix.shape[1] - 1)
+                for number in numbers[way == fold]:
+                    loss[number] = mix @ self._grams[number][np.ix_(places, places)] @ mix
         return losses
 
     def _gains(self, chosen: list[int]) -> list[tuple[float, int]]:
@@ -287,3 +326,13 @@ class _Search:
             slope = gram[own, -1] - gram[np.ix_(columns, own)].T @ found
             gains.append((float(slope @ np.linalg.solve(rest, slope)), k))
         return gains
+
+
+def _lowers(before: np.ndarray, after: np.ndarray, least_share: float, least_errors: float) -> bool:
+    """Tell whether losses, (W, C), are lower by a share and by standard errors, in every way."""
+    # Ratios, since some cells hold far more of a term than others.
+    lower = np.log((before + 1e-300) / (after + 1e-300))
+    deviation = np.std(lower, axis=1, ddof=1) / np.sqrt(lower.shape[1]) + 1e-300
+    errors = lower.mean(axis=1) / deviation
+    shares = 1.0 - after.sum(axis=1) / before.sum(axis=1)
+    return bool((shares >= least_share).all() and (errors >= least_errors).all())

@@ -104,10 +104,14 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     clipped = recordings.clipped(raw.current)
     settings = choose_differentiation(raw, clipped)
     clipped |= saturated(differentiate(raw, settings), clipped)
-    raw, arm, settings = with_other_joints(
-        model.with_arm(raw) if model else raw, ~clipped, settings)
-    question = Question(raw, clipped, model, drive, unit, progress)
-    found = _with_lag_that_holds(question, _chosen(question, settings))
+    choices = []
+    for beside in with_other_joints(model.with_arm(raw) if model else raw, ~clipped, settings):
+        question = Question(beside.samples, clipped, model, drive, unit, progress)
+        choices.append((_chosen(question, beside.settings), question, beside))
+    errors = _held_out_errors([found for found, _, _ in choices])
+    found, question, beside = choices[int(np.argmin(errors))]
+    raw, arm = beside.samples, beside.arm
+    found = _with_lag_that_holds(question, found)
     # Samples near standstill do not decide which effects there are; what the model is worth beside
     # rest and at reversals does depend on how sharply the two are told apart.
     settings = sharpest(
@@ -152,12 +156,16 @@ def _with_lag_that_holds(question: Question, found: Choice) -> Choice:
     other = _chosen(replace(question, without=(*question.without, *lags)), settings)
     worth = max(step.kind.worth(0.0, step.fits[0].terms[-1].constants, found.data.scene)
                 for step in found.steps if step.kind.reshapes)
-    # Not every velocity tells the same samples from rest.
-    rows = found.data.usable & other.data.usable
-    errors = [rms(held_out_residual(choice.data, choice.steps[-1].fits if choice.steps else
-                                    choice.bases)[rows])
-              for choice in (found, other)]
+    errors = _held_out_errors([found, other])
     return found if errors[0] ** 2 < (1.0 - worth) * errors[1] ** 2 else other
+
+
+def _held_out_errors(choices: list[Choice]) -> list[float]:
+    """Return the error of each choice on data not fitted, on the samples that all of them have."""
+    # Not every velocity tells the same samples from rest.
+    rows = np.all([choice.data.usable for choice in choices], axis=0)
+    return [rms(held_out_residual(choice.data, choice.steps[-1].fits if choice.steps else
+                                  choice.bases)[rows]) for choice in choices]
 
 
 def _result(question: Question, found: Choice, settings: dict[str, Any]) -> RefineResult:

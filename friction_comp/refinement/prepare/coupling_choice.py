@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,12 +26,31 @@ _AGAIN, _ANEW, _ROWS = 0.01, 0.3, 1500
 _CLEARLY = 0.97
 
 
+@dataclass(frozen=True)
+class Beside:
+    """A recording with what other joints add to the current, where it shows any.
+
+    Parameters
+    ----------
+    samples : Samples
+        With `coupling`, or as recorded.
+    arm : Arm or None
+        What a model needs to compute it.
+    settings : dict
+        How velocity and acceleration are derived from position.
+    """
+
+    samples: Samples
+    arm: Arm | None
+    settings: dict[str, Any]
+
+
 def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, Any]
-                      ) -> tuple[Samples, Arm | None, dict[str, Any]]:
-    """Return samples with what other joints add to the current, where the recording shows any.
+                      ) -> list[Beside]:
+    """Return a recording with what other joints add to the current, where it shows any.
 
     What is left of one joint's own motion says little of how smooth acceleration has to be where
-    others ask for most of the current: that is chosen by what they ask.
+    others ask for most of the current.
 
     Parameters
     ----------
@@ -43,33 +63,34 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
 
     Returns
     -------
-    Samples
-        With `coupling`, or unchanged.
-    Arm or None
-        What a model needs to compute it.
-    dict
-        The settings that suit it.
+    list of Beside
+        With these settings, and with those at which others explain clearly more, if there are any.
     """
     beside = moved_beside(samples)
     if not beside:
-        return samples, None, settings
+        return [Beside(samples, None, settings)]
     names = [name for name in samples.arm.joints if name in beside or name == samples.joint]
     # The same samples for all, told from rest by the velocity chosen without the others.
     motion = moving_states(samples, names, for_all(samples, settings))
     speed = np.abs(motion[1][:, names.index(samples.joint)])
     rows = usable & (speed > _STILL * np.percentile(speed, 95))
-    best, chosen = None, settings
-    for choice in [settings, *(other for other in bandwidths(samples)
-                               if other['source'] == settings['source'] and other != settings)]:
+
+    def beside_at(choice: dict[str, Any]) -> Beside:
         moved = moving_states(samples, names, for_all(samples, choice))
         found = find_coupling(
             samples.current, names, samples.joint, moved, samples.recording, rows)
-        if found is not None and (best is None or found.errors[1] < _CLEARLY * best.errors[1]):
-            best, chosen, motion = found, choice, moved
-    if best is None:
-        return samples, None, settings
-    return (samples.with_(coupling=best.current(names, *motion)),
-            Arm(coupling=best, differentiation=for_all(samples, chosen)), chosen)
+        if found is None:
+            return Beside(samples, None, choice)
+        return Beside(samples.with_(coupling=found.current(names, *moved)),
+                      Arm(coupling=found, differentiation=for_all(samples, choice)), choice)
+
+    def error(choice: Beside) -> float:
+        return choice.arm.coupling.errors[1] if choice.arm else np.inf
+    first = beside_at(settings)
+    best = min((beside_at(choice) for choice in bandwidths(samples)
+                if choice['source'] == settings['source'] and choice != settings),
+               key=error, default=first)
+    return [first, best] if error(best) < _CLEARLY * error(first) else [first]
 
 
 def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
