@@ -8,7 +8,7 @@ Errors are multiples of the noise on the torque: on recordings not fitted, of th
 and of another, and `held-out` what refinement itself says. --seeds is a half-open range. Each seed
 is a process of its own; with --other, the same is done with the package of another checkout, by
 turns. Seeds 0 to 23 were used to tune, those from 24 on are kept: change nothing by what they say.
-24 to 36 were looked at once. Needs Pinocchio.
+24 to 45 were looked at once. Needs Pinocchio.
 """
 
 from __future__ import annotations
@@ -29,13 +29,18 @@ TOO_FAR = 3.0  # times the held-out error, of an error on score
 
 
 def run(seed, root):
-    """Judge a seed with the package of a checkout; return what `arm_world.judging.judge` does."""
+    """Judge a seed with the package of a checkout; return what `arm_world.judging.judge` does.
+
+    Where the world has no case for a seed, `none` says why.
+    """
     done = subprocess.run(
         [sys.executable, __file__, '--one', str(seed)], cwd=root, stdout=subprocess.PIPE,
         text=True, env={**os.environ, **THREADS, 'PYTHONPATH': str(root)})
     if done.returncode:
         raise SystemExit(f'seed {seed} ended with code {done.returncode}')
     result = json.loads(done.stdout.splitlines()[-1])
+    if 'none' in result:
+        return result
     if not Path(result['package']).resolve().is_relative_to(root):
         raise SystemExit(f'{result["package"]} was used, which is not in {root}')
     return result
@@ -100,7 +105,10 @@ def main():
     arguments = parser.parse_args()
     if arguments.one is not None:
         from arm_world.judging import judge
-        print(json.dumps(judge(arguments.one)))
+        try:
+            print(json.dumps(judge(arguments.one)))
+        except LookupError as error:
+            print(json.dumps({'none': str(error)}))
         return
     if arguments.seeds[0] >= arguments.seeds[1]:
         parser.error('--seeds: the second number must be above the first')
@@ -115,7 +123,11 @@ def main():
     results = {name: [] for name in roots}
     for seed in range(*arguments.seeds):
         for name, root in roots.items():
-            results[name].append(run(seed, root))
+            result = run(seed, root)
+            if 'none' in result:
+                print(f"{indent}{seed:4d} {result['none']}", flush=True)
+                break
+            results[name].append(result)
             print((f'{name:6s}' if arguments.other else '') + line(results[name][-1]), flush=True)
     for name, found in results.items():
         print_summary(name if arguments.other else '', found)

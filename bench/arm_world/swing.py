@@ -125,6 +125,11 @@ def draw_swings(generator, arm, joint, friction_share, recordings):
     motions : list of Motion
     speed : ndarray, shape (n,)
         How fast a joint typically moves, rad/s.
+
+    Raises
+    ------
+    LookupError
+        If no torques are found under which the arm swings well.
     """
     n = arm.model.nv
     swing = Swing.draw(generator, arm)
@@ -153,4 +158,4 @@ def draw_swings(generator, arm, joint, friction_share, recordings):
             arm.friction.scale(0.7)
             continue
         return motions, speed
-    raise RuntimeError(f'no torques found that move the arm well in {TRIES} tries')
+    raise LookupError(f'no torques found that move the arm well in {TRIES} tries')
