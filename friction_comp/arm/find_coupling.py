@@ -79,26 +79,18 @@ def groups_for(names: Sequence[str], own: str) -> list[Group]:
     return groups
 
 
-def of_neighbours(names: Sequence[str], own: str) -> list[list[Group]]:
-    """Return what each neighbour's links, and both together, may ask of a joint, each as a set.
+def neighbourhoods(names: Sequence[str], own: str) -> list[set[str]]:
+    """Return a joint with each of its neighbours, and with both.
 
     Parameters
     ----------
     names : sequence of str
         In their order along the arm.
     own : str
-
-    Returns
-    -------
-    list of list of Group
     """
     place = list(names).index(own)
-    neighbours = (*names[max(place - 1, 0):place], *names[place + 1:place + 2])
-    beside = [{own, name} for name in neighbours]
-    if len(beside) > 1:
-        beside.append(set.union(*beside))
-    return [[group for group in groups_for(names, own) if group.everyone <= near]
-            for near in beside]
+    beside = [{own, name} for name in (*names[:place][-1:], *names[place + 1:][:1])]
+    return [*beside, set.union(*beside)] if len(beside) > 1 else beside
 
 
 def hangs_together(group: Group, names: Sequence[str]) -> bool:
@@ -137,7 +129,7 @@ def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
     Returns
     -------
     Coupling or None
-        None where stretches not fitted show no need. `errors` holds their RMS error in A before
+        None where what was not fitted shows no need. `errors` holds their RMS error in A before
         and after.
     """
     index = np.nonzero(rows)[0]
@@ -149,9 +141,8 @@ def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
     chosen = search.run()
     if not chosen:
         return None
-    coefficients = search.coefficients(chosen)
-    return Coupling(tuple(search.groups[k] for k in chosen), coefficients,
-                    (search.error([]), search.error(chosen)))
+    return Coupling(tuple(search.groups[k] for k in chosen), search.coefficients(chosen),
+                    search.errors(chosen))
 
 
 def _cells(stretch: np.ndarray, position: np.ndarray
@@ -199,33 +190,34 @@ class _Search:
             plain_drive_columns(v[:, k], a[:, k], 0.03 * top), np.cos(q[:, k]), np.sin(q[:, k])))
         self.groups = groups_for(names, own)
         self._usual = [hangs_together(group, names) for group in self.groups]
-        self._together = [[self.groups.index(group) for group in near]
-                          for near in of_neighbours(names, own)]
+        self._together = [
+            [k for k, group in enumerate(self.groups) if group.everyone <= near]
+            for near in neighbourhoods(names, own)]
         parts = [base] + [group.columns(names, q, v, a) for group in self.groups]
         edges = np.cumsum([0] + [part.shape[1] for part in parts])
         self._places = [np.arange(one, two) for one, two in zip(edges[:-1], edges[1:])]
         matrix = np.hstack([*parts, current[:, None]])
         self._norm = np.sqrt(np.mean(matrix ** 2, axis=0)) + 1e-300
         self._matrix = matrix / self._norm
-        self._cell, self._stretch, self._ways = _cells(stretch, q)
-        self._size, count = len(q), np.bincount(self._cell)
+        cell, self._stretch, self._ways = _cells(stretch, q)
+        self._rows = [np.nonzero(cell == number)[0] for number in range(len(self._stretch))]
         # A few samples by themselves say more of the noise than of a term.
-        self._told = count >= _FEWEST
-        self._weigh(np.ones(len(q)))
+        self._told = np.array([len(rows) >= _FEWEST for rows in self._rows])
+        self._even = np.ones(len(q))
 
     def run(self) -> list[int]:
         """Return the numbers of the groups chosen: the better choice of several starts."""
-        self._weigh(np.ones(len(self._matrix)))
+        self._weigh(self._even)
         none = self._losses([])
-        starts: list[list[int]] = [[]] + [near for near in self._together if self._certain(
-            none, self._losses(near))]
-        choices = [self._grown(start) for start in starts]
-        self._weigh(np.ones(len(self._matrix)))
+        starts = [near for near in self._together if self._certain(none, self._losses(near))]
+        choices = [self._grown(start) for start in ([], *starts)]
+        self._weigh(self._even)
         return min(choices, key=lambda chosen: float(self._losses(chosen).sum()))
 
     def _grown(self, start: list[int]) -> list[int]:
         """Return groups without those that are not missed, and with those that lower the losses."""
-        chosen = self._pruned(start)
+        self._weigh(self._even)
+        chosen = self._pruned(list(start))
         while len(chosen) < _MOST_GROUPS:
             self._weigh(bulk_weights(self._residual(chosen)))
             before = self._losses(chosen)
@@ -241,7 +233,7 @@ class _Search:
         return self._pruned(chosen)
 
     def _pruned(self, chosen: list[int]) -> list[int]:
-        """Return groups without those that stretches not fitted do not miss."""
+        """Return groups without those that what was not fitted does not miss."""
         while chosen:
             losses = self._losses(chosen)
             least, without = min(
@@ -273,23 +265,22 @@ class _Search:
         values = dict(zip(columns, found * self._norm[-1] / self._norm[columns]))
         return tuple(tuple(float(values[c]) for c in self._places[k + 1]) for k in chosen)
 
-    def error(self, chosen: list[int]) -> float:
-        """Return the RMS error in A on stretches not fitted."""
-        self._weigh(np.ones(len(self._matrix)))
-        mean = self._losses(chosen).mean(axis=0).sum() / self._size
-        return float(np.sqrt(mean) * self._norm[-1])
+    def errors(self, chosen: list[int]) -> tuple[float, ...]:
+        """Return the RMS error in A on what was not fitted, without groups and with them."""
+        self._weigh(self._even)
+        return tuple(
+            float(np.sqrt(self._losses(some).mean(axis=0).sum() / len(self._even)) * self._norm[-1])
+            for some in ([], chosen))
 
     def _weigh(self, weights: np.ndarray) -> None:
         self._grams = np.array([
             (self._matrix[rows] * weights[rows, None]).T @ self._matrix[rows]
-            for rows in (self._cell == number for number in range(len(self._stretch)))])
+            for rows in self._rows])
 
     def _solved(self, chosen: list[int], stretches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         columns = np.concatenate([self._places[0], *(self._places[k + 1] for k in chosen)])
         gram = self._grams[stretches].sum(axis=0)
-        inner = gram[np.ix_(columns, columns)]
-        inner = inner + _RIDGE * np.trace(inner) / len(inner) * np.eye(len(inner))
-        return columns, np.linalg.solve(inner, gram[columns, -1])
+        return columns, np.linalg.solve(_ridged(gram, columns), gram[columns, -1])
 
     def _residual(self, chosen: list[int]) -> np.ndarray:
         columns, found = self._solved(chosen, np.arange(len(self._grams)))
@@ -312,20 +303,22 @@ class _Search:
         """Return by how much each other group lowers the weighted sum of squares of everything."""
         gram = self._grams.sum(axis=0)
         columns, found = self._solved(chosen, np.arange(len(self._grams)))
-        inner = gram[np.ix_(columns, columns)]
-        inner = inner + _RIDGE * np.trace(inner) / len(inner) * np.eye(len(inner))
-        had = np.linalg.solve(inner, gram[columns])
+        had = np.linalg.solve(_ridged(gram, columns), gram[columns])
         gains = []
         for k in range(len(self.groups)):
             if k in chosen:
                 continue
             own = self._places[k + 1]
-            block = gram[np.ix_(own, own)]
-            rest = block - gram[np.ix_(columns, own)].T @ had[:, own]
-            rest = rest + _RIDGE * np.trace(block) / len(own) * np.eye(len(own))
+            rest = _ridged(gram, own) - gram[np.ix_(columns, own)].T @ had[:, own]
             slope = gram[own, -1] - gram[np.ix_(columns, own)].T @ found
             gains.append((float(slope @ np.linalg.solve(rest, slope)), k))
         return gains
+
+
+def _ridged(gram: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return a block of a matrix of products, with what keeps it solvable."""
+    block = gram[np.ix_(columns, columns)]
+    return np.asarray(block + _RIDGE * np.trace(block) / len(block) * np.eye(len(block)))
 
 
 def _lowers(before: np.ndarray, after: np.ndarray, least_share: float, least_errors: float) -> bool:

@@ -172,21 +172,16 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
     # A fresh interpreter: a fork of one that has run compiled threads may hang.
     context = multiprocessing.get_context('spawn')
     listening, held = context.Pipe(duplex=False)
+    # Closed before the pool is, which waits for what it has begun.
     with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with,
-                             initargs=(listening,)) as pool:
+                             initargs=(listening,)) as pool, held:
         tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
-        try:
-            for k, experiment in enumerate(experiments):
-                def tell(share: float, what: str, k: int = k,
-                         number: int = experiment.number) -> None:
-                    report((k + share) / len(experiments), f'configuration {number}: {what}')
+        for k, experiment in enumerate(experiments):
+            def tell(share: float, what: str, k: int = k,
+                     number: int = experiment.number) -> None:
+                report((k + share) / len(experiments), f'configuration {number}: {what}')
 
-                outcomes.append(run_experiment(
-                    experiment, tables[k].result, cycles, seed, tell))
-        except BaseException:
-            held.close()
-            raise
-    held.close()
+            outcomes.append(run_experiment(experiment, tables[k].result, cycles, seed, tell))
     return outcomes
 
 

@@ -96,8 +96,7 @@ class Arm:
         part = self._part
         if isinstance(part, Tree):
             return float(part.weight(position)[self.place_of(joint)])
-        q = np.asarray(position, dtype=float)[None]
-        return float(part.current(self.joints, q, 0.0 * q, 0.0 * q)[0])
+        return part.weight(self.joints, np.asarray(position, dtype=float))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arm as the plain values of a model file."""

@@ -51,30 +51,28 @@ class Group:
         ndarray, shape (N, 1) or (N, 2)
         """
         place = {name: k for k, name in enumerate(names)}
-        joints = [place[name] for name in self.joints]
+        factor, slope = np.ones(len(q)), np.zeros(len(q))
+        if self.kind == 'kinetic':
+            factor, slope = self._by_lagrange(place, v, a)
+        elif self.kind == 'inertia':
+            factor = a[:, place[self.joints[0]]]
+        elif self.kind == 'velocities':
+            factor = v[:, place[self.joints[0]]] * v[:, place[self.joints[1]]]
         if not self.angles:
-            return self._factors(joints, v, a)[0][:, None]
+            return factor[:, None]
         total = sum(side * q[:, place[name]] for name, side in self.angles)
-        turning = sum(side * v[:, place[name]] for name, side in self.angles)
-        of_own = dict(self.angles).get(self.joints[0], 0) if self.joints else 0
-        alone, sloping = self._factors(joints, v, a, turning, of_own)
         cosine, sine = np.cos(total), np.sin(total)
-        return np.column_stack((alone * cosine - sloping * sine, alone * sine + sloping * cosine))
+        return np.column_stack((factor * cosine - slope * sine, factor * sine + slope * cosine))
 
-    def _factors(self, joints: list[int], v: np.ndarray, a: np.ndarray, turning: Any = 0.0,
-                 of_own: int = 0) -> tuple[Any, Any]:
-        """Return what a function of the angles is multiplied by, and what its slope is."""
-        if self.kind == 'inertia':
-            return a[:, joints[0]], 0.0
-        if self.kind == 'velocities':
-            return v[:, joints[0]] * v[:, joints[1]], 0.0
-        if self.kind == 'weight':
-            return np.ones(len(v)), 0.0
-        # Lagrange's equation for the energy f(angles)·v_one·v_two.
-        own, one, two = joints
-        pull = (own == one) * v[:, two] + (own == two) * v[:, one]
+    def _by_lagrange(self, place: dict[str, int], v: np.ndarray, a: np.ndarray
+                     ) -> tuple[np.ndarray, np.ndarray]:
+        """Return by what the energy f(angles)·v_one·v_two asks for f, and for its slope."""
+        own, one, two = (place[name] for name in self.joints)
+        turning = sum((side * v[:, place[name]] for name, side in self.angles), np.zeros(len(v)))
+        momentum = (own == one) * v[:, two] + (own == two) * v[:, one]
+        of_own = dict(self.angles).get(self.joints[0], 0)
         return ((own == one) * a[:, two] + (own == two) * a[:, one],
-                turning * pull - of_own * v[:, one] * v[:, two])
+                turning * momentum - of_own * v[:, one] * v[:, two])
 
     @property
     def everyone(self) -> set[str]:
@@ -119,6 +117,15 @@ class Coupling:
         for group, coefficients in zip(self.groups, self.coefficients):
             total += group.columns(names, q, v, a) @ np.asarray(coefficients)
         return total
+
+    def weight(self, names: Sequence[str], q: np.ndarray) -> float:
+        """Return the current in A of joints that hold still at positions q, shape (J,), rad."""
+        states = q[None]
+        still = np.zeros_like(states)
+        return float(sum(
+            (group.columns(names, states, still, still) @ np.asarray(coefficients))[0]
+            for group, coefficients in zip(self.groups, self.coefficients)
+            if group.kind == 'weight'))
 
     @property
     def joints(self) -> list[str]:

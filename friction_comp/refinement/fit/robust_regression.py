@@ -20,11 +20,7 @@ _LEFT = 1e-3
 
 def robust_scale(residual: np.ndarray) -> float:
     """Return the standard deviation that the bulk of residuals suggests (1.4826 · MAD)."""
-    size = np.abs(residual)
-    middle = len(size) // 2
-    # A search asks often, and numpy's own median takes half as long again.
-    size.partition((middle - 1, middle) if len(size) % 2 == 0 else middle)
-    return 1.4826 * float(0.5 * (size[middle] + size[middle - 1 + len(size) % 2])) + 1e-15
+    return 1.4826 * float(np.median(np.abs(residual))) + 1e-15
 
 
 def huber_loss(residual: np.ndarray, scale: float) -> np.ndarray:
@@ -39,13 +35,14 @@ class LeastSquares:
     Parameters
     ----------
     matrix : ndarray, shape (N, M)
-        Fastest where each column lies together in memory, as `side_by_side` makes it.
+        Fastest where each column lies together in memory, as `side_by_side` makes it; it is not
+        copied then, and `exchange` changes it.
     current : ndarray, shape (N,)
     """
 
     def __init__(self, matrix: np.ndarray, current: np.ndarray) -> None:
         self._rows, self._current = np.ascontiguousarray(matrix.T), current
-        self._even: tuple[np.ndarray, np.ndarray] | None = None
+        self._unweighted: tuple[np.ndarray, np.ndarray] | None = None
 
     def left(self, coefficients: np.ndarray) -> np.ndarray:
         """Return what coefficients leave of the current, shape (N,)."""
@@ -55,8 +52,8 @@ class LeastSquares:
         """Take other columns, shape (N, L), for those from a place on."""
         own = slice(place, place + columns.shape[1])
         self._rows[own] = columns.T
-        if self._even is not None:
-            gram, goal = self._even
+        if self._unweighted is not None:
+            gram, goal = self._unweighted
             gram[own] = self._rows[own] @ self._rows.T
             gram[:, own] = gram[own].T
             goal[own] = self._rows[own] @ self._current
@@ -103,12 +100,12 @@ class LeastSquares:
         """
         fewer = np.nonzero(weights != 1.0)[0]
         if not len(fewer):
-            if self._even is None:
-                self._even = _sums(self._rows, self._current)
-            return self._even
-        if self._even is None or _FEW * len(fewer) > len(weights):
+            if self._unweighted is None:
+                self._unweighted = _sums(self._rows, self._current)
+            return self._unweighted
+        if self._unweighted is None or _FEW * len(fewer) > len(weights):
             return _sums(self._rows, self._current, weights)
-        gram, goal = self._even
+        gram, goal = self._unweighted
         less, lost = _sums(self._rows.take(fewer, axis=1), self._current[fewer],
                            1.0 - weights[fewer])
         with np.errstate(invalid='ignore'):

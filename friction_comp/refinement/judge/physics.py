@@ -34,8 +34,9 @@ def objection(fit: Fit, place: int) -> str:
         return 'it could only take part with a sign that no drive has'
     signal = float(np.max(np.abs(fit.target[fit.index])))
     parts = _cancels_with(fit, place)
-    sizes = [abs(float(own[number])) for number in term.kind.amplitudes
-             if number < len(own) and parts == [place]]
+    # Of a part of a sum the size says nothing.
+    sizes = [abs(float(own[number])) for number in term.kind.amplitudes if number < len(own)
+             ] if parts == [place] else []
     share = np.zeros(len(fit.index))
     for number in parts:
         share += fit.parts[number + 1] @ fit.own_coefficients()[number + 1]

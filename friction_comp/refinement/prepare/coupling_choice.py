@@ -11,8 +11,10 @@ import numpy as np
 
 from friction_comp.arm.find_coupling import find_coupling
 from friction_comp.model.arm.arm import Arm
+from friction_comp.model.arm.coupling import Coupling
 from friction_comp.model.arm.states import moving_states
 from friction_comp.refinement.judge.verdict import IN_PART, lower_report
+from friction_comp.refinement.prepare.differentiation_choice import excerpt
 from friction_comp.refinement.prepare.fit_data import bandwidths
 from friction_comp.samples import Samples
 
@@ -70,27 +72,37 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
     if not beside:
         return [Beside(samples, None, settings)]
     names = [name for name in samples.arm.joints if name in beside or name == samples.joint]
+    few, allowed = excerpt(samples, usable)
     # The same samples for all, told from rest by the velocity chosen without the others.
-    motion = moving_states(samples, names, for_all(samples, settings))
-    speed = np.abs(motion[1][:, names.index(samples.joint)])
-    rows = usable & (speed > _STILL * np.percentile(speed, 95))
+    _, velocity, _ = moving_states(few, names, for_all(samples, settings))
+    speed = np.abs(velocity[:, names.index(samples.joint)])
+    rows = allowed & (speed > _STILL * np.percentile(speed, 95))
 
-    def beside_at(choice: dict[str, Any]) -> Beside:
-        moved = moving_states(samples, names, for_all(samples, choice))
-        found = find_coupling(
-            samples.current, names, samples.joint, moved, samples.recording, rows)
-        if found is None:
-            return Beside(samples, None, choice)
-        return Beside(samples.with_(coupling=found.current(names, *moved)),
-                      Arm(coupling=found, differentiation=for_all(samples, choice)), choice)
+    def found_at(choice: dict[str, Any]) -> Coupling | None:
+        return find_coupling(
+            few.current, names, samples.joint, moving_states(few, names, for_all(samples, choice)),
+            few.recording, rows)
 
-    def error(choice: Beside) -> float:
-        return choice.arm.coupling.errors[1] if choice.arm else np.inf
-    first = beside_at(settings)
-    best = min((beside_at(choice) for choice in bandwidths(samples)
+    def error(found: Coupling | None) -> float:
+        return found.errors[1] if found else np.inf
+    first = found_at(settings)
+    ways = [(first, settings)]
+    best = min(((found_at(choice), choice) for choice in bandwidths(samples)
                 if choice['source'] == settings['source'] and choice != settings),
-               key=error, default=first)
-    return [first, best] if error(best) < _CLEARLY * error(first) else [first]
+               key=lambda way: error(way[0]), default=ways[0])
+    if error(best[0]) < _CLEARLY * error(first):
+        ways.append(best)
+    return [_beside(samples, names, found, choice) for found, choice in ways]
+
+
+def _beside(samples: Samples, names: list[str], found: Coupling | None,
+            settings: dict[str, Any]) -> Beside:
+    """Return a recording with a coupling that was found with some settings, if one was."""
+    if found is None:
+        return Beside(samples, None, settings)
+    own = for_all(samples, settings)
+    return Beside(samples.with_(coupling=found.current(names, *moving_states(samples, names, own))),
+                  Arm(coupling=found, differentiation=own), settings)
 
 
 def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
