@@ -141,3 +141,13 @@ def test_couplings_of_earlier_model_files_are_what_they_were():
     with pytest.raises(InputError, match='not complete'):
         Coupling.from_dict({'groups': [{'kind': 'kinetic', 'angles': [], 'joints': ['two'],
                                         'coefficients': [1.0]}]})
+
+
+def test_of_joints_that_hold_still_only_their_weight_is_asked():
+    names, rng = tuple('abcd'), np.random.default_rng(4)
+    groups = tuple(groups_for(names, 'c'))
+    coupling = Coupling(groups, tuple(
+        tuple(rng.normal(size=2 if group.angles else 1)) for group in groups))
+    for q in rng.normal(size=(5, 1, 4)):
+        assert coupling.weight(names, q[0]) == pytest.approx(
+            coupling.current(names, q, 0.0 * q, 0.0 * q)[0])
