@@ -234,11 +234,12 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     pytest.importorskip('distributed', reason='Dask is an extra')
     room, out = tmp_path / 'r', tmp_path / 'out'
     drive = random_drive(3, ['gravity'])
-    for k in range(3):
-        # The first is short, the others take long.
-        samples = record(drive, k, excitation_for(
-            ['gravity'], duration=15.0 if not k else 80.0, rate=125.0 if not k else 500.0))[0]
-        write_samples(room / f'day_{k}', samples.samples)
+    # The first is short, the others take long.
+    for duration, rate, days in ((15.0, 125.0, (0,)), (80.0, 500.0, (1, 2))):
+        samples = record(drive, days[0], excitation_for(
+            ['gravity'], duration=duration, rate=rate))[0]
+        for day in days:
+            write_samples(room / f'day_{day}', samples.samples)
     process = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'refine', str(room), '--each', '--jobs', '2',
          '--output', str(out)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,

@@ -98,12 +98,18 @@ class CompensationLaw:
         for j in range(self.joints):
             self._take_parameters(j)
         self._collect_never_applied()
-        self._clear_terms()
+        self._carried = np.zeros(self.joints)
 
     @property
     def parameters(self) -> np.ndarray:
         """The joints' parameters, as compiled loops take them: records.PARAMETERS, shape (J,)."""
         return self._parameters.copy()
+
+    @property
+    def terms(self) -> dict[str, np.ndarray]:
+        """What the last sample's current is made of, A, each (J,)."""
+        return {'kinetic': self._states['kinetic'].copy(),
+                'breakaway': self._states['breakaway'].copy(), 'effects': self._carried}
 
     @property
     def missing(self) -> list[tuple[int, str, tuple[str, ...]]]:
@@ -178,8 +184,7 @@ class CompensationLaw:
         current = np.empty(self.joints)
         kernel.decide_bank(self._parameters, self._states, self._usable, direction, forward,
                            backward, carried, current)
-        self.terms = {'kinetic': self._states['kinetic'].copy(),
-                      'breakaway': self._states['breakaway'].copy(), 'effects': carried}
+        self._carried = carried
         return current
 
     def reset(self) -> None:
@@ -187,7 +192,7 @@ class CompensationLaw:
         self._states[:] = np.zeros(1, STATE)
         self._effects = [EffectsHere(model, self._why_left_out) for model in self.models]
         self._missing = [None] * self.joints
-        self._clear_terms()
+        self._carried = np.zeros(self.joints)
 
     def set_model(self, joint: int, model: FrictionModel) -> None:
         """Exchange a joint's model while the law runs.
@@ -275,9 +280,6 @@ class CompensationLaw:
             for j, model in enumerate(self.models) for effect in model.effects
             if self._why_left_out(effect)]
 
-    def _clear_terms(self) -> None:
-        self.terms = {
-            name: np.zeros(self.joints) for name in ('kinetic', 'breakaway', 'effects')}
 
     def _row(self, values: ArrayLike, name: str) -> np.ndarray:
         row = np.asarray(values, dtype=float)

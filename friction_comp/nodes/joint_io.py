@@ -157,7 +157,7 @@ class CommandPort:
             Whether the currents went out.
         """
         values = []
-        for value, limit in zip(currents, self.limits):
+        for value, limit in zip(np.asarray(currents).tolist(), self.limits):
             if not -limit <= value <= limit:
                 if not math.isfinite(value):
                     self.trimmed += 1

@@ -140,6 +140,8 @@ class MotorTemperature:
         self._values = np.full(len(self._numbers), np.nan)
         self._times = [0] * len(self._numbers)
         self._coming: list[tuple[int, int, float]] = []
+        self._shown: np.ndarray | None = None
+        self._fresh_until = math.inf
 
     def take(self, joint: str, value: float, time: int) -> None:
         """Take a reading in degrees Celsius with its stamp in ns."""
@@ -157,6 +159,8 @@ class MotorTemperature:
 
         NaN where a joint has no fresh reading; None where no joint has one.
         """
+        if not self._coming and time <= self._fresh_until:
+            return self._shown
         if self._coming:
             later = []
             for reading in self._coming:
@@ -169,4 +173,9 @@ class MotorTemperature:
         for number, taken in enumerate(self._times):
             if time - taken > _TEMPERATURE_TIMEOUT:
                 self._values[number] = np.nan
-        return None if np.isnan(self._values).all() else self._values
+        known = ~np.isnan(self._values)
+        self._shown = self._values if known.any() else None
+        self._fresh_until = min(
+            (taken for taken, fresh in zip(self._times, known) if fresh),
+            default=math.inf) + _TEMPERATURE_TIMEOUT
+        return self._shown
