@@ -15,6 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.recordings.arm_reader import read_arm
+from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.tools import predict, refine as refine_tool
 
 DATA = Path(__file__).resolve().parent.parent.parent / 'shared' / 'data' / 'ur10e_all_joints'
@@ -211,16 +212,15 @@ def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
 
 
 @pytest.mark.slow
-def test_ur10e_is_predicted_better_than_by_plain_least_squares(tmp_path):
+def test_ur10e_is_predicted_better_than_by_plain_least_squares():
     """UR10e, all joints moving (shamilmamedov/dynamic_calibration, Mamedov and Mikhel 2020)."""
     pytest.importorskip('pinocchio', reason='Pinocchio is not installed')
     if not DATA.is_dir():
         pytest.skip(f'{DATA} is not there')
-    assert refine_tool.main([
-        str(DATA / 'fit'), '--urdf', str(DATA / 'ur10e.urdf'), '--output', str(tmp_path)]) == 0
+    fit, score = ({name: [samples for samples, _ in parts]
+                   for name, parts in read_arm(DATA / which).items()} for which in ('fit', 'score'))
+    results = refine_arm(fit, DATA / 'ur10e.urdf').results
     floors = (0.29, 0.80, 0.22, 0.056, 0.094, 0.066)
-    found = []
-    for name, parts in read_arm(DATA / 'score').items():
-        model = FrictionModel.load(tmp_path / 'model.yaml', name)
-        found.append(np.sqrt(np.mean((parts[0][0].current - model.predict(parts[0][0])) ** 2)))
+    found = [np.sqrt(np.mean((part.current - results[name].model.predict(part)) ** 2))
+             for name, (part, *_) in score.items()]
     assert (np.array(found) <= floors).all(), found

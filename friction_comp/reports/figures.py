@@ -125,6 +125,7 @@ def to_svg(figure: Figure) -> str:
     """Return a figure as SVG that takes the page's text colour; no file, no network, no script."""
     stream = io.StringIO()
     with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
+        _lay_out(figure)
         figure.savefig(stream, format='svg', dpi=160, metadata={'Date': None, 'Creator': None})
     text = stream.getvalue()
     text = text[text.index('<svg'):]
@@ -132,10 +133,19 @@ def to_svg(figure: Figure) -> str:
     return text.replace(_INK, 'currentColor')
 
 
+def _lay_out(figure: Figure) -> None:
+    """Make room for titles and labels, once: saving draws twice otherwise."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+
+
 def to_png(figure: Figure, resolution: int = 160) -> bytes:
     """Return a figure as PNG on white."""
     stream = io.BytesIO()
     with mpl.rc_context(_STYLE):
+        _lay_out(figure)
         figure.savefig(stream, format='png', dpi=resolution, facecolor='white')
     return stream.getvalue()
 
