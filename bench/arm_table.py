@@ -8,7 +8,7 @@ Errors are multiples of the noise on the torque: on recordings not fitted, of th
 and of another, and `held-out` what refinement itself says. --seeds is a half-open range. Each seed
 is a process of its own; with --other, the same is done with the package of another checkout, by
 turns. Seeds 0 to 23 were used to tune, those from 24 on are kept: change nothing by what they say.
-24 to 45 were looked at once. Needs Pinocchio.
+24 to 59 were looked at once. Needs Pinocchio.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from friction_comp.arm.find_coupling import find_coupling, groups_for, hangs_tog
 from friction_comp.errors import InputError
 from friction_comp.model.arm.coupling import Coupling
 from friction_comp.refinement import refine
+from friction_comp.samples import JointStates, Samples
 
 
 def planar(rng, size, noise=0.02):
@@ -150,3 +151,23 @@ def test_of_joints_that_hold_still_only_their_weight_is_asked():
     for q in rng.normal(size=(5, 1, 4)):
         assert coupling.weight(names, q[0]) == pytest.approx(
             coupling.current(names, q, 0.0 * q, 0.0 * q)[0])
+
+
+@pytest.mark.parametrize(('share', 'verdict'), [(0.0, 'trust'), (1.0, 'record again')])
+def test_joints_that_move_as_one_do_not_tell_which_of_them_asks(share, verdict):
+    """What is held out of such motion is predicted as well, but other motion need not be."""
+    rng = np.random.default_rng(5)
+    q, v, a = (np.column_stack((x[:, 0], share * x[:, 0] + (1.0 - share) * x[:, 1]))
+               for x in waves(rng, 3000, 2, 0.01))
+    current = (2.0 * np.cos(q[:, 0]) + 0.8 * np.cos(q[:, 0] + q[:, 1])
+               + 0.3 * np.tanh(v[:, 0] / 0.01) + 0.2 * v[:, 0] + 0.05 * a[:, 0]
+               + 0.02 * rng.standard_normal(len(q)))
+    report = refine([Samples(
+        time=0.01 * np.arange(len(q)), position=q[:, 0], velocity=v[:, 0], current=current,
+        joint='shoulder', arm=JointStates(('shoulder', 'elbow'), q, v))]).report
+    assert 'other_joints' in {effect['name'] for effect in report['effects']}
+    assert report['after']['held_out_rmse'] < 0.022
+    assert report['verdict'] == verdict
+    text = ' '.join(report['reasons'])
+    assert ('follow from where the other joints are' in text) is (share == 1.0)
+    assert ('beyond the recorded postures' in text) is (share == 1.0)

@@ -266,11 +266,16 @@ class _Search:
         return tuple(tuple(float(values[c]) for c in self._places[k + 1]) for k in chosen)
 
     def errors(self, chosen: list[int]) -> tuple[float, ...]:
-        """Return the RMS error in A on what was not fitted, without groups and with them."""
+        """Return the RMS error in A on what was not fitted, without groups and with them.
+
+        With them also by how it was held out, in times and in postures, where these differ.
+        """
         self._weigh(self._even)
-        return tuple(
-            float(np.sqrt(self._losses(some).mean(axis=0).sum() / len(self._even)) * self._norm[-1])
+        before, after = (
+            np.sqrt(self._losses(some).sum(axis=1) / len(self._even)) * self._norm[-1]
             for some in ([], chosen))
+        ways = after.tolist() if len(after) > 1 else []
+        return float(np.sqrt(np.mean(before ** 2))), float(np.sqrt(np.mean(after ** 2))), *ways
 
     def _weigh(self, weights: np.ndarray) -> None:
         self._grams = np.array([

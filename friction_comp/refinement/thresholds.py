@@ -115,6 +115,13 @@ TRUST_NOISE = Threshold(
 TRUST_R2 = Threshold(0.8, '', 'less of the current explained is no model of the drive')
 TRUST_LEFT = Threshold(
     0.1, 'of the remaining variance', 'a dependence without a name that a reader should know of')
+AS_ONE = Threshold(
+    0.99, 'of the variance', "of a joint's position that follows from those of other joints: which "
+    'of them asks for what is then not told')
+ELSEWHERE = Threshold(
+    2.0, 'times', 'what other joints ask is told worse in postures that were not fitted than at '
+    'times that were not, so that it does not hold beyond the recorded ones; chosen on sixteen '
+    'joints of public arms')
 AT_ODDS = Threshold(
     0.05, '', 'shares by which position and recorded velocity may disagree')
 

@@ -101,11 +101,14 @@ class Coupling:
     groups : tuple of Group
     coefficients : tuple of tuple of float
         A per unit of each term.
+    errors : tuple of float
+        RMS error in A on what was not fitted, without and with the groups; and with them in times,
+        and in postures that were not fitted, where both could be held out.
     """
 
     groups: tuple[Group, ...]
     coefficients: tuple[tuple[float, ...], ...]
-    errors: tuple[Any, ...] = field(default=(), compare=False)
+    errors: tuple[float, ...] = field(default=(), compare=False)
 
     def current(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
                 a: np.ndarray) -> np.ndarray:

@@ -13,9 +13,10 @@ from friction_comp.arm.find_coupling import find_coupling
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.coupling import Coupling
 from friction_comp.model.arm.states import moving_states
-from friction_comp.refinement.judge.verdict import IN_PART, lower_report
+from friction_comp.refinement.judge.verdict import AGAIN, IN_PART, lower_report
 from friction_comp.refinement.prepare.differentiation_choice import excerpt
 from friction_comp.refinement.prepare.fit_data import bandwidths
+from friction_comp.refinement.thresholds import AS_ONE, ELSEWHERE
 from friction_comp.samples import Samples
 
 # Share of its usual top speed below which the joint counts as at rest.
@@ -155,6 +156,21 @@ def repeats_after(samples: Samples) -> float | None:
     return float((first + again[0] + 1) * every * samples.sample_time)
 
 
+def moves_as_one(samples: Samples) -> float:
+    """Return the share of a joint's motion that follows from the other joints' positions.
+
+    Parameters
+    ----------
+    samples : Samples
+        As recorded, with `arm`.
+    """
+    position = samples.arm.position - samples.arm.position.mean(axis=0)
+    place = samples.arm.joints.index(samples.joint)
+    own, others = position[:, place], np.delete(position, place, axis=1)
+    left = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
+    return 1.0 - float(np.mean(left ** 2) / np.mean(own ** 2))
+
+
 def say_so(report: dict[str, Any], arm: Arm, samples: Samples) -> None:
     """Name other joints in a report that has an effect of theirs."""
     groups = [group.describe() for group in arm.coupling.groups]
@@ -174,3 +190,18 @@ def say_so(report: dict[str, Any], arm: Arm, samples: Samples) -> None:
         report['warnings'].append(repeats)
         lower_report(report, IN_PART, repeats, 'record another motion of all joints, and refine '
                      'on both')
+    share = moves_as_one(samples)
+    if share >= AS_ONE:
+        lower_report(
+            report, AGAIN, f"{100 * share:.4g} % of the joint's motion follow from where the other "
+            'joints are: which of them asks for what is not told, and other motion may show that '
+            'it was another.', 'move the joints so that none follows from the others, each with '
+            'frequencies of its own')
+    if len(arm.coupling.errors) > 2:
+        times, postures = arm.coupling.errors[2:]
+        if postures >= ELSEWHERE * times:
+            lower_report(
+                report, AGAIN, f'What other joints ask is told {postures / times:.2g} times as '
+                'badly in postures that were not fitted as at times that were not: it does not '
+                'hold beyond the recorded postures.', 'record motion that comes by each posture '
+                'with several others, over the range that will be used')
