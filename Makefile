@@ -57,7 +57,7 @@ test: export OMP_NUM_THREADS = 1
 # The types are one of the tests: by themselves they would keep one of the two waiting.
 test: setup
 	@$(BIN)/python -m ruff check .
-	@$(BIN)/python -m pytest -n 3 --dist loadgroup --no-loadscope-reorder $(TESTS)
+	@$(BIN)/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder $(TESTS)
 
 docs: setup
 	@$(PIP) install -r requirements/docs.txt

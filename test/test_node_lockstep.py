@@ -70,11 +70,14 @@ def run(folder, law, disturbed=False):
             times.append(float(value_of(status, 'time [s]')))
             return times[-1] == times[-2] and value_of(status, 'waits for') == 'reference'
         probe.status_of('plant', rests)
-        counts = [0]
+        counts = [(0, 0)]
 
         def has_all(status):
-            counts.append(int(value_of(status, 'joint_states')))
-            return counts[-1] == counts[-2] and counts[-1] >= round(1e3 * times[-1])
+            # What a reader that was held up has lost is sent to it again, seconds later. The last
+            # command has its date, and counts, only when the recording ends.
+            counts.append((int(value_of(status, 'joint_states')),
+                           int(value_of(status, 'current_command')) + 1))
+            return counts[-1] == counts[-2] and min(counts[-1]) >= round(1e3 * times[-1])
         probe.status_of('recorder', has_all)
         recorder.send()
         assert recorder.wait() == 0
