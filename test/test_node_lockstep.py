@@ -73,10 +73,9 @@ def run(folder, law, disturbed=False):
         counts = [(0, 0)]
 
         def has_all(status):
-            # What a reader that was held up has lost is sent to it again, seconds later. The last
-            # command has its date, and counts, only when the recording ends.
-            counts.append((int(value_of(status, 'joint_states')),
-                           int(value_of(status, 'current_command')) + 1))
+            # What a reader that was held up has lost is sent to it again, seconds later.
+            counts.append(tuple(int(value_of(status, topic))
+                                for topic in ('joint_states', 'current_command')))
             return counts[-1] == counts[-2] and min(counts[-1]) >= round(1e3 * times[-1])
         probe.status_of('recorder', has_all)
         recorder.send()

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from functools import partial
 import struct
@@ -197,8 +197,11 @@ class RecorderNode(Node):
 
     def _report(self) -> tuple[Any, str, dict[str, Any]]:
         lost = sum(topic.lost for topic in self._topics.values())
+        # Heard, though not written before the joint states that date them have come.
+        waiting = Counter(topic for _, topic, *_ in self._undated)
         values = {'messages per second of real time': self._rate.per_second(),
-                  'messages lost': lost, **self._counts,
+                  'messages lost': lost,
+                  **{topic: count + waiting[topic] for topic, count in self._counts.items()},
                   **{f'publishers of {name}': topic.publishers
                      for name, topic in self._topics.items()}}
         # Once it has stood for a second: what seemed lost may have been a slow publisher's.
