@@ -129,8 +129,7 @@ def find_coupling(current: np.ndarray, names: Sequence[str], own: str,
     Returns
     -------
     Coupling or None
-        None where what was not fitted shows no need. `errors` holds their RMS error in A before
-        and after.
+        None where what was not fitted shows no need.
     """
     index = np.nonzero(rows)[0]
     index = index[::max(1, len(index) // _MOST_ROWS)]

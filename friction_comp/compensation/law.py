@@ -280,7 +280,6 @@ class CompensationLaw:
             for j, model in enumerate(self.models) for effect in model.effects
             if self._why_left_out(effect)]
 
-
     def _row(self, values: ArrayLike, name: str) -> np.ndarray:
         row = np.asarray(values, dtype=float)
         if row.shape == (self.joints,):

@@ -305,7 +305,7 @@ class CompensatorNode(LifecycleNode):
         self._rate.tick()
         if self._state != 'active':
             return
-        # The same as the node's clock where no /clock overrides it, at a tenth of the cost.
+        # The same as the node's clock where no /clock overrides it, at a third of the cost.
         simulated = self.get_clock().ros_time_is_active
         now = self.get_clock().now().nanoseconds if simulated else time.time_ns()
         if now == 0:

@@ -161,15 +161,14 @@ class MotorTemperature:
         """
         if not self._coming and time <= self._fresh_until:
             return self._shown
-        if self._coming:
-            later = []
-            for reading in self._coming:
-                if reading[0] < time:
-                    self._times[reading[1]], self._values[reading[1]] = reading[0], reading[2]
-                else:
-                    later.append(reading)
-            # Without an end, readings of another clock would pile up.
-            self._coming = later[-100:]
+        later = []
+        for reading in self._coming:
+            if reading[0] < time:
+                self._times[reading[1]], self._values[reading[1]] = reading[0], reading[2]
+            else:
+                later.append(reading)
+        # Without an end, readings of another clock would pile up.
+        self._coming = later[-100:]
         for number, taken in enumerate(self._times):
             if time - taken > _TEMPERATURE_TIMEOUT:
                 self._values[number] = np.nan

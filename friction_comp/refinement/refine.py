@@ -104,9 +104,9 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     clipped = recordings.clipped(raw.current)
     settings = choose_differentiation(raw, clipped)
     clipped |= saturated(differentiate(raw, settings), clipped)
-    ways = with_other_joints(model.with_arm(raw) if model else raw, ~clipped, settings)
     choices = []
-    for beside in ways if len(raw) < _TWICE else ways[:1]:
+    for beside in with_other_joints(
+            model.with_arm(raw) if model else raw, ~clipped, settings, len(raw) < _TWICE):
         question = Question(beside.samples, clipped, model, drive, unit, progress)
         choices.append((_chosen(question, beside.settings), question, beside))
     errors = _held_out_errors([found for found, _, _ in choices])

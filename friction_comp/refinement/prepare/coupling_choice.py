@@ -48,8 +48,8 @@ class Beside:
     settings: dict[str, Any]
 
 
-def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, Any]
-                      ) -> list[Beside]:
+def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, Any],
+                      elsewhere: bool) -> list[Beside]:
     """Return a recording with what other joints add to the current, where it shows any.
 
     What is left of one joint's own motion says little of how smooth acceleration has to be where
@@ -63,6 +63,8 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
         Samples that may be fitted.
     settings : dict
         How velocity and acceleration are derived from position.
+    elsewhere : bool
+        Whether other bandwidths are looked at.
 
     Returns
     -------
@@ -89,7 +91,7 @@ def with_other_joints(samples: Samples, usable: np.ndarray, settings: dict[str, 
     first = found_at(settings)
     ways = [(first, settings)]
     best = min(((found_at(choice), choice) for choice in bandwidths(samples)
-                if choice['source'] == settings['source'] and choice != settings),
+                if elsewhere and choice['source'] == settings['source'] and choice != settings),
                key=lambda way: error(way[0]), default=ways[0])
     if error(best[0]) < _CLEARLY * error(first):
         ways.append(best)
