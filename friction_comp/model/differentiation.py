@@ -38,7 +38,8 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     samples : Samples
     settings : dict
         ``source``: 'position' or 'velocity'; ``bandwidth``: Hz, the -3 dB point of one pass;
-        None leaves the signal unfiltered.
+        None leaves the signal unfiltered. ``lag``: s by which torque follows the recorded
+        current; motion, load and temperature are those of the time t + lag then.
 
     Returns
     -------
@@ -73,8 +74,9 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
             speed = _smooth(measured[part], samples.sample_time, bandwidth)
         velocity[part] = speed
         acceleration[part] = _derivative(speed, time)
-    return samples.with_(
-        time=elapsed(samples), velocity=velocity, acceleration=acceleration)
+    return advance(samples.with_(
+        time=elapsed(samples), velocity=velocity, acceleration=acceleration),
+        settings.get('lag') or 0.0)
 
 
 def elapsed(samples: Samples) -> np.ndarray:

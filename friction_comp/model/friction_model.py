@@ -166,15 +166,9 @@ class FrictionModel:
         samples : Samples
             With velocity, and with what the effects ask for.
         """
-        seen = samples
+        current = np.asarray(self.sigmoid(np.asarray(samples.velocity)), dtype=float)
         for effect in self.effects:
-            seen = effect.seen_by(seen, effect.values)
-        current = np.asarray(self.sigmoid(np.asarray(seen.velocity)), dtype=float)
-        for effect in self.effects:
-            if not effect.reshapes:
-                current = current + effect.current(seen)
-        for effect in self.effects:
-            current = effect.recorded_as(current, seen, effect.values)
+            current = current + effect.current(samples)
         return current
 
     def to_dict(self) -> dict[str, Any]:

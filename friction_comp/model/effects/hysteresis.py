@@ -76,10 +76,6 @@ class Hysteresis(Effect):
     constants = {'distance': Search(1.6), 'exponent': Search(1.5), 'transition': None}
     signs = (1,)
     sees_history = True
-    coulomb_column = 0
-    flexible = True
-    open_ended = ('exponent',)
-    amplitudes = (0,)
     fades_at_rest = True
 
     @classmethod

@@ -26,8 +26,6 @@ class ViscousShape(Effect):
     variable = 'velocity'
     held = {'velocity': 0.25}
     constants = {'exponent': Search(1.3), 'reference': None, 'linear': None, 'transition': None}
-    # The power alone.
-    older = {'linear': 0.0}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
@@ -57,11 +55,6 @@ class ViscousShape(Effect):
         if name == 'exponent' and 0.85 < value < 1.2:
             return 0.85 if value < 1.0 else 1.2
         return min(max(value, 0.2), 3.5) if name == 'exponent' else value
-
-    @classmethod
-    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
-        """Return the name of a constant at a bound; next to one the shape is a shape still."""
-        return 'exponent' if not 0.21 < constants['exponent'] < 3.46 else ''
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -1,0 +1,222 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The whole search for one way of preparing the recordings, and the choice between such ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.drive import Drive
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement.columns import DERIVATIVES, Key, proposals, Table, Term
+from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.other_joints import neighbourhood
+from friction_comp.refinement.prepare import (
+    differentiations,
+    held_out,
+    moved_again,
+    plain_columns,
+    prepare,
+    Rows,
+    shifted,
+)
+from friction_comp.refinement.search import Search, Split
+from friction_comp.refinement.thresholds import LAG, LEAST_SHARE, SAME
+from friction_comp.samples import Samples
+
+# A plain drive turns round within this share of its top speed.
+_TURN = 0.1
+# Another bandwidth is tried where the terms found predict so much better at it.
+_BETTER = 0.97
+# Steps of a lag, in samples, and the longest tried, s.
+_LAGS = (0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+_LONGEST_LAG = 0.15
+
+
+@dataclass(frozen=True)
+class Question:
+    """What refinement was given.
+
+    Parameters
+    ----------
+    raw : Samples
+        All recordings.
+    drive : Drive
+    declared : bool
+        Whether the drive's torque constant and gear ratio are known.
+    model : FrictionModel, optional
+        Where to start.
+    progress : callable
+        Called with a share of the work done and a word on it.
+    """
+
+    raw: Samples
+    drive: Drive
+    declared: bool
+    model: FrictionModel | None
+    progress: Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found.
+
+    Parameters
+    ----------
+    table : Table
+    keys : list of Key
+        The terms, those of the model before first.
+    given : int
+        How many of them are of the model before.
+    settings : dict
+        How velocity was computed from position.
+    candidates : list of Key
+        What was tried last.
+    """
+
+    table: Table
+    keys: list[Key]
+    given: int
+    settings: dict[str, Any]
+    candidates: list[Key]
+
+    @property
+    def rows(self) -> Rows:
+        """The rows that were fitted."""
+        return self.table.rows
+
+    def errors(self, keys: Sequence[Key] | None = None) -> np.ndarray:
+        """Return the squared error of each block by a fit to all others, shape (K,)."""
+        own = self.keys if keys is None else keys
+        return self.table.left_out(self.table.indices(own))
+
+    def rmse(self, keys: Sequence[Key] | None = None) -> float:
+        """Return the RMS error of blocks that were not fitted, A."""
+        return math.sqrt(float(self.errors(keys).sum()) / float(self.table.sums.rows.sum()))
+
+
+def search_at(question: Question, settings: dict[str, Any] | None = None) -> Found:
+    """Return what is found with one way of computing velocity from position.
+
+    The search starts from physics (inertia, weight, spring, load) and takes away what is not borne
+    out; then it adds other effects. Time comes last: what a cause that was recorded explains is
+    not left to the clock.
+    """
+    rows, settings = prepare(question.raw, question.drive, settings, question.declared)
+    model = question.model
+    start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.scene.transition)
+    table = Table(rows, start.steepness, start.shift)
+    given = table.add([Term(type(effect), dict(effect.values)) for effect in model.effects
+                       ] if model else [])
+    if not model:
+        table.turn([])
+    split = Split(table)
+    search = Search(table, split, [], given)
+    clock = False
+
+    def offer(keys: list[Key]) -> None:
+        found = table.add(proposals(table, keys))
+        kinds = {key[0] for key in given if table.terms[key].kind.most == 1}
+        search.candidates = [key for key in found if key[0] not in kinds and (
+            (table.terms[key].kind.variable == 'time') == clock)]
+
+    def improve(keys: list[Key]) -> list[Key]:
+        keys = adjusted(table, keys, only=keys[-1:])
+        table.turn(keys)
+        offer(keys)
+        return keys
+    search.improve = improve
+    offer(list(given))
+    plain = [key for key in search.candidates if table.terms[key].kind.physics]
+    starts = [plain]
+    if rows.joints:
+        near = [Term(table.terms[key].kind, {}, group) for key in search.candidates[-1:]
+                for group in neighbourhood(rows.joints, rows.samples.joint)]
+        starts.append([*plain, *table.add(near)])
+    grown = []
+    for some in starts:
+        keys = search.backward([*given, *some])
+        table.turn(keys)
+        offer(keys)
+        keys = search.forward(search.backward(keys))
+        # Each term has to earn its share.
+        grown.append((search.error(keys) * (1.0 + LEAST_SHARE) ** len(keys), keys))
+    keys = min(grown, key=lambda entry: entry[0])[1]
+    for clock in (False, True):
+        if clock:
+            offer(keys)
+            keys = search.forward(keys)
+        keys = adjusted(table, keys, 5)
+        table.turn(keys)
+        offer(keys)
+        keys = search.backward(keys if clock else search.exchange(keys))
+    return Found(table, keys, len(given), settings, search.candidates)
+
+
+def found_in(question: Question) -> Found:
+    """Return what is found, with the lag and the bandwidth that suit it.
+
+    Both are chosen like everything else: by the error of blocks that were not fitted, after a
+    whole search with each.
+    """
+    best = search_at(question)
+    tried = [best.settings]
+    for _ in range(2):
+        before = best
+        for settings in _other_settings(question, best):
+            if settings in tried:
+                continue
+            tried.append(settings)
+            other = search_at(question, settings)
+            fresh = bool(settings.get('lag')) and not best.settings.get('lag')
+            if other.rmse() ** 2 < (LAG if fresh else 1.0 - SAME) * best.rmse() ** 2:
+                best = other
+        if best is before:
+            break
+    return best
+
+
+def _other_settings(question: Question, found: Found) -> list[dict[str, Any]]:
+    """Return settings with which the terms found, or a plain drive, predict better."""
+    rows, others = found.rows, []
+    target = rows.averaged(rows.target)
+    terms = [found.table.terms[key] for key in found.keys]
+    settings = found.settings
+
+    def columns(other: Rows) -> np.ndarray:
+        from friction_comp.refinement.columns import base_columns
+
+        return np.column_stack([base_columns(other, found.table.steepness, found.table.shift),
+                                *(term.columns(other) for term in terms)])
+    if not settings.get('lag'):
+        step = rows.samples.sample_time
+        lags = [side * size * step for size in _LAGS if size * step <= _LONGEST_LAG
+                for side in (1.0, -1.0)]
+        samples = rows.samples.with_(load=None) if rows.load_by_mechanics else rows.samples
+        speed = rows.scene.speed
+        for matrix in (plain_columns(samples, [rows.scene.transition, _TURN * speed]),
+                       columns(rows)):
+            errors = [(float(held_out(rows.averaged(shifted(matrix, samples, lag)), target,
+                                      rows.block).sum()), lag) for lag in (0.0, *lags)]
+            least, lag = min(errors)
+            if least < 0.5 * (1.0 + LAG) * errors[0][0] and abs(lag) > 0.7 * step:
+                others.append({**settings, 'lag': lag})
+    errors = []
+    for choice in differentiations(question.raw):
+        if settings.get('lag'):
+            choice['lag'] = settings['lag']
+        matrix = columns(moved_again(rows, question.raw, choice))
+        if np.isfinite(matrix).all():
+            error = float(held_out(rows.averaged(matrix), target, rows.block).sum())
+            errors.append((error, len(errors), choice))
+    least, _, choice = min(errors)
+    now = [error for error, _, same in errors if same == settings]
+    if choice != settings and (not now or least < _BETTER ** 2 * now[0]):
+        others.append(choice)
+    return others
