@@ -176,38 +176,45 @@ class VelocityCheck:
         Number of latest blocks of motion that are judged together, by their median.
     resolution : float
         rad of an encoder count, where it is known.
+    zeros : bool
+        Whether a velocity that was never another than zero may be one that is not measured, as
+        some drivers fill it in, and then contradicts nothing.
+
+    Attributes
+    ----------
+    fault : str
+        What is wrong, in words, until the joint moves as it should; empty where nothing is.
     """
 
-    def __init__(self, factor: float, blocks: int = 1, resolution: float = 0.0) -> None:
+    def __init__(self, factor: float, blocks: int = 1, resolution: float = 0.0,
+                 zeros: bool = False) -> None:
         self._factor, self._resolution = factor, resolution
         self._ratios: deque[float] = deque(maxlen=blocks)
-        self._moved = False
+        self._moved = not zeros
         self._samples: list[tuple[float, float, float]] = []
+        self.fault = ''
 
-    def forget(self) -> None:
-        """Begin anew, as after a gap: what came before is not connected to what follows."""
+    def interrupt(self) -> None:
+        """Begin a new block, as after a gap: nobody knows how the joint moved in it."""
         self._samples.clear()
-        self._ratios.clear()
 
     def take(self, time: float, position: float, velocity: float) -> str:
-        """Take a sample in s, rad and rad/s; return what is wrong in words, '' if nothing is.
-
-        Some drivers fill a velocity that they do not measure with zeros: only one that was ever
-        another than zero can contradict the position.
-        """
+        """Take a finite sample in s, rad and rad/s; return `fault`."""
         samples = self._samples
         samples.append((time, position, velocity))
-        if time - samples[0][0] < BLOCK:
-            return ''
-        found = np.array(samples)
-        samples[:] = samples[-1:]
-        self._moved = self._moved or bool(found[:, 2].any())
-        if not self._moved:
-            return ''
-        self._ratios.extend(velocity_ratios(
-            found[:, 0], found[:, 1], found[:, 2], self._resolution))
-        return velocity_fault(np.array(self._ratios), self._factor) if (
-            len(self._ratios) == self._ratios.maxlen) else ''
+        if time - samples[0][0] >= BLOCK:
+            found = np.array(samples)
+            samples[:] = samples[-1:]
+            self._moved = self._moved or bool(found[:, 2].any())
+            if self._moved:
+                self._judge(velocity_ratios(
+                    found[:, 0], found[:, 1], found[:, 2], self._resolution))
+        return self.fault
+
+    def _judge(self, ratios: np.ndarray) -> None:
+        self._ratios.extend(ratios)
+        if len(ratios) and len(self._ratios) == self._ratios.maxlen:
+            self.fault = velocity_fault(np.array(self._ratios), self._factor)
 
 
 # Measured against commanded current.

@@ -58,7 +58,7 @@ class Supervision:
         self._resolution = drive.position_resolution or 1e-6
         self._last: tuple[float, float] | None = None
         self._currents = CurrentCheck()
-        self._ways = VelocityCheck(_FACTOR, resolution=self._resolution)
+        self._ways = VelocityCheck(_FACTOR, resolution=self._resolution, zeros=True)
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
         self._begin_answer(0.0, 0.0, 0.0)
 
@@ -153,7 +153,7 @@ class Supervision:
     def _compare_ways(self, step: float, time: float, position: float,
                       velocity: float | None) -> None:
         if velocity is None or not math.isfinite(velocity) or step > _STEP:
-            self._ways.forget()
+            self._ways.interrupt()
             return
         fault = self._ways.take(time, position, velocity)
         if fault:

@@ -185,4 +185,7 @@ def _states_of(messages: Any) -> Any:
         for which, values in enumerate((message.position, message.velocity, message.effort)):
             if len(values) == len(columns):
                 table[which, row, columns] = values
-    return StatesSeen(joints, np.array([received for received, _ in messages]), stamps, *table)
+    twice = [joint for joint in joints
+             if any(message.name.count(joint) > 1 for _, message in messages)]
+    return StatesSeen(joints, np.array([received for received, _ in messages]), stamps,
+                      table[0], table[1], table[2], twice)
