@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from friction_comp.monitoring.network import NO_PEER
 from friction_comp.monitoring.observation import (
     Finding,
     NOTE,
@@ -49,8 +50,7 @@ def check_system(seen: Observation) -> list[Finding]:
     """
     if not seen.nodes:
         return [Finding(NOTE, 'discovery', f'no node was found within {seen.seconds:g} s',
-                        'start one, or compare ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE and '
-                        'RMW_IMPLEMENTATION of both sides; UDP multicast must pass the firewall')]
+                        f'start one, or {NO_PEER}')]
     found = [Finding(OK, 'discovery', f'{len(seen.nodes)} nodes: {", ".join(seen.nodes)}')]
     for check in (_quality, _states, _commands, _driver, _direction, _clocks, _diagnostics):
         found += check(seen)

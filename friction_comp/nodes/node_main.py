@@ -26,6 +26,7 @@ from rclpy.utilities import remove_ros_args
 from friction_comp.compiling import compile_rest, import_numba
 from friction_comp.errors import InputError
 from friction_comp.nodes.executor import StreamExecutor
+from friction_comp.nodes.peers import Peers
 
 _LAST_ROUNDS = 10
 # All that would end the process without a word, as far as a process may prevent it.
@@ -95,6 +96,7 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             # Keys that are missing, a middleware without security.
             raise InputError(_without_places(error)) from None
         signals.tell(getattr(node, 'let_go', None))
+        Peers(node)
         executor = StreamExecutor(node)
         # What lives until the end is not to be searched for garbage between two samples.
         gc.collect()
