@@ -19,7 +19,6 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
@@ -28,6 +27,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.joint_watch import frame_of
 from friction_comp.nodes.recorder import stamp_of
+from friction_comp.nodes.ros_start import start_ros
 from friction_comp.recordings.activity import compensator_says
 from friction_comp.samples import Samples
 
@@ -76,8 +76,7 @@ class LiveFeed:
         self._held, self._status = {}, {}
         self._due, self._first, self._heard = 0, None, 0.0
         self._context = Context()
-        rclpy.init(args=['watch', *arguments], context=self._context,
-                   signal_handler_options=SignalHandlerOptions.NO)
+        start_ros('watch', arguments, self._context)
         self._node = _Listener(self._context)
         # A second reader of a topic costs its publisher little; the first one, a motor's driver,
         # does: 45 us for each command (bench/watch_cost.py).

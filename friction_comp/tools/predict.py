@@ -30,8 +30,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = Arguments('predict', __doc__).add_recordings(several=False)
     parser.add_argument('--model', metavar='FILE', type=Path, required=True,
                         help='model file that refine or identification wrote')
-    parser.add_argument('--output', metavar='FILE', type=Path, required=True,
-                        help='CSV file with the columns time, measured, predicted')
+    parser.add_output_file('CSV file with the columns time, measured, predicted')
     parser.add_argument('--with-time-effects', action='store_true',
                         help='apply what drifted with the time since the start as well: for the '
                              'recording that the model was refined on, or one begun as cold')
@@ -42,8 +41,6 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.recordings import read_recording_with_info
 
     model = FrictionModel.load(arguments.model, arguments.joint)
-    if arguments.output.is_dir():
-        raise InputError(f'{arguments.output}: is a folder, a file is wanted')
     with progress('reading') as report:
         joint = arguments.joint
         if model.arm is not None:
