@@ -200,21 +200,25 @@ class VelocityCheck:
 
     def take(self, time: float, position: float, velocity: float) -> str:
         """Take a finite sample in s, rad and rad/s; return `fault`."""
-        samples = self._samples
-        samples.append((time, position, velocity))
-        if time - samples[0][0] >= BLOCK:
-            found = np.array(samples)
-            samples[:] = samples[-1:]
-            self._moved = self._moved or bool(found[:, 2].any())
-            if self._moved:
-                self._judge(velocity_ratios(
-                    found[:, 0], found[:, 1], found[:, 2], self._resolution))
+        if self.add(time, position, velocity):
+            self.judge()
         return self.fault
 
-    def _judge(self, ratios: np.ndarray) -> None:
-        self._ratios.extend(ratios)
-        if len(ratios) and len(self._ratios) == self._ratios.maxlen:
-            self.fault = velocity_fault(np.array(self._ratios), self._factor)
+    def add(self, time: float, position: float, velocity: float) -> bool:
+        """Take a finite sample in s, rad and rad/s; return whether `judge` is due."""
+        self._samples.append((time, position, velocity))
+        return time - self._samples[0][0] >= BLOCK
+
+    def judge(self) -> None:
+        """Judge what came since the last time; a tenth of a millisecond's work."""
+        found = np.array(self._samples)
+        self._samples[:] = self._samples[-1:]
+        self._moved = self._moved or bool(found[:, 2].any())
+        if self._moved:
+            ratios = velocity_ratios(found[:, 0], found[:, 1], found[:, 2], self._resolution)
+            self._ratios.extend(ratios)
+            if len(ratios) and len(self._ratios) == self._ratios.maxlen:
+                self.fault = velocity_fault(np.array(self._ratios), self._factor)
 
 
 # Measured against commanded current.

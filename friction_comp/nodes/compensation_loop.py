@@ -223,11 +223,16 @@ class CompensationLoop:
         """Compare the velocity with the position, when the answer has gone out."""
         states = self.states
         at, velocity = (states.stamp - self._first) / NANO, states.velocity
+        due = None
         for j, check in enumerate(self._velocities):
             if states.restarted or states.gap or velocity is None:
                 check.interrupt()
             elif math.isfinite(velocity[j]) and math.isfinite(states.position[j]):
-                check.take(at, float(states.position[j]), float(velocity[j]))
+                if check.add(at, float(states.position[j]), float(velocity[j])):
+                    due = check
+        # One joint after each answer: the next one is not to wait for all of them.
+        if due is not None:
+            due.judge()
 
     def _faded(self, currents: Any, stamp: int) -> Any:
         if self._fade == 'begin':
