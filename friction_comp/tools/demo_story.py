@@ -112,7 +112,7 @@ class Demo(Stage):
         self._nodes.stop('recorder')
         trial = EvaluatedTrial(name, title, read_recording(
             self._output / 'recordings' / name, JOINT, *self._drive())[0])
-        self._say(f'trial with {title}: peak {trial.peak_torque:.2f} N·m, '
+        self._say(f'trial with {title}: peak {trial.peak} N·m, '
                   f'RMS {trial.rms_torque:.2f} N·m')
         return trial
 
@@ -148,7 +148,8 @@ class Demo(Stage):
         real = sum(pair[1] for pair in self._speeds)
         content = {
             'trials': [{'name': trial.name, 'peak_torque': trial.peak_torque,
-                        'rms_torque': trial.rms_torque, 'evaluation': trial.evaluation.as_dict()}
+                        'rms_torque': trial.rms_torque, 'stuck': trial.stuck,
+                        'evaluation': trial.evaluation.as_dict()}
                        for trial in trials],
             'residual': {'before': before, 'after': after, 'unit': 'A',
                          'noise_floor': refined.report['noise_floor']},
