@@ -217,7 +217,8 @@ class Evaluation:
         return {
             'joint': self.joint, 'conditions': [c.as_dict() for c in self.conditions],
             'peak_reduction': self.peak_reduction, 'rms_reduction': self.rms_reduction,
-            'reduction_is_bound': self.is_bound, 'model': self.model, 'torque_measured': self.measured,
+            'reduction_is_bound': self.is_bound, 'model': self.model,
+            'torque_measured': self.measured,
             'comparisons': [c.as_dict() for c in self.comparisons],
             'trends': [t.as_dict() for t in self.trends], 'notes': self.notes,
         }

@@ -164,9 +164,7 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     else:
         with suppress(InputError):
             columns['predicted'] = model.predict(samples)
-            carried = not any(effect.by_mechanics(model.drive) for effect in model.effects)
-            load = np.nan_to_num(columns['load']) / gain if carried else 0.0
-            columns['residual'] = columns['current'] + load - columns['predicted']
+            columns['residual'] = model.measured(samples) - columns['predicted']
     every = max(1, round(1.0 / (_RATE * max(samples.sample_time, 1e-9))))
     return {name: values[::every] for name, values in columns.items()}
 
