@@ -35,7 +35,9 @@ def main(argv: list[str] | None = None) -> int:
     InputError
         If the recording or the model cannot be used.
     """
-    parser = Arguments('predict', __doc__).add_recordings(several=False)
+    parser = Arguments('predict', __doc__, (
+        'examples/elbow/with_direction.mcap.zstd --model config/armin_configuration_2.yaml '
+        '--output output/current.csv',)).add_recordings(several=False)
     parser.add_argument('--model', metavar='FILE', type=Path, required=True,
                         help='model file that refine or identification wrote')
     parser.add_argument('--output', metavar='FILE', type=Path, required=True,

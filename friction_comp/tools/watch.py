@@ -40,7 +40,8 @@ def main(argv: list[str] | None = None) -> int:
         If the recording, a model or the port cannot be used, or Bokeh is not installed.
     """
     given = list(sys.argv[1:] if argv is None else argv)
-    parser = Arguments('watch', __doc__, ('', 'trial_with --model elbow.yaml'))
+    parser = Arguments('watch', __doc__, (
+        '', 'examples/elbow/with_direction.mcap.zstd'))
     parser.add_argument('recording', metavar='RECORDING', type=Path, nargs='?',
                         help='recording to play; what runs without')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
