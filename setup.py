@@ -67,7 +67,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
         *shared('launch', '*.launch.py'),
-        *shared('config', '*.yaml'),
+        *shared('config', '*.yaml', '*.xml'),
         *shared('config/exercises', '*.yaml'),
         *shared('config/layouts', '*.json', '*.xml'),
         *shared('msg_docs', '*.md'),

@@ -62,7 +62,7 @@ JOINT_STATE = _record(
     # A, A; the person's push and the part of it that grew while the joint stood short, N·m;
     # degrees Celsius, rad, 1.
     'current late_current human pushed_on temperature counted samples',
-    'sliding', {'bristle': ELEMENTS, 'command': DELAYS})
+    'sliding arrived', {'bristle': ELEMENTS, 'command': DELAYS})
 """State of one joint; `start_joint` sets it."""
 
 MEASURED = np.dtype([(name, float) for name in (

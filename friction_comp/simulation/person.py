@@ -44,10 +44,15 @@ def follow_reference(p: Record, s: Record, h: float, muscle: float, reference_po
         Where the person holds the joint, rad and rad/s.
     """
     lag = reference_position - position
-    if reference_velocity == 0.0 and abs(lag) > ARRIVED and p.human_integral_time > 0.0:
-        s.pushed_on += p.human_stiffness * lag * h / p.human_integral_time
-    else:
+    if reference_velocity != 0.0:
+        s.arrived = 0
+    elif abs(lag) <= ARRIVED:
+        # What springs back now is not pushed again.
+        s.arrived = 1
+    if reference_velocity != 0.0 or s.arrived == 1 or p.human_integral_time <= 0.0:
         s.pushed_on = 0.0
+    else:
+        s.pushed_on += p.human_stiffness * lag * h / p.human_integral_time
     wanted = (p.human_stiffness * lag + p.human_damping * (reference_velocity - velocity)
               + s.pushed_on)
     s.human += (wanted - s.human) * muscle
