@@ -25,6 +25,8 @@ from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, encodable, plain
 
 T = TypeVar('T')
+# Of the JSON that the tools write: one more where an entry goes, or means something else.
+REPORT_VERSION = 1
 
 
 class Arguments(argparse.ArgumentParser):
@@ -233,6 +235,9 @@ def _progress_lines(first: str) -> Callable[..., None]:
 
 
 def to_json(content: dict[str, Any]) -> str:
-    """Return content as JSON text; numpy values become plain ones, NaN and infinity null."""
-    values = plain(content, not_finite=None)
+    """Return a report as JSON text, the version of its form first; msg_docs/reports.md tells both.
+
+    Numpy values become plain ones, NaN and infinity null.
+    """
+    values = {'version': REPORT_VERSION, **plain(content, not_finite=None)}
     return encodable(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)) + '\n'

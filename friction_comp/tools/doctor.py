@@ -51,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     parser = Arguments('doctor', __doc__, (
-        '', '--installed', '--seconds 10 --model elbow.yaml',
+        '', '--installed', '--seconds 10 --model config/armin_configuration_2.yaml',
         '--ros-args -r current_command:=/current_controller/commands'))
     parser.add_argument('--seconds', type=positive, default=5.0,
                         help='how long to look at what runs (%(default)s)')

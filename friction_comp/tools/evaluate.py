@@ -28,8 +28,8 @@ def main(argv: list[str] | None = None) -> int:
         If no recording can be used.
     """
     parser = Arguments('evaluate', __doc__, (
-        'trial_without trial_with --output evaluation',
-        'sessions --model elbow.yaml --jobs 2 --output weeks')
+        'examples/elbow --output output/evaluation',
+        'examples/elbow --model config/armin_configuration_2.yaml --jobs 2 --output output/weeks')
     ).add_recordings().add_output().add_json()
     parser.add_argument(
         '--model', metavar='FILE', type=Path,
