@@ -67,7 +67,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
         *shared('launch', '*.launch.py'),
-        *shared('config', '*.yaml'),
+        *shared('config', '*.yaml', '*.xml'),
         *shared('config/exercises', '*.yaml'),
         *shared('config/layouts', '*.json', '*.xml'),
         *shared('msg_docs', '*.md'),
@@ -76,11 +76,7 @@ setup(
     ],
     python_requires='>=3.10',
     # ROS 2 itself is not listed: it is sourced, or its wheels are in requirements/ros.txt.
-    install_requires=[
-        'numpy>=1.24', 'scipy>=1.10', 'numba>=0.58', 'matplotlib>=3.6', 'PyYAML>=6',
-        'rich>=12', 'rosbags>=0.11', 'mcap>=1.5',
-        'zstandard>=0.18',
-    ],
+    install_requires=interfaces.listed(ROOT / 'requirements' / 'run.txt'),
     # colcon runs the tests with pytest where it finds it asked for here.
     # Pinocchio reads URDF files for `refine --urdf`, Bokeh makes the page of `watch`, Dask works on
     # many recordings at once.

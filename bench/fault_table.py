@@ -189,6 +189,58 @@ def _(rig):
     return lambda: rig.send(velocity=[float('inf')])
 
 
+@fault('position of 1e300 rad')
+def _(rig):
+    return lambda: rig.send(position=[1e300])
+
+
+@fault('joint named twice')
+def _(rig):
+    return lambda: rig.send(names=['elbow', 'elbow'], position=[0.0, 0.1], velocity=[0.0, 0.0])
+
+
+# The next three are seen from what comes over a while, so that no true signal is taken for one.
+@fault('two publishers of the joint', within=0.3)
+def _(rig):
+    from ros_system import BEST_EFFORT, joint_state
+    from sensor_msgs.msg import JointState
+    rival = rig.probe.create_publisher(JointState, 'joint_states', BEST_EFFORT)
+    rig.probe.until(lambda: rival.get_subscription_count(), 'a second publisher')
+
+    def both():
+        rig.driver.announce([1])
+        rig.send()
+        rival.publish(joint_state(time.time_ns(), ['elbow'], [0.3]))
+    return both
+
+
+@fault('two planners, one +1 and one -1', within=0.3)
+def _(rig):
+    from array import array
+
+    from ros_system import BEST_EFFORT
+    from std_msgs.msg import Int8MultiArray
+    rival = rig.probe.create_publisher(Int8MultiArray, 'direction', BEST_EFFORT)
+    rig.probe.until(lambda: rival.get_subscription_count(), 'a second planner')
+
+    def both():
+        rig.driver.announce([1])
+        rig.send()
+        rival.publish(Int8MultiArray(data=array('b', [-1])))
+        rig.send()
+    return both
+
+
+@fault('velocity in deg/s', within=0.7)
+def _(rig):
+    begin = time.monotonic()
+
+    def move():
+        rig.driver.announce([1])
+        rig.send(position=[0.5 * (time.monotonic() - begin)], velocity=[0.5 * 57.3])
+    return move
+
+
 @fault('arrays of different lengths')
 def _(rig):
     return lambda: rig.send(position=[0.0, 0.0])

@@ -45,9 +45,12 @@ def provided_elsewhere():
 
 def requirements():
     """List what an isolated build has to fetch: nothing where ROS 2 is sourced."""
-    if ros_is_sourced():
-        return []
-    lines = (line.strip() for line in REQUIREMENTS.read_text(encoding='utf-8').splitlines())
+    return [] if ros_is_sourced() else listed(REQUIREMENTS)
+
+
+def listed(path):
+    """List the requirements in a file."""
+    lines = (line.strip() for line in path.read_text(encoding='utf-8').splitlines())
     return [line for line in lines if line and not line.startswith('#')]
 
 

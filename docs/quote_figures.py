@@ -41,7 +41,8 @@ _LOOK = """<style>
 def demo_numbers(report: dict[str, Any]) -> dict[str, Any]:
     """Return what is quoted of a demo's report.json."""
     return {'command': 'make demo', 'trials': {
-        trial['name']: [trial['peak_torque'], trial['rms_torque']] for trial in report['trials']},
+        trial['name']: [trial['peak_torque'], trial['rms_torque'], trial['stuck']]
+        for trial in report['trials']},
         'residual': [report['residual']['before'], report['residual']['after']]}
 
 
@@ -50,10 +51,17 @@ def demo_table(numbers: dict[str, Any]) -> list[str]:
     lines = ['| | peak, N·m | RMS, N·m | current error, mA |', '|---|---|---|---|']
     errors = dict(zip(('compensated', 'refined'), numbers['residual']))
     for name, title in _TRIALS.items():
-        peak, rms = numbers['trials'][name]
+        _, rms, _ = numbers['trials'][name]
         error = f'{1e3 * errors[name]:#.3g}' if name in errors else ''
-        lines.append(f'| {title} | {peak:#.3g} | {rms:#.3g} | {error} |'.replace('|  |', '| |'))
+        lines.append(f'| {title} | {_peak(numbers, name)} | {rms:#.3g} | {error} |'.replace(
+            '|  |', '| |'))
     return lines
+
+
+def _peak(numbers: dict[str, Any], name: str) -> str:
+    """Return a trial's peak torque; a bound where the joint did not set out."""
+    peak, _, stuck = numbers['trials'][name]
+    return f'{"> " if stuck else ""}{peak:#.3g}'
 
 
 def reproduce_numbers(results: dict[str, Any]) -> dict[str, Any]:
@@ -108,8 +116,8 @@ def reproduce_table(numbers: dict[str, Any]) -> list[str]:
 
 def demo_words(numbers: dict[str, Any]) -> str:
     """Return what the demo's picture shows, for those who do not see it."""
-    peaks = ', '.join(f'{title} {numbers["trials"][name][0]:#.3g}'
-                      for name, title in _TRIALS.items())
+    peaks = ', '.join(f'{title} {_peak(numbers, name)}' for name, title in _TRIALS.items())
+    peaks = peaks.replace('> ', 'more than ')
     return f'Torque in N·m that a person needs to move the joint, over time. Peaks: {peaks}.'
 
 

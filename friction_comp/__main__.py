@@ -7,6 +7,7 @@ from __future__ import annotations
 from functools import partial
 import importlib
 import os
+import re
 import signal
 import sys
 import threading
@@ -16,6 +17,7 @@ from friction_comp import __version__
 from friction_comp.compiling import begin_plain
 from friction_comp.errors import InputError
 from friction_comp.package_files import name_this_environment
+from friction_comp.terminal import patient_output
 
 NODES = {
     'plant': 'simulates geared joints and the person who moves them',
@@ -60,6 +62,9 @@ NODE_USAGE = """usage: python3 -m friction_comp {name} [--help] [--ros-args ...]
 Parameters, remappings and names are given after --ros-args, for instance
 --ros-args -p NAME:=VALUE -r FROM:=TO."""
 
+# Which of ROS 2's modules is the first to be missed hangs on the order of imports alone.
+_OF_ROS = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
+
 
 def run(name: str, argv: list[str] | None = None) -> int:
     """Run a node or tool and turn the ways in which it may end into an exit code.
@@ -95,21 +100,24 @@ def run(name: str, argv: list[str] | None = None) -> int:
     if name in NODES and threading.current_thread() is threading.main_thread():
         # Until the node looks after signals itself there is nothing to clean up.
         signal.signal(signal.SIGINT, _leave)
-    try:
-        # Only now, so that a tool that needs no ROS 2 runs without it.
-        module = importlib.import_module(f'friction_comp.{room}.{name}')
-        return module.main(argv) or 0
-    except InputError as error:
-        print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
-        return 2
-    except ModuleNotFoundError as error:
-        if (error.name or '').partition('.')[0] not in ('rclpy', 'friction_comp_interfaces'):
-            raise
-        print(f'{name}: no module {error.name}: source a ROS 2 workspace that holds friction_comp, '
-              'or use the environment that `make setup` makes', file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        return 130
+    with patient_output():
+        try:
+            # Only now, so that a tool that needs no ROS 2 runs without it.
+            module = importlib.import_module(f'friction_comp.{room}.{name}')
+            return module.main(argv) or 0
+        except InputError as error:
+            print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
+            return 2
+        except ModuleNotFoundError as error:
+            missing = (error.name or '').partition('.')[0]
+            if not _OF_ROS.fullmatch(missing):
+                raise
+            print(f'{name}: ROS 2 is missing, or not whole: no module {missing}. Source a ROS 2 '
+                  'workspace that holds friction_comp, or use the environment that `make setup` '
+                  'makes', file=sys.stderr)
+            return 1
+        except KeyboardInterrupt:
+            return 130
 
 
 def _leave(*_: object) -> NoReturn:
@@ -133,7 +141,11 @@ def main(argv: list[str] | None = None) -> int:
     int
         The exit code: that of :func:`run`, or 2 without a known name.
     """
-    argv = sys.argv[1:] if argv is None else argv
+    with patient_output():
+        return _main(sys.argv[1:] if argv is None else argv)
+
+
+def _main(argv: list[str]) -> int:
     first = argv[0] if argv else None
     if first in ('-h', '--help'):
         print(USAGE)

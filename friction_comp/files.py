@@ -111,8 +111,19 @@ def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
         raise InputError(f'{path}: not a YAML document: {reason}') from None
 
 
+def encodable(text: str) -> str:
+    r"""Return text that can be written as UTF-8.
+
+    Names of files need not be: their other bytes, which Python holds as single surrogates, are
+    shown as ``\udcfc`` is.
+    """
+    return text.encode('utf-8', 'backslashreplace').decode('utf-8')
+
+
 def write_atomically(path: str | Path, content: str | bytes) -> None:
     """Write text or bytes to a file by way of a temporary file beside it.
+
+    Only an ordinary file is replaced; a device or pipe is written to as it stands.
 
     Raises
     ------
@@ -120,9 +131,12 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
         If the folder cannot be written.
     """
     path = Path(path)
-    data = content.encode('utf-8') if isinstance(content, str) else content
+    data = encodable(content).encode('utf-8') if isinstance(content, str) else content
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists() and not path.is_file():
+            _write_through(path, data)
+            return
         handle, temporary = tempfile.mkstemp(prefix=f'.{path.name}.', dir=path.parent)
         try:
             with os.fdopen(handle, 'wb') as stream:
@@ -137,6 +151,14 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
             raise
     except OSError as error:
         raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
+
+
+def _write_through(path: Path, data: bytes) -> None:
+    # Not to wait for a pipe's other end, which may never come; but for one that reads slowly.
+    handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    os.set_blocking(handle, True)
+    with os.fdopen(handle, 'wb') as stream:
+        stream.write(data)
 
 
 def to_yaml(document: Any) -> str:
@@ -190,10 +212,35 @@ def check_folder(path: str | Path) -> None:
         If they cannot.
     """
     folder = Path(path).absolute()
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f'{path}: cannot be written to')
+    try:
+        while not folder.exists() and folder != folder.parent:
+            folder = folder.parent
+        if not folder.is_dir():
+            raise InputError(f'{path}: cannot be written to: {folder} is no folder')
+        # What permissions say is not all: a file system may be full, or take no files at all.
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written to: {error.strerror or error}') from None
+
+
+def check_file(path: str | Path) -> None:
+    """Make sure that a file can be written, or a device that is there already.
+
+    Raises
+    ------
+    InputError
+        If it cannot.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise InputError(f'{path}: is a folder, a file is wanted')
+        if path.exists() and not path.is_file():
+            return
+    except OSError as error:
+        raise InputError(f'{path}: cannot be written to: {error.strerror or error}') from None
+    check_folder(path.parent)
 
 
 def _umask() -> int:

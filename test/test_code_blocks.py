@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every block of code in the documentation runs, or is read by what would run it."""
 
+import json
 from pathlib import Path
 import re
 import shlex
 
 import numpy as np
 import pytest
+from report_pages import assert_documented, promised
 import yaml
 
 from friction_comp.__main__ import main, NODES, TOOLS
@@ -86,18 +88,16 @@ def trial(name, direction):
 
 @pytest.fixture(scope='module')
 def workplace(tmp_path_factory):
-    """A folder that holds what the README's commands ask for, in the order in which it does."""
+    """A folder that holds what the commands ask for: README's are there, the others a user's."""
     folder = tmp_path_factory.mktemp('workplace')
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        trial('trial_without', 0)
-        trial('another_trial', 1)
-        trial('trial', 1)
-        model = trial('trial_with', 1)
+        for name in ('examples', 'config'):
+            (folder / name).symlink_to(ROOT / name)
+        model = trial('trial', 1)
         for day, direction in (('monday', 0), ('tuesday', 1)):
             trial(f'sessions/{day}', direction)
-        for path in ('elbow.yaml', 'models/elbow.yaml', 'refined/model.yaml'):
-            model.save(path)
+        model.save('elbow.yaml')
         yield folder
 
 
@@ -177,6 +177,35 @@ def test_commands(command, workplace, monkeypatch):
         main([name, *arguments])
 
 
+def report_of(workplace, start):
+    """Return what README's first line that starts so has written; run it where it has not."""
+    line = next(block.values[0] for block in commands() if block.values[0].startswith(
+        f'python3 -m friction_comp {start}'))
+    words = shlex.split(line)
+    folder = workplace / words[words.index('--output') + 1]
+    if not folder.exists():
+        assert main(words[3:]) == 0
+    return json.loads((folder / 'report.json').read_text(encoding='utf-8'))
+
+
+def test_the_examples_show_what_the_tools_are_for(workplace):
+    evaluated = report_of(workplace, 'evaluate examples')
+    assert_documented(evaluated, 'evaluate')
+    for condition in evaluated['conditions']:
+        assert not set(condition) - promised('evaluate')
+        assert condition['stuck'] == 0
+    assert evaluated['peak_reduction'] > 0.5
+    refined = report_of(workplace, 'refine examples')
+    assert_documented(refined, 'refine')
+    effects = {effect['name']: effect for effect in refined['effects']}
+    hidden, = (effect for effect in yaml.safe_load(
+        (ROOT / 'config' / 'undeclared_example.yaml').read_text(encoding='utf-8'))['effects']
+        if effect['name'] == 'friction_ripple')
+    assert 'gravity' in effects
+    assert effects['friction_ripple']['parameters']['frequency'] == pytest.approx(
+        hidden['parameters']['frequency'], rel=0.02)
+
+
 def finds(kind):
     """Refinement finds an effect of the documentation where the current holds it."""
     time = np.arange(0.0, 60.0, 0.01)
@@ -197,6 +226,8 @@ def test_yaml(text):
 
 @pytest.mark.parametrize('text', blocks('python'))
 def test_python(text, workplace):
+    if 'output/refined' in text:
+        report_of(workplace, 'refine examples')
     known = set(EFFECTS)
     names = {'__name__': __name__}
     try:
@@ -207,4 +238,8 @@ def test_python(text, workplace):
         for name in set(EFFECTS) - known:
             del EFFECTS[name]
     if 'residual' in names:
-        assert np.std(names['residual']) < 0.1 * np.std(names['samples'].current)
+        # As refine reports it, and as the page says.
+        error = np.sqrt(np.mean(names['residual'] ** 2))
+        assert error < 1.3 * report_of(workplace, 'refine examples')['after']['held_out_rmse']
+        told = re.search(r'here some\s+([\d.]+) mA', PAGES[0].read_text(encoding='utf-8'))[1]
+        assert 1e3 * error == pytest.approx(float(told), abs=0.3)

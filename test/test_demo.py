@@ -11,6 +11,7 @@ import sys
 import time
 
 import pytest
+from report_pages import assert_documented
 
 from friction_comp.errors import InputError
 from friction_comp.tools import demo
@@ -104,7 +105,9 @@ def scene(name, folder, *more):
     assert done.returncode == 0, done.stdout + done.stderr
     page = (folder / 'report.html').read_text(encoding='utf-8')
     assert page.count('<svg') + page.count('<img') >= 2
-    return json.loads((folder / 'report.json').read_text(encoding='utf-8')), done.stdout
+    found = json.loads((folder / 'report.json').read_text(encoding='utf-8'))
+    assert_documented(found, 'demo')
+    return found, done.stdout
 
 
 @pytest.mark.slow

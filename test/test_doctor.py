@@ -103,6 +103,24 @@ def turned_velocity(seen):
     seen.states = states(velocity_sign=-1.0)
 
 
+def degrees_a_second(seen):
+    seen.states = states(velocity_sign=57.29578)
+
+
+def named_twice(seen):
+    seen.states = replace(seen.states, twice=[JOINT])
+
+
+def nowhere(seen):
+    seen.states.position[7, 0] = 1e300
+
+
+def two_planners(seen):
+    for name in ('direction', 'direction_stamped'):
+        seen.topics[f'/{name}'] = TopicSeen([TYPES[name]], [Endpoint(f'/{name}_planner')], [])
+    seen.directions = [[1]] * 300
+
+
 def no_effort(seen):
     seen.states.effort[:] = np.nan
 
@@ -133,6 +151,10 @@ def latched(seen):
     (another_clock, 'clocks', 'old'),
     (no_tick, 'clocks', '/clock'),
     (turned_velocity, JOINT, '-1 times'),
+    (degrees_a_second, JOINT, 'velocity is in deg/s'),
+    (named_twice, 'joint_states', f'{JOINT} twice'),
+    (nowhere, JOINT, '1e+300 rad cannot be'),
+    (two_planners, 'direction', '/direction_planner, /direction_stamped_planner'),
     (no_effort, JOINT, 'no effort'),
     (no_timeout, 'driver', 'command_timeout'),
     (odd_direction, 'direction', '[2]'),

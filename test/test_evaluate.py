@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trials with known torques are evaluated to just these torques."""
 
+import html
 import json
 
 import numpy as np
@@ -11,7 +12,10 @@ from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.evaluation.movements import find_movements
-from friction_comp.recordings import write_samples
+from friction_comp.evaluation.repetitions import Help
+from friction_comp.recordings import RecordingInfo, write_samples
+from friction_comp.recordings.activity import Activity
+from friction_comp.reports.evaluation_words import condition_line
 from friction_comp.samples import Samples
 
 REST, RAMP, CRUISE, SPEED = 2.0, 0.5, 1.5, 0.4
@@ -182,16 +186,16 @@ def test_the_tool_from_recordings_to_report(tmp_path, capsys):
     assert status == 0
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())
     assert set(report) == {
-        'joint', 'conditions', 'peak_reduction', 'rms_reduction', 'model', 'torque_measured',
-        'comparisons', 'trends', 'notes'}
+        'version', 'joint', 'conditions', 'peak_reduction', 'rms_reduction', 'reduction_is_bound',
+        'model', 'torque_measured', 'comparisons', 'trends', 'notes'}
     assert (report['joint'], report['model']) == ('elbow', 'elbow.yaml')
     assert report['peak_reduction'] == pytest.approx(0.75, abs=1e-3)
     assert len(report['conditions']) == 4
     for condition in report['conditions']:
         assert set(condition) == {
-            'direction', 'movement', 'repetitions', 'peak_torque', 'peak_torque_std', 'peak_time',
-            'rms_torque', 'mean_torque_constant_velocity', 'false_starts', 'law', 'model',
-            'figures', 'false_start_share'}
+            'direction', 'movement', 'repetitions', 'stuck', 'peak_torque', 'peak_torque_std',
+            'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts', 'law',
+            'model', 'figures', 'false_start_share'}
         assert condition['repetitions'] == 1
         assert condition['peak_torque_std'] == 0.0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
@@ -214,3 +218,66 @@ def test_the_tool_on_unusable_input(tmp_path, capsys):
         assert error.count('\n') == 1
         assert words in error
         assert not (tmp_path / 'out').exists()
+
+
+def stuck_trial(set_out=None):
+    """Make a trial of two movements in which the joint stands still, or sets out too late.
+
+    The person is a spring to the reference: behind the positive movement 1.3 N·m are left, which
+    are still there as the negative movement begins. Where the joint sets out, the push has grown
+    to 1.7 N·m `set_out` seconds after the movement began.
+    """
+    samples = trial([0.0, 0.0], push=0.0)
+    stiffness = 1.3 / samples.reference_position.max()
+    position = np.zeros(len(samples))
+    if set_out is not None:
+        for k, sign in enumerate((1, -1)):
+            since = samples.time - k * PERIOD - REST - set_out
+            position += sign * samples.reference_position.max() * np.clip(since / 0.5, 0.0, 1.0)
+    load = stiffness * (samples.reference_position - position)
+    if set_out is not None:
+        for k, sign in enumerate((1, -1)):
+            since = samples.time - k * PERIOD - REST
+            load += 0.4 * sign * np.clip(since - set_out + 1.0, 0.0, 1.0) * (since < set_out)
+    return samples.with_(position=position, load=load, command=np.zeros(len(samples)))
+
+
+def test_a_push_that_is_left_from_the_movement_before_is_no_peak():
+    for condition in evaluate([stuck_trial()]).conditions:
+        assert condition.stuck == 1
+        assert condition.peak_time >= 0.0
+        # From 1.3 N·m left over, the negative movement takes the push to zero, and no farther.
+        expected = 1.3 if condition.movement == 'positive' else 0.0
+        assert condition.peak_torque == pytest.approx(expected, abs=0.01)
+
+
+def test_a_joint_that_sets_out_late_took_what_was_given_until_then():
+    evaluation = evaluate([stuck_trial(set_out=MOVE + 0.6)])
+    for condition, repetition in zip(evaluation.conditions, evaluation.repetitions):
+        assert condition.stuck == 0
+        assert condition.peak_torque == pytest.approx(1.7, abs=0.03)
+        assert condition.peak_time == pytest.approx(MOVE + 0.6, abs=0.02)
+        assert repetition.figures['onset'] == pytest.approx(MOVE + 0.6, abs=0.05)
+        # Of how smoothly it followed what was shown there is nothing to say.
+        assert 'smoothness' not in repetition.figures
+
+
+def test_a_bound_is_told_as_one_and_a_recording_without_compensation_is_one_condition(tmp_path,
+                                                                                      capsys):
+    moved = trial([1.6, 1.6]).with_(command=np.zeros(round((2 * PERIOD + REST) / STEP)))
+    both = Samples.concatenate([moved, stuck_trial().with_(
+        time=stuck_trial().time + moved.time[-1] + STEP)])
+    about = RecordingInfo('trial', 'elbow', activity=[
+        (0.0, Activity(0, 'active', 'none', 'elbow.yaml'))])
+    evaluation = evaluate([both.with_(recording=0 * both.recording)], about=[about])
+    assert {c.help for c in evaluation.conditions} == {Help('none', '', 0)}
+    report = evaluation.as_dict()
+    assert [c['stuck'] for c in report['conditions']] == [1, 1]
+    assert '>\u00a0' in condition_line(evaluation.conditions[0])
+    write_samples(tmp_path / 'r', stuck_trial())
+    assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out')]) == 0
+    out = capsys.readouterr().out
+    assert 'in 1 the joint did not set out' in out
+    assert '>\u00a0' in out
+    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
+    assert '>\u00a01.30' in html.unescape(page)

@@ -3,6 +3,7 @@
 """Identification of joints that are not what they seem: no model, and no current to speak of."""
 
 from collections import deque
+from contextlib import suppress
 import math
 from pathlib import Path
 import re
@@ -191,6 +192,64 @@ def test_a_rotor_that_trembles_by_many_counts_stands():
     assert drive.position_resolution < 1e-7
     result = bench.finish()
     assert result.breakaway.positive_mean == pytest.approx(0.0995, rel=0.1)
+
+
+@pytest.mark.parametrize('noise', [0.0, 0.001, 0.02])
+@pytest.mark.parametrize('factor', [
+    side * factor for side in (1, -1)
+    for factor in (0.01, 0.1, 0.4, 3.0, 10.0, 100.0, 300.0, 1000.0, 10_000.0)] + [-1.0])
+def test_the_first_push_tells_any_factor_and_sign_of_effort(factor, noise):
+    """Noise is scaled as well; the velocity may not be measured at all."""
+    random, farthest = np.random.default_rng(5), [0.0]
+
+    def alter(run, sample):
+        farthest[0] = max(farthest[0], abs(sample[1]))
+        return [sample[0], sample[1], math.nan, factor * (sample[3] + noise * random.normal())]
+    bench = Bench(alter)
+    with pytest.raises(IdentificationError, match=r'effort'):
+        bench.finish()
+    assert farthest[0] < math.radians(1.0)
+    assert bench.run.phase == 'failed'
+    # Friction takes 0.1 A.
+    assert bench.largest < 0.12
+
+
+def test_a_sensor_whose_zero_is_off_is_no_wrong_unit():
+    def alter(run, sample):
+        sample[3] += 0.05
+        return sample
+    result = Bench(alter).finish()
+    half = 0.5 * (result.currents[-1] - result.currents[0])
+    assert half == pytest.approx(float(model().sigmoid(result.speeds[-1])), rel=0.03)
+
+
+def test_noise_that_hides_the_current_is_said_to_do_so():
+    random = np.random.default_rng(5)
+
+    def alter(run, sample):
+        sample[3] += 1.0 * random.normal()
+        return sample
+    bench = Bench(alter)
+    with pytest.raises(IdentificationError, match='too noisy'):
+        bench.finish()
+    assert bench.largest <= bench.run.goal.ramp_peak
+
+
+def test_no_measured_current_changes_what_is_commanded(monkeypatch):
+    """Whatever passes the supervision: neither feed-forward nor limits come from it."""
+    monkeypatch.setattr(Supervision, 'look', lambda *_: None)
+    monkeypatch.setattr(Supervision, 'known', lambda _: True)
+    commands = []
+    for factor in (1.0, 1000.0):
+        bench = Bench(scaled(factor, 3))
+        update, heard = bench.run.update, []
+        monkeypatch.setattr(bench.run, 'update', lambda *sample, update=update, heard=heard: (
+            heard.append(update(*sample)) or heard[-1]))
+        with suppress(IdentificationError):
+            bench.finish()
+        commands.append(heard)
+    assert len(commands[0]) > 10_000
+    assert commands[0] == commands[1]
 
 
 def look_at_rattle(mean):

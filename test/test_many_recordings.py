@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 import pytest
+from report_pages import assert_documented
 from test_evaluate import trial
 
 from friction_comp.__main__ import run
@@ -51,6 +52,7 @@ def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp
     out = tmp_path / 'out'
     assert run('refine', [str(folder), '--each', '--output', str(out)]) == 0
     content = json.loads((out / 'report.json').read_text())
+    assert_documented(content, 'refine --each')
     assert [Path(row['recording']).name for row in content['recordings']] == ['day_0', 'day_1']
     for row in content['recordings']:
         assert row['effects'][0]['name'] == 'gravity'

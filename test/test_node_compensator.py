@@ -250,9 +250,9 @@ def test_effects_whose_signal_is_missing_are_named_with_the_reason(room):
         for _ in range(20):
             for _ in range(20):
                 t, count = second + 0.001 * count, count + 1
-                command = driver.ask([t, t], [0.5, -0.5], tick(t))
+                command = driver.ask([0.5 * t, -0.5 * t], [0.5, -0.5], tick(t))
                 wanted = expected.update(
-                    round(t * 1e9) * 1e-9, [t, t], [0.5, -0.5], np.zeros(2),
+                    round(t * 1e9) * 1e-9, [0.5 * t, -0.5 * t], [0.5, -0.5], np.zeros(2),
                     temperature=[degrees, np.nan])
                 np.testing.assert_allclose(command, wanted, rtol=0, atol=1e-9)
             values = {value.key: value.value for value in probe.status_of('compensator').values}

@@ -37,6 +37,6 @@ def test_finds_the_sign_and_who_publishes(tmp_path):
         findings = json.loads(doctor.stdout.read())['findings']
     assert doctor.returncode == 1
     problems = [f"{one['about']}: {one['what']}" for one in findings if one['level'] == 'problem']
-    assert any('elbow: position changes by -1' in line for line in problems), problems
+    assert any('elbow: velocity is -1 times the rate' in line for line in problems), problems
     assert any('QoS' in line and 'best effort' in line for line in problems), problems
     assert all(one['do'] for one in findings if one['level'] == 'problem')

@@ -310,6 +310,25 @@ def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(room):
         probe.status_of('exercise', lambda s: s.message == 'done')
 
 
+def test_the_exercise_names_the_joint_it_waits_for_and_takes_it_from_any_driver(room):
+    with probe_node() as probe, Process(room, 'exercise', {
+            'joints': JOINTS, 'amplitude': 0.05, 'speed': 0.5, 'acceleration_time': 0.05,
+            'standstill': 0.1, 'announcement': 0.1}):
+        states = probe.talk(JointState, 'joint_states', RELIABLE)
+        references = probe.listen(JointState, 'reference')
+        probe.matched(states)
+
+        def tell(*joints):
+            for joint in joints:
+                states.publish(joint_state(time.time_ns(), [joint], [0.3]))
+            probe.spin_for(0.02)
+        status = probe.status_of('exercise', lambda s: tell('elbow') or 'shoulder' in s.message)
+        assert status.message == 'waits for a position of shoulder: joint_states hold elbow'
+        probe.until(lambda: tell('elbow', 'shoulder') or any(m.name for m in references),
+                    'the movement')
+        assert list(references[-1].name) == JOINTS
+
+
 def test_an_exercise_of_two_joints_announces_each_by_itself(room):
     example = package_file('config', 'exercises', 'two_joints.yaml')
     script = load_exercise(example).of(JOINTS)

@@ -10,17 +10,19 @@ import signal
 from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_system import joint_state, own_domain, probe_node, Process
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 import yaml
 
 from friction_comp.nodes.losses import Losses
 from friction_comp.nodes.recorded_topic import RecordedTopic
+from friction_comp.nodes.recorder import stamp_of, who_says
 from friction_comp.recordings import find_recordings, read_recording_with_info
 
 
@@ -137,6 +139,55 @@ def test_it_ends_well_while_the_driver_goes_on(tmp_path):
     assert len(current) > 100
     np.testing.assert_array_equal(np.diff(current), 1.0)
     assert not info.notes
+
+
+def test_a_bad_message_costs_itself_and_no_other(tmp_path):
+    """Stamps that are no time, arrays that no robot has, on every topic."""
+    folder = tmp_path / 'r'
+
+    def spoil(message, seconds, nanoseconds):
+        message.header.stamp.sec, message.header.stamp.nanosec = seconds, nanoseconds
+        return message
+
+    def states(n):
+        for bad in ((-5, 0), (-2**31, 2**32 - 1), (1, 4_000_000_000), (2**31 - 1, 999_999_999)):
+            yield spoil(joint_state(0, ['elbow'], [7.0], effort=[1e5]), *bad)
+        yield joint_state(1_000_000_000 + n * 1_000_000, ['elbow'] * 5000, [0.0] * 5000)
+    with at_work(tmp_path, folder) as (recorder, probe, publisher, count):
+        others = {topic: probe.talk(kind, topic) for kind, topic in (
+            (WrenchStamped, 'interaction_wrench'), (Temperature, 'motor_temperature'),
+            (JointState, 'direction_stamped'), (Float64MultiArray, 'current_command'))}
+        for other in others.values():
+            probe.matched(other)
+        for message in states(count):
+            publisher.publish(message)
+        for kind, topic in ((WrenchStamped, 'interaction_wrench'),
+                            (Temperature, 'motor_temperature'),
+                            (JointState, 'direction_stamped')):
+            others[topic].publish(spoil(kind(), -1, 0))
+        others['current_command'].publish(Float64MultiArray(data=[1e300] * 100_000))
+        others['current_command'].publish(Float64MultiArray(data=[0.25]))
+        wanted = count + 100
+        count = talk_until(probe, publisher, lambda n: n >= wanted, 'more states', count)
+        probe.status_of('recorder', lambda status: {
+            item.key: item.value for item in status.values}.get('joint_states') == str(count + 5))
+        recorder.send()
+        assert recorder.wait() == 0, recorder.text
+    (samples, info), = read_recording_with_info(folder)
+    np.testing.assert_array_equal(samples.current, np.arange(float(count)))
+    assert samples.command[-1] == 0.25
+    assert {topic: number for topic, (_, number) in info.topics.items() if number} == {
+        '/joint_states': count + 5, '/current_command': 2, '/interaction_wrench': 1,
+        '/motor_temperature': 1, '/direction_stamped': 1, '/diagnostics': info.topics[
+            '/diagnostics'][1]}
+    assert any('1 of the messages of /joint_states left out' in note for note in info.notes)
+
+
+def test_bytes_that_are_no_message_have_no_stamp_and_nobody_who_says_them():
+    for bytes_ in (b'', b'\0\1\0\0', b'\0\1\0\0\1\0\0\0', b'\xff' * 40):
+        assert stamp_of(bytes_) == 0
+        assert who_says(bytes_) == ''
+    assert stamp_of(b'\0\1\0\0' + b'\1\0\0\0' + b'\2\0\0\0') == 1_000_000_002
 
 
 def test_a_full_disk_ends_the_recorder_with_a_word_and_a_recording(tmp_path):

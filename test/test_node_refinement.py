@@ -21,7 +21,7 @@ from ros_system import joint_state, MODELS, probe_node, Process, RELIABLE
 from sensor_msgs.msg import JointState
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.joint_watch import LiveSignals
+from friction_comp.nodes.joint_watch import frame_of, LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
 
 JOINT = 'elbow'
@@ -101,9 +101,16 @@ def test_a_topic_that_is_taken_late_does_not_end_the_past():
         past.add(Message(k * second, 'states', 'kind', b'1234'))
     past.add(Message(4 * second, 'load', 'kind', b'1234'))
     assert len(past.last()) == 11
+    # One stamp that is wrong, either way, costs itself.
+    for wrong in (2 * second, 10**6 * second):
+        past.add(Message(wrong, 'states', 'kind', b'1234'))
+        past.add(Message(11 * second, 'states', 'kind', b'1234'))
+    assert len(past.last()) == 13
     # The same topic from the beginning is another run.
     past.add(Message(2 * second, 'states', 'kind', b'1234'))
-    assert len(past.last()) == 1
+    past.add(Message(3 * second, 'states', 'kind', b'1234'))
+    assert [message.stamp for message in past.last()] == [2 * second, 3 * second]
+    assert frame_of(b'') == frame_of(b'\0\1\0\0') == ''
 
 
 def test_states_have_the_load_of_their_time_when_many_are_taken_at_once():

@@ -39,6 +39,24 @@ def test_parameters_are_those_of_the_node(line):
             or (name == 'joints' and 'declare_joints' in declared), name
 
 
+def test_lines_are_in_the_order_in_which_they_run():
+    """What a line reads is there or made by a line above it, its joints are those of the plant."""
+    made, joints = set(), []
+    for line in COMMANDS:
+        for path in re.findall(r'(?:examples|config|output)/[\w./]+', line):
+            assert (ROOT / path).exists() or f'--output {path}' in line or any(
+                path.startswith(folder) for folder in made), line
+        made.update(re.findall(r'--output (\S+)', line))
+        named = re.search(r"joints:=\"\['(.*?)'\]\"", line)
+        if named and started(line) == 'plant':
+            joints = named[1].split("', '")
+        elif named:
+            assert set(named[1].split("', '")) <= set(joints), line
+        for path in re.findall(r"'(config/\w+\.yaml)'", line):
+            # Else the first words of the compensator are a warning.
+            assert FrictionModel.load(ROOT / path).joint == ''
+
+
 def test_files_and_targets_that_are_named_exist():
     for target in re.findall(r'\]\((?!http)([^)#]+)\)', README):
         assert (ROOT / target).exists(), target

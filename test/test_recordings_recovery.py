@@ -194,6 +194,32 @@ def test_split_recordings_are_one_and_say_what_is_missing(tmp_path):
     assert max(sizes) < 40_000
 
 
+def test_a_stamp_far_ahead_costs_one_file_and_not_the_splitting(tmp_path):
+    with RecordingWriter(tmp_path / 'r', split_duration=0.1) as recording:
+        write_states(recording, [*range(150), 10**9, *range(150, 350)])
+    assert len(list((tmp_path / 'r').glob('*.mcap'))) == 5
+    (samples, _), = read_recording_with_info(tmp_path / 'r')
+    assert len(samples) == 350
+
+
+@pytest.mark.parametrize('split', [{'split_size': 0.1}, {'split_duration': 1e-3}])
+def test_files_too_small_to_be_made_are_refused_before_anything_is(tmp_path, split):
+    with pytest.raises(InputError, match=r'max_file_(size|duration): .* is the least'):
+        RecordingWriter(tmp_path / 'r', **split)
+    assert not (tmp_path / 'r').exists()
+
+
+def test_a_message_that_cannot_be_decoded_costs_itself(tmp_path):
+    with RecordingWriter(tmp_path / 'r') as recording:
+        write_states(recording, range(100))
+        for payload in (b'', b'no message', b'\0\1\0\0' + b'\xff' * 30):
+            recording.write('joint_states', KIND, 1_100_000_000, payload)
+        write_states(recording, range(100, 200))
+    (samples, info), = read_recording_with_info(tmp_path / 'r')
+    assert len(samples) == 200
+    assert any('3 of the messages of /joint_states left out' in note for note in info.notes)
+
+
 def test_a_listing_leads_nowhere_else(tmp_path):
     record(tmp_path / 'secret', states())
     (tmp_path / 'r').mkdir()

@@ -3,6 +3,7 @@
 """The tools refine and predict from recording to files, on simulated and on measured drives."""
 
 import csv
+from dataclasses import replace
 import json
 import os
 from pathlib import Path
@@ -13,6 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine
@@ -90,6 +92,31 @@ def test_predict_writes_a_row_for_every_joint_state(folder, drive):
     assert np.all(np.diff(columns['time']) > 0)
     error = columns['measured'] - columns['predicted']
     assert np.sqrt(np.mean(error ** 2)) < 1.3 * drive.noise_floor
+
+
+def test_what_a_person_gives_counts_as_measured(drive, tmp_path, capsys):
+    """The person carries a third of the friction: the model is not wrong by that third."""
+    model = FrictionModel(drive.model.drive, drive.model.sigmoid)
+    time = np.arange(0.0, 8.0, 0.004)
+    velocity = np.cos(time)
+    friction, gain = model.sigmoid(velocity), model.drive.torque_per_current
+    samples = Samples(time=time, position=np.sin(time), velocity=velocity, joint='elbow',
+                      current=friction * 2.0 / 3.0, load=gain * friction / 3.0)
+    np.testing.assert_allclose(model.measured(samples), friction)
+    assert model.measured(samples.with_(load=None)) is samples.current
+    # A model that says itself what a load does is compared with the motor's current alone.
+    own = replace(model, effects=[EFFECTS['load_torque']({'coefficients': [-1.0 / gain]})])
+    assert own.measured(samples) is samples.current
+    write_samples(tmp_path / 'r', samples, model.drive.torque_constant, model.drive.gear_ratio)
+    model.save(tmp_path / 'model.yaml')
+    assert run_predict([str(tmp_path / 'r'), '--model', str(tmp_path / 'model.yaml'),
+                        '--output', str(tmp_path / 'out.csv')]) == 0
+    columns = table(tmp_path / 'out.csv')
+    error = columns['measured'] - columns['predicted']
+    assert np.sqrt(np.mean(error ** 2)) < 0.05 * np.abs(friction).max()
+    out = capsys.readouterr().out
+    assert 'a load was recorded' in out
+    assert 'where the joint moves' in out
 
 
 def test_a_model_to_start_from_is_what_before_means(folder, drive, tmp_path):

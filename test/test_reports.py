@@ -235,7 +235,7 @@ def test_json_has_no_values_that_others_cannot_read():
     text = to_json({'a': np.float64('nan'), 'b': np.arange(3), 'c': [np.int8(1), np.bool_(True)],
                     'd': Path('x'), 1: float('inf'), 'τ': 0.5})
     assert json.loads(text) == {
-        'a': None, 'b': [0, 1, 2], 'c': [1, True], 'd': 'x', '1': None, 'τ': 0.5}
+        'version': 1, 'a': None, 'b': [0, 1, 2], 'c': [1, True], 'd': 'x', '1': None, 'τ': 0.5}
     assert 'τ' in text
 
 

@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 import pytest
+from report_pages import assert_documented, promised
 
 from friction_comp.__main__ import run
 from friction_comp.note.condition_runs import run_trial
@@ -50,9 +51,11 @@ def test_whole_tool(tmp_path):
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert page.count('<figure') == 5
     results = json.loads((tmp_path / 'out' / 'results.json').read_text(encoding='utf-8'))
+    assert_documented(results, 'reproduce')
     for experiment in EXPERIMENTS:
         found = results['configurations'][str(experiment.number)]
         peaks, reductions = found['peak_torque'], found['peak_reduction']
+        assert set(found) <= promised('reproduce')
         assert found['breakaway']['cycles'] == 200
         assert len(found['sigmoid']) == 6
         assert len(found['speeds']) == len(found['currents']) == 2 * len(experiment.speeds)

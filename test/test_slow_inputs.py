@@ -1,12 +1,15 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How long an announced direction and a temperature hold, by the clock of the joint states."""
+"""Whose words count, and for how long, by the clock of the joint states."""
 
 import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from ros_system import joint_state
+
+from friction_comp.nodes.joint_states import CONTESTED, JointStates, MALFORMED, NEW
 from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 
 SECOND = 1_000_000_000
@@ -46,3 +49,79 @@ def test_a_temperature_counts_for_a_minute_whatever_was_asked_before():
     assert held.before(92 * SECOND) is None
     held.forget()
     assert held.before(41 * SECOND) is None
+
+
+def announced(words, planners, timeout=0.5):
+    """Return the direction after words at times in s, and what is disputed then."""
+    direction = Direction(['elbow', 'wrist'], timeout)
+    direction.planners = planners
+    for time, value in words:
+        direction.take([value, 0], round(time * SECOND))
+    now = round(words[-1][0] * SECOND)
+    return direction.at(now)[0], direction.disputed(now)
+
+
+@pytest.mark.parametrize(('words', 'planners', 'expected'), [
+    # One planner may turn round as often as it likes, two that agree may speak in turn.
+    ([(1.0, 1), (1.1, -1), (1.2, 1)], [], 1.0),
+    ([(1.0, 1), (1.1, 1), (1.2, 1)], ['/a', '/b'], 1.0),
+    ([(1.0, 1), (1.1, -1)], ['/a', '/b'], -1.0),
+    ([(1.0, 1), (1.1, -1), (1.2, 1)], ['/a', '/b'], 0.0),
+    ([(1.0, 1), (1.1, 0), (1.2, 1)], ['/a', '/b'], 0.0),
+    # A movement there and back takes longer than a word holds; so does a dispute that is over.
+    ([(1.0, 1), (1.1, -1), (1.9, 1)], ['/a', '/b'], 1.0),
+    ([(1.0, 1), (1.1, -1), (1.2, 1), (1.6, 1), (2.3, 1)], ['/a', '/b'], 1.0)])
+def test_planners_contradict_each_other_where_a_word_comes_back(words, planners, expected):
+    direction, disputed = announced(words, planners)
+    assert direction == expected
+    assert disputed == ([] if expected else ['elbow'])
+
+
+def test_a_joint_named_twice_has_no_direction_and_others_keep_theirs():
+    direction = Direction(['elbow', 'wrist'], 0.5)
+    assert direction.take([1, 1], SECOND)
+    assert not direction.take_stamped(
+        ['elbow', 'knee', 'elbow', 'knee'], [1.0, 1.0, -1.0, np.nan], SECOND + 1, SECOND + 1)
+    assert direction.at(SECOND + 2).tolist() == [0.0, 1.0]
+    assert direction.why == 'a joint named twice'
+    assert direction.take_stamped(['knee', 'elbow'], [np.nan, -3.0], SECOND + 3, SECOND + 3)
+    assert direction.at(SECOND + 3).tolist() == [-1.0, 1.0]
+
+
+def judged(numbers, publishers, names=('elbow',), joints=('elbow',)):
+    """Return the verdicts on states with their publishers' numbers, a millisecond apart."""
+    states = JointStates(list(joints), SECOND // 20)
+    states.publishers = publishers
+    return [states.take(joint_state(SECOND + k * 1_000_000, names, [0.1] * len(names)),
+                        SECOND + k * 1_000_000, 0, number)
+            for k, number in enumerate(numbers)], states
+
+
+@pytest.mark.parametrize(('numbers', 'publishers', 'expected'), [
+    ([7, 8, 10, 11], ['/a', '/b'], NEW),          # one of them is lost, the other silent
+    ([7, 8, 1, 2], [], NEW),                      # started again
+    ([0, 0, 0, 0], ['/a', '/b'], NEW),            # a middleware without numbers
+    ([7, 8, 1, 9], ['/a', '/b'], CONTESTED),
+    ([7, 7, 8, 8], ['/a', '/b'], CONTESTED)])
+def test_two_publishers_of_a_joint_are_told_by_their_numbers(numbers, publishers, expected):
+    verdicts, states = judged(numbers, publishers)
+    assert verdicts[-1] == expected
+    assert ('/a, /b' in states.wrong) == (expected == CONTESTED)
+
+
+def test_publishers_of_different_joints_and_one_that_is_alone_again_are_believed():
+    states = JointStates(['elbow'], SECOND // 20)
+    states.publishers = ['/a', '/b']
+    verdicts = []
+    for k, (name, number) in enumerate((('elbow', 9), ('knee', 2), ('elbow', 10), ('knee', 3))):
+        stamp = SECOND + k * 1_000_000
+        verdicts.append(states.take(joint_state(stamp, [name], [0.1]), stamp, 0, number))
+    assert verdicts[::2] == [NEW, NEW]
+    late = [SECOND + delay for delay in (SECOND // 10, SECOND // 2, 2 * SECOND)]
+    assert [states.take(joint_state(stamp, ['elbow'], [0.1]), stamp, 0, number)
+            for stamp, number in zip(late, (5, 11, 12))] == [CONTESTED, CONTESTED, NEW]
+
+
+def test_a_joint_named_twice_is_malformed_unless_it_is_of_no_concern():
+    assert judged([1], [], ('elbow', 'elbow'))[0] == [MALFORMED]
+    assert judged([1], [], ('elbow', 'knee', 'knee'))[0] == [NEW]

@@ -56,7 +56,7 @@ def test_every_joint_has_its_report_and_the_arm_has_one(refined):
     assert list(whole['joints']) == list(PLANE)
     for name in PLANE:
         own = json.loads((refined / 'out' / name / 'report.json').read_text(encoding='utf-8'))
-        assert own == whole['joints'][name]
+        assert own == {'version': 1, **whole['joints'][name]}
         assert own['after']['held_out_rmse'] < 0.5 * own['before']['held_out_rmse']
         assert (refined / 'out' / name / 'report.html').stat().st_size > 10_000
     for name in PLANE[1:]:

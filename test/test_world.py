@@ -19,7 +19,7 @@ from friction_comp.simulation.joint_kernel import bank_sample, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters
 from friction_comp.simulation.joint_records import JOINT_STATE
 from friction_comp.simulation.loop import closed_loop
-from friction_comp.simulation.person import ReferenceHold
+from friction_comp.simulation.person import ARRIVED, ReferenceHold
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.reference_movement import ReferenceMovement
 from friction_comp.simulation.undeclared import Undeclared
@@ -259,3 +259,37 @@ def test_a_plant_that_is_made_has_nothing_left_to_compile():
     plant.step([0.1, 0.1, 0.1], np.zeros(3), np.zeros(3))
     plant.step([0.1, 0.1, 0.1])
     assert len(bank_sample.signatures) == compiled
+
+
+def rests(person, gear):
+    """Return where a joint comes to rest after a movement of 0.5 rad, and what set it in motion.
+
+    The drive is that of configuration 1, whose breakaway the person's spring alone stays below.
+    """
+    model = still(models()[0], **({'gear': 'clamp'} if gear else {}))
+    human = {**model.simulation['human'], 'stiffness': 1.0, **person}
+    plant = Plant([replace(model, simulation={**model.simulation, 'human': human})])
+    states = [plant.step([0.0], [0.5], [0.0]) for _ in range(3000)]
+    return states[-1].position[0], max(
+        s.interaction_torque[0] for s in states if s.position[0] < 0.001)
+
+
+@pytest.mark.parametrize('gear', [False, True], ids=['rigid', 'geared'])
+def test_the_person_pushes_on_until_the_joint_has_arrived(gear):
+    """What sets the joint in motion is its breakaway torque, not what the spring happens to be."""
+    model = models()[0]
+    level = model.breakaway.positive_mean * model.drive.torque_per_current
+    end, push = rests({}, gear)
+    assert abs(end - 0.5) <= ARRIVED
+    assert push == pytest.approx(level, rel=0.05)
+    # Somebody who does not push on leaves it where it is.
+    end, push = rests({'integral_time': 0.0}, gear)
+    assert abs(end) < 1e-3
+    assert push < 0.6
+
+
+def test_a_joint_that_has_arrived_is_left_alone():
+    plant = Plant([models()[0]])
+    for _ in range(3000):
+        state = plant.step([0.0], [0.9 * ARRIVED], [0.0])
+    assert state.interaction_torque[0] == pytest.approx(2.0 * 0.9 * ARRIVED, rel=0.01)

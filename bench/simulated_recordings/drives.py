@@ -250,7 +250,8 @@ def _driven(drive, undeclared, path, load, rng):
     parameters = joint_parameters(replace(model, simulation={
         'inertia': inertia, 'presliding_stiffness': level / drive.presliding,
         'current_noise': 0.0,
-        'human': {'stiffness': softness, 'damping': 0.0, 'response_time': 0.0}}), undeclared)
+        'human': {'stiffness': softness, 'damping': 0.0, 'response_time': 0.0,
+                  'integral_time': 0.0}}), undeclared)
     # As one would tune it: slower where the drive answers late, for it would swing otherwise.
     bandwidth = velocity_control.BANDWIDTH
     if undeclared.actuation_lag > 0:

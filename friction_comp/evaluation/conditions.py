@@ -9,6 +9,8 @@ was active (law, model), the announced direction d, and the way the movement goe
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -20,11 +22,11 @@ from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
 from friction_comp.evaluation.outcome import Condition, Evaluation
 from friction_comp.evaluation.repetitions import (
+    effort,
     FIGURES,
     Help,
     measure,
     NAMES,
-    PEAK_LEAD,
     Repetition,
 )
 from friction_comp.evaluation.trend import trends
@@ -41,8 +43,6 @@ __all__ = ['Averages', 'Condition', 'Evaluation', 'evaluate', 'evaluate_repetiti
 Averages = dict[tuple[Help, int, int, int], Ensemble]
 # Repetitions that last much longer or shorter than the usual one, by this share, are odd.
 _ODD = 0.25
-# s by which sums of sample times may be off.
-_ROUNDING = 1e-9
 
 
 def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
@@ -210,11 +210,12 @@ def _condition(kept: list[Repetition], averages: Averages, notes: list[str]) -> 
     first, ensemble = kept[0], Ensemble()
     for kind in dict.fromkeys(r.kind for r in kept):
         ensemble.add(averages[kind])
-    time, points = ensemble.points(float(np.median([r.duration for r in kept])))
+    usual = float(np.median([r.duration for r in kept]))
+    time, points = ensemble.points(float(np.median([r.shown_time for r in kept])))
     mean, spread = ensemble.mean_and_std('load', points)
     middle, deviation = ensemble.mean_and_std('position', points)
     shown = ensemble.known_by_all('reference_position', points)
-    peak, constant = _of_average(kept, time, mean)
+    peak, peak_time, constant = _of_average(kept, time, mean)
     peaks = [r.figures['peak_torque'] for r in kept if 'peak_torque' in r.figures]
     restless = sum(r.restless for r in kept)
     if restless:
@@ -225,11 +226,11 @@ def _condition(kept: list[Repetition], averages: Averages, notes: list[str]) -> 
     return Condition(
         help=first.help, direction=first.movement.direction,
         movement=NAMES[first.movement.sign], repetitions=len(kept),
-        peak_torque=float(abs(mean[peak])),
+        stuck=sum(not r.moved for r in kept), peak_torque=peak,
         peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
             0.0 if peaks else float('nan')),
-        peak_time=float(time[peak]) if peaks else float('nan'),
-        rms_torque=ensemble.rms('load', points[time >= 0.0]),
+        peak_time=peak_time,
+        rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= usual)]),
         mean_torque_constant_velocity=constant, false_starts=starts,
         figures={name: mean_interval(values) for name in FIGURES if (values := [
             r.figures[name] for r in kept if name in r.figures])},
@@ -238,13 +239,22 @@ def _condition(kept: list[Repetition], averages: Averages, notes: list[str]) -> 
         reference=ensemble.mean_and_std('reference_position', points)[0] if shown else None)
 
 
-def _of_average(kept: list[Repetition], time: np.ndarray, mean: np.ndarray) -> tuple[int, float]:
-    """Return where the averaged torque peaks, and its mean at constant velocity."""
-    slowing = np.median([r.movement.constant_end - r.movement.begin for r in kept])
-    steady = np.median([r.movement.constant_begin - r.movement.begin for r in kept])
-    # Samples at the ends count, however their times were rounded.
-    counted = (time >= -PEAK_LEAD - _ROUNDING) & (time <= slowing + _ROUNDING)
-    peak = int(np.argmax(np.where(counted, np.nan_to_num(np.abs(mean), nan=-1.0), -1.0)))
-    constant = (time <= slowing) & (time >= steady)
-    return peak, (float(kept[0].movement.sign * np.mean(mean[constant]))
-                  if constant.any() else float('nan'))
+def _of_average(kept: list[Repetition], time: np.ndarray,
+                mean: np.ndarray) -> tuple[float, float, float]:
+    """Return peak and its time of the averaged torque, and its mean at constant velocity."""
+    movement = kept[0].movement
+
+    def usual(name: str) -> float:
+        return float(np.median([getattr(r.movement, name) - r.movement.begin for r in kept]))
+    average = replace(
+        movement, begin=0.0, end=usual('end'), constant_begin=usual('constant_begin'),
+        constant_end=usual('constant_end'), rest_begin=usual('rest_begin'),
+        rest_end=usual('rest_end'))
+    onset = float(np.median([r.figures.get('onset', math.inf) for r in kept]))
+    shown = any('onset' in r.figures or not r.moved for r in kept)
+    given = effort(time, mean, average, onset if math.isfinite(onset) else None, shown)
+    peak = int(np.argmax(given))
+    known = given[peak] >= 0.0
+    constant = (time <= average.constant_end) & (time >= average.constant_begin)
+    return (float(given[peak]) if known else math.nan, float(time[peak]) if known else math.nan,
+            float(movement.sign * np.mean(mean[constant])) if constant.any() else math.nan)

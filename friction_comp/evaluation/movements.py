@@ -36,8 +36,9 @@ class Movement:
         Start and end of the reference's (else the joint's) motion.
     constant_begin, constant_end : float
         The phase of constant velocity.
-    rest_begin : float
-        Since when the standstill before the movement lasts.
+    rest_begin, rest_end : float
+        Since when the standstill before the movement lasts, and until when the one after it does:
+        a joint that stays behind what is shown may set out as late as that.
     sign : int
         +1 for the positive direction, -1 for the negative.
     direction : int
@@ -51,6 +52,7 @@ class Movement:
     constant_begin: float
     constant_end: float
     rest_begin: float
+    rest_end: float
     sign: int
     direction: int
     travel: float
@@ -82,17 +84,19 @@ def find_movements(samples: Samples) -> list[Movement]:
             runs.append((start, stop, float(abs(np.sum(
                 velocity[start:stop - 1] * np.diff(samples.time[start:stop]))))))
     longest = max((travel for *_, travel in runs), default=0.0)
-    movements, before = [], float(samples.time[0])
-    for start, stop, travel in runs:
-        if travel < max(_SHORTEST_TRAVEL * longest, least):
-            continue
+    runs = [run for run in runs if run[2] >= max(_SHORTEST_TRAVEL * longest, least)]
+    begins = [float(samples.time[start]) for start, _, _ in runs]
+    ends = [float(samples.time[stop - 1]) for _, stop, _ in runs]
+    movements = []
+    for (start, stop, travel), begin, end, rest_begin, rest_end in zip(
+            runs, begins, ends, [float(samples.time[0]), *ends],
+            [*begins[1:], float(samples.time[-1])]):
         speed = np.abs(velocity[start:stop])
         fast = start + np.nonzero(speed >= constant * speed.max())[0]
-        begin, end = float(samples.time[start]), float(samples.time[stop - 1])
         movements.append(Movement(
-            begin, end, float(samples.time[fast[0]]), float(samples.time[fast[-1]]), before,
-            int(np.sign(velocity[start])), _announced(samples, start, fast[0] + 1), travel))
-        before = end
+            begin, end, float(samples.time[fast[0]]), float(samples.time[fast[-1]]), rest_begin,
+            rest_end, int(np.sign(velocity[start])), _announced(samples, start, fast[0] + 1),
+            travel))
     return movements
 
 

@@ -28,9 +28,13 @@ class Condition:
     movement : str
         'positive' or 'negative'.
     repetitions : int
+    stuck : int
+        Those in which the joint did not set out; then the peak torque is a bound, for nobody gave
+        what it takes.
     peak_torque : float
-        Largest magnitude of the ensemble average of τ_b in N·m, from 0.5 s before the movement
-        until it slows down: what it takes to set the joint in motion and keep it there.
+        Largest magnitude of the ensemble average of τ_b in N·m, from the movement's begin until it
+        slows down, or until the joint sets out where that comes later: what it takes to set the
+        joint in motion and keep it there (`friction_comp.evaluation.repetitions.effort`).
     peak_torque_std : float
         Standard deviation over repetitions of each one's own peak in N·m.
     peak_time : float
@@ -57,6 +61,7 @@ class Condition:
     direction: int
     movement: str
     repetitions: int
+    stuck: int
     peak_torque: float
     peak_torque_std: float
     peak_time: float
@@ -80,7 +85,7 @@ class Condition:
     def as_dict(self) -> dict[str, Any]:
         """Return the figures without the curves."""
         named = {name: getattr(self, name) for name in (
-            'direction', 'movement', 'repetitions', 'peak_torque', 'peak_torque_std',
+            'direction', 'movement', 'repetitions', 'stuck', 'peak_torque', 'peak_torque_std',
             'peak_time', 'rms_torque', 'mean_torque_constant_velocity', 'false_starts')}
         return {
             **named, 'law': self.help.law or None, 'model': self.help.model or None,
@@ -212,7 +217,8 @@ class Evaluation:
         return {
             'joint': self.joint, 'conditions': [c.as_dict() for c in self.conditions],
             'peak_reduction': self.peak_reduction, 'rms_reduction': self.rms_reduction,
-            'model': self.model, 'torque_measured': self.measured,
+            'reduction_is_bound': self.is_bound, 'model': self.model,
+            'torque_measured': self.measured,
             'comparisons': [c.as_dict() for c in self.comparisons],
             'trends': [t.as_dict() for t in self.trends], 'notes': self.notes,
         }

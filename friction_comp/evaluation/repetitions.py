@@ -15,28 +15,30 @@ import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
 from friction_comp.evaluation.movements import measured_velocity
+from friction_comp.evaluation.smoothness import log_dimensionless_jerk, spectral_arc_length
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.movements import Movement
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-# s before a movement that count for its peak.
-PEAK_LEAD = 0.5
+# s by which a joint may set out ahead of the movement shown.
+EARLY = 0.5
+# s after a joint has set out late for which its curves are still shown.
+_AFTER_ONSET = 0.25
 # A joint has started by itself when it covers this share of the movement while the person does
 # not push that way, by this share of the torque's peak.
 STARTED, _PUSHED = 0.01, 0.1
 # s for which the joint must have been still before; an oscillation is no start.
 _STILL = 0.2
+# s by which sums of sample times may be off.
+_ROUNDING = 1e-9
 # Movements whose durations differ by no more than this share are of one pace: whether they are
 # averaged is decided for all of a pace together. Finer classes take more memory where people move
 # as they like; coarser ones blur the quarter by which a duration may differ from the usual one.
 _PACE = 0.05
 # Encoder steps that a joint moves when it has set out.
 _LEAST_STEPS = 3
-# Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): Hz that count, share of
-# the largest amplitude below which nothing does, and zero padding as a power of two.
-_HIGHEST, _FAINTEST, _PADDING = 10.0, 0.05, 4
 NAMES = {1: 'positive', -1: 'negative'}
 # What each repetition is measured by, with its unit; the first that is known leads.
 FIGURES = {
@@ -104,7 +106,8 @@ class Repetition:
     figures : dict of str to float
         By the names in `FIGURES`; those that cannot be known are missing.
     moved : bool
-        The joint set out; False where what was shown to the person moved and the joint did not.
+        The joint set out; False where what was shown to the person moved and the joint did not
+        before the next movement began. The peak torque then is what did not suffice.
     false_start : bool
         The joint set out during the standstill and, as far as torque was measured, unpushed.
     restless : bool
@@ -130,6 +133,11 @@ class Repetition:
     def duration(self) -> float:
         """Time in s from begin to end of the movement."""
         return self.movement.end - self.movement.begin
+
+    @property
+    def shown_time(self) -> float:
+        """Time in s from the movement's begin until it is over and the joint has set out."""
+        return max(self.duration, self.figures.get('onset', -math.inf) + _AFTER_ONSET)
 
     @property
     def pace(self) -> int:
@@ -170,29 +178,33 @@ def measure(samples: Samples, movement: Movement, name: str = '',
     """
     part = _between(samples, movement.begin, movement.end)
     shown = samples.reference_position is not None or samples.reference_velocity is not None
+    onset = _onset(samples, movement) if shown else None
     figures = {'rms_current': _rms(samples.current[part])}
-    figures.update(_torque_figures(samples, movement, part))
+    if samples.load is not None:
+        figures.update(_torque_figures(samples, samples.load, movement, onset, shown))
     if residual is not None:
         figures['residual_current'] = _rms(residual[part])
-    onset = _onset(samples, movement) if shown else None
     if onset is not None:
         figures['onset'] = onset - movement.begin
         announced = _announcement(samples, movement)
         if announced is not None and onset > announced:
             figures['announcement_to_motion'] = onset - announced
     moved = onset is not None or not shown
-    if moved and part.stop - part.start > 10:
+    # A joint that set out after the movement shown made another one, of which this says nothing.
+    if moved and (onset is None or onset <= movement.end) and part.stop - part.start > 10:
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
         jerk = log_dimensionless_jerk(velocity, samples.sample_time)
         if np.isfinite(jerk):
             figures['log_jerk'] = jerk
-    return Repetition(
+    repetition = Repetition(
         name, _day(info, movement), movement.begin, movement,
         _help(samples, movement, info, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
         moved, _started_by_itself(samples, movement, figures.get('peak_torque')),
-        _restless(samples, movement), _curves(samples, movement))
+        _restless(samples, movement))
+    repetition.curves = _curves(samples, movement, repetition.shown_time)
+    return repetition
 
 
 def _between(samples: Samples, begin: float, end: float) -> slice:
@@ -204,24 +216,63 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values ** 2)))
 
 
-def _torque_figures(samples: Samples, movement: Movement, part: slice) -> dict[str, float]:
-    load = samples.load
-    if load is None:
-        return {}
-    first = max(movement.begin - PEAK_LEAD, movement.rest_begin)
-    counted = _between(samples, first, movement.constant_end)
-    peak = counted.start + int(np.argmax(np.abs(load[counted])))
+def effort(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
+           shown: bool) -> np.ndarray:
+    """Return what of the torque counts for a movement's peak: what it took to move the joint.
+
+    It counts from the movement's begin until it slows down, or until the joint sets out where that
+    comes later. What is before the begin is left from the movement before, unless the joint set
+    out early; where no movement was shown, the begin is that of the joint itself, and what set it
+    in motion comes before. Until the joint sets out only a push along the movement counts, and
+    afterwards also what holds it back.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        s on the clock of `movement`.
+    load : ndarray, shape (N,)
+        τ_b in N·m.
+    movement : Movement
+    onset : float or None
+        When the joint set out, s; None if it did not, or no movement was shown.
+    shown : bool
+        Whether a reference says when the movement was to begin.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        N·m; -1 where nothing counts.
+    """
+    first, last = movement.begin, movement.constant_end
+    if shown and onset is None:
+        set_out, last = np.inf, movement.end
+    else:
+        set_out = movement.begin if onset is None else onset
+        last = max(last, set_out)
+        if not shown or set_out < first:
+            first = max(first - EARLY, movement.rest_begin)
+    given = np.where(time >= set_out, np.abs(load), np.maximum(movement.sign * load, 0.0))
+    counted = (time >= first - _ROUNDING) & (time <= last + _ROUNDING) & np.isfinite(load)
+    return np.where(counted, given, -1.0)
+
+
+def _torque_figures(samples: Samples, load: np.ndarray, movement: Movement,
+                    onset: float | None, shown: bool) -> dict[str, float]:
+    whole = _between(samples, movement.begin - EARLY, movement.rest_end)
+    given = effort(samples.time[whole], load[whole], movement, onset, shown)
+    peak = int(np.argmax(given))
     constant = _between(samples, movement.constant_begin, movement.constant_end)
     return {
-        'peak_torque': float(abs(load[peak])),
-        'peak_time': float(samples.time[peak] - movement.begin),
-        'rms_torque': _rms(load[part]),
+        'peak_torque': float(given[peak]),
+        'peak_time': float(samples.time[whole.start + peak] - movement.begin),
+        'rms_torque': _rms(load[_between(samples, movement.begin, movement.end)]),
         'constant_velocity_torque': float(movement.sign * np.mean(load[constant]))}
 
 
 def _onset(samples: Samples, movement: Movement) -> float | None:
-    """Return when the joint set out, s; None if it did not."""
-    part = _between(samples, max(movement.begin - PEAK_LEAD, movement.rest_begin), movement.end)
+    """Return when the joint set out, s; None if it did not before the next movement began."""
+    part = _between(
+        samples, max(movement.begin - EARLY, movement.rest_begin), movement.rest_end)
     way = movement.sign * (samples.position[part] - samples.position[part.start])
     gone = np.nonzero(way > max(
         STARTED * movement.travel, _LEAST_STEPS * samples.position_step))[0]
@@ -253,10 +304,11 @@ def _help(samples: Samples, movement: Movement, info: RecordingInfo | None,
         idle = not samples.command[_between(samples, movement.begin, movement.end)].any()
         # A law may well leave a joint alone that stands still.
         if (idle and (moved or not law)) or not active:
-            law, model = ('none', '') if idle else ('other', '')
+            law = 'none' if idle else 'other'
     elif not active:
-        law, model = 'none', ''
-    return Help(law, model, announced)
+        law = 'none'
+    # Without a law no model has any part in it, whichever was loaded.
+    return Help(law, '' if law in ('none', 'other') else model, announced)
 
 
 def _day(info: RecordingInfo | None, movement: Movement) -> str:
@@ -276,59 +328,8 @@ def _day(info: RecordingInfo | None, movement: Movement) -> str:
     return ''
 
 
-def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
-    """Return how smooth a movement is: the spectral arc length of its speed, dimensionless.
-
-    Parameters
-    ----------
-    velocity : ndarray
-        rad/s, shape (N,).
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    float
-        Negative; a single bell-shaped movement has about -1.4, each hesitation takes it down.
-    """
-    speed = np.abs(velocity)
-    size = 2 ** (int(np.ceil(np.log2(len(speed)))) + _PADDING)
-    amplitude = np.abs(np.fft.rfft(speed, size))
-    frequency = np.fft.rfftfreq(size, sample_time)
-    if not amplitude.max() > 0:
-        return float('nan')
-    chosen = frequency <= _HIGHEST
-    amplitude, frequency = amplitude[chosen] / amplitude.max(), frequency[chosen]
-    last = int(np.nonzero(amplitude >= _FAINTEST)[0][-1]) + 1
-    if last < 2:
-        return float('nan')
-    steps = np.diff(frequency[:last]) / (frequency[last - 1] - frequency[0])
-    return float(-np.sum(np.hypot(steps, np.diff(amplitude[:last]))))
-
-
-def log_dimensionless_jerk(velocity: np.ndarray, sample_time: float) -> float:
-    """Return minus the logarithm of the jerk, made free of duration and speed.
-
-    Parameters
-    ----------
-    velocity : ndarray
-        rad/s, shape (N,).
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    float
-        The larger, the smoother.
-    """
-    top, duration = float(np.abs(velocity).max()), len(velocity) * sample_time
-    jerk = np.gradient(np.gradient(velocity, sample_time), sample_time)
-    total = float(np.sum(jerk ** 2)) * sample_time
-    return float(-np.log(duration ** 3 / top ** 2 * total)) if top > 0 < total else float('nan')
-
-
-def _curves(samples: Samples, movement: Movement) -> dict[str, np.ndarray]:
-    at = movement.begin + grid(movement.end - movement.begin)
+def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:
+    at = movement.begin + grid(shown_time)
     curves = {}
     for name in ('load', 'position', 'reference_position'):
         values = getattr(samples, name)
@@ -341,7 +342,7 @@ def _curves(samples: Samples, movement: Movement) -> dict[str, np.ndarray]:
 def _restless(samples: Samples, movement: Movement) -> bool:
     """Return whether the joint kept moving to and fro right before the movement."""
     first, last = np.searchsorted(
-        samples.time, [max(movement.begin - PEAK_LEAD, movement.rest_begin), movement.begin])
+        samples.time, [max(movement.begin - EARLY, movement.rest_begin), movement.begin])
     travelled = np.abs(np.diff(samples.position[first:last])).sum()
     return bool(travelled > 2.0 * STARTED * movement.travel)
 

@@ -49,8 +49,10 @@ class Movement:
         The latest sample handed over; NaN before the first.
     acceleration : float
         k_t·n/J in rad/s² per A; NaN before it is known.
-    points : list of KineticPoint
-        The look-up table so far.
+    held : list of KineticPoint
+        The currents that were commanded at the speeds held so far. What is fed forward, and how
+        much may be commanded, follows from them and never from measured currents: a wrong unit
+        of the measurement must not drive the joint.
     """
 
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
@@ -58,7 +60,7 @@ class Movement:
         self.phase = 'standstill'
         self.sample = Sample(math.nan, math.nan, math.nan, math.nan)
         self.acceleration = math.nan
-        self.points: list[KineticPoint] = []
+        self.held: list[KineticPoint] = []
         self._resolution = drive.position_resolution or 1e-6
         self._push = {1: 0.0, -1: 0.0}     # current that overcomes friction, per direction
         self._slid = 0                     # direction of the latest slide
@@ -102,13 +104,13 @@ class Movement:
         push = max(self._push[1], -self._push[-1])
         known = max([push] + [
             abs(point.current) * max(1.0, speed / abs(point.speed))
-            for point in self.points[-2:]])
+            for point in self.held[-2:]])
         accelerating = 10.0 * speed / self.goal.cycle(max(speed, 1e-3))[0] / self.acceleration
         return min(self.drive.current_limit, max(3.0 * push, 2.0 * known) + 2.0 * accelerating)
 
     def _expected(self, sign: int, speed: float) -> float:
-        """Current that friction will ask for at a speed, by the table so far."""
-        known = [point for point in self.points if point.speed * sign > 0.0][-2:]
+        """Current that friction will ask for at a speed, by the speeds held so far."""
+        known = [point for point in self.held if point.speed * sign > 0.0][-2:]
         if not known:
             return self._push[sign]
         current, last = known[-1].current, known[-1]
@@ -119,11 +121,15 @@ class Movement:
 
     def _follow(self, reference: Callable[[float], tuple[float, float]], duration: float,
                 allowance: float, speed: float,
-                factor: float = 1.0) -> Generator[float, Sample, tuple[float, list[Sample]]]:
-        """Follow reference(t) -> (position, velocity) and return the samples, times from zero."""
+                factor: float = 1.0
+                ) -> Generator[float, Sample, tuple[float, list[Sample], list[float]]]:
+        """Follow reference(t) -> (position, velocity); return its begin in s, samples, commands.
+
+        Each command in A is the one that was applied before its sample.
+        """
         parameters, state = self._controller(factor * BANDWIDTH, speed)
         begin, last = self.sample.time, self.sample.time - 1e-3
-        samples, sample = [], self.sample
+        samples, commands, sample = [], [], self.sample
         while sample.time - begin < duration:
             position, velocity = reference(sample.time - begin)
             command = velocity_controller_step(
@@ -136,7 +142,8 @@ class Movement:
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)
-        return begin, samples
+            commands.append(command)
+        return begin, samples, commands
 
     def _travel(self, target: float) -> Generator[float, Sample, None]:
         """Go to a position and stand still there."""

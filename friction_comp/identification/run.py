@@ -70,8 +70,8 @@ class IdentificationRun:
         self.error, self.finished = '', False
         self.progress, self.remaining = 0.0, math.nan
         self.warnings: list[str] = []
-        self._script = Script(goal, drive)
         self._supervision = Supervision(goal, drive)
+        self._script = Script(goal, drive, self._supervision)
         self._steps = self._script.run()
         next(self._steps)
         self._begin: float | None = None

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator, Sequence
 import math
-from typing import NoReturn, TYPE_CHECKING
+from typing import NoReturn, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -27,11 +27,13 @@ from friction_comp.identification.velocity_control import (
     velocity_controller_state,
     velocity_controller_step,
 )
+from friction_comp.signal_checks import LATEST
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
     from friction_comp.identification.goal import IdentificationGoal
     from friction_comp.identification.kinetic import KineticPoint
+    from friction_comp.identification.supervision import Supervision
 
 # A ramp is cut once the joint runs, well beyond the run-away that is looked for: at this speed in
 # rad/s over so many s, and beyond so many encoder counts.
@@ -51,6 +53,9 @@ PLACES_SHARE = 0.015
 # their distance are shares of the current at which the ramp before it was cut.
 STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 
+# Measured and commanded currents at one speed, forwards and backwards.
+_Cycle: TypeAlias = tuple[tuple['KineticPoint', ...], tuple['KineticPoint', ...]]
+
 
 class Script(Movement):
     """The steps of one identification and what they measured.
@@ -59,9 +64,13 @@ class Script(Movement):
     ----------
     goal : IdentificationGoal
     drive : Drive
+    supervision : Supervision
+        Which must know the measured current to be the commanded one before the first push.
 
     Attributes
     ----------
+    points : list of KineticPoint
+        The look-up table so far, of measured currents.
     centre : float
         Position at the start in rad, NaN before; the motion range lies about it.
     friction : pair of float, or None
@@ -76,8 +85,11 @@ class Script(Movement):
         And those of `Movement`; its `acceleration` is the push's.
     """
 
-    def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
+    def __init__(self, goal: IdentificationGoal, drive: Drive,
+                 supervision: Supervision) -> None:
         super().__init__(goal, drive)
+        self._supervision = supervision
+        self.points: list[KineticPoint] = []
         self.warnings: list[str] = []
         self.centre = math.nan
         self.friction: tuple[float, float] | None = None
@@ -96,7 +108,7 @@ class Script(Movement):
             return
         positive, negative = (
             sign * max([abs(self._push[sign])] + [
-                abs(point.current) for point in self.points if point.speed * sign > 0.0])
+                abs(point.current) for point in self.held if point.speed * sign > 0.0])
             for sign in (1, -1))
         self.friction = positive, negative
 
@@ -171,6 +183,11 @@ class Script(Movement):
             if speed_over(window, sign, 0.01) > PUSH_SPEED / 10.0 and (
                     sign * (sample.position - home) > 8.0 * self._resolution):
                 break
+        if not self._supervision.known():
+            # Its answer may still be on its way.
+            yield from self._standstill(STILL_TIME + LATEST)
+            self._supervision.insist()
+            sample = self.sample
         self._push[sign] = sign * current
         self._note_friction()
         strong = min(1.3 * current, self.drive.current_limit)
@@ -216,15 +233,16 @@ class Script(Movement):
             for factor in GAIN_LADDER:
                 if factor > self._highest_gain:
                     continue
-                points = yield from self._one_cycle(speed, factor)
-                if points is None:
+                found = yield from self._one_cycle(speed, factor)
+                if found is None:
                     continue
-                if best is not None and _rattle(points) > 0.7 * _rattle(best):
+                rattle = _rattle(found[0])
+                if best is not None and rattle > 0.7 * _rattle(best[0]):
                     # It is not the controller: friction itself is that uneven.
                     self._uneven, self._highest_gain = True, math.inf
                     break
-                best = points
-                if self._uneven or _rattle(points) <= RATTLE:
+                best = found
+                if self._uneven or rattle <= RATTLE:
                     break
                 # Higher gains would only rattle more, at other speeds too.
                 self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
@@ -232,12 +250,12 @@ class Script(Movement):
                 self.warnings.append(
                     f'{speed:g} rad/s left out: the joint sticks and slips or swings at it')
                 return
-            self.points.extend(best)
+            self.points.extend(best[0])
+            self.held.extend(best[1])
             self._note_friction()
 
-    def _one_cycle(self, speed: float,
-                   factor: float) -> Generator[float, Sample, tuple[KineticPoint, ...] | None]:
-        """Drive one cycle of Eq. 3; return its table entries, None where the speed swung."""
+    def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
+        """Drive one cycle of Eq. 3; return the currents either way, None where the speed swung."""
         duration, width = self.goal.cycle(speed)
         yield from self._travel(self.centre - 0.5 * width)
         self.phase = 'velocity'
@@ -246,21 +264,22 @@ class Script(Movement):
         def reference(t: float) -> tuple[float, float]:
             return start + at_position(t, speed, duration), at_velocity(t, speed, duration)
 
-        begin, samples = yield from self._follow(
+        begin, samples, commands = yield from self._follow(
             reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
         columns = np.array([sample[:3] for sample in samples]).T
-        return self._evaluate(columns, begin, speed, duration)
+        return self._evaluate(columns, np.array(commands), begin, speed, duration)
 
-    def _evaluate(self, columns: np.ndarray, begin: float, speed: float,
-                  duration: float) -> tuple[KineticPoint, ...] | None:
-        """Return the two table entries, None where the speed was not held."""
-        time, position, current = columns[0] - begin, columns[1], columns[2]
-        good = np.isfinite(current)
+    def _evaluate(self, columns: np.ndarray, commands: np.ndarray, begin: float, speed: float,
+                  duration: float) -> _Cycle | None:
+        """Return the currents at a speed either way, None where the speed was not held."""
+        good = np.isfinite(columns[2])
         if np.mean(good) < 0.95:
             raise IdentificationError('the measured current is not finite')
+        time, position, measured = columns[0] - begin, columns[1], columns[2]
         try:
-            points = constant_velocity_currents(
+            points, held = (constant_velocity_currents(
                 time[good], position[good], current[good], speed, duration, self.acceleration)
+                for current in (measured, commands))
         except InputError as error:
             raise IdentificationError(str(error)) from None
         for point in points:
@@ -268,7 +287,7 @@ class Script(Movement):
                     or point.unsteadiness > 0.1):
                 return None
         self.cycles_driven.append(columns.T)
-        return points
+        return points, held
 
     def _ramp(self, sign: int, cycle: int,
               stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:

@@ -3,10 +3,11 @@
 """Tells, while a joint is identified, whether it answers the currents as a joint does.
 
 One idea serves all faults: what was commanded says what must be measured. The measured current
-follows the commanded one, and soon; the position goes where the measured velocity leads; and a
-current well above what set the joint free accelerates it. What contradicts that is a fault of the
-wiring, of the encoder, of the units or of the machine, or somebody's hand, and ends the run before
-a model is written.
+is the commanded one, and soon; the position goes where the measured velocity leads; and a current
+well above what set the joint free accelerates it. What contradicts that is a fault of the wiring,
+of the encoder, of the units or of the machine, or somebody's hand, and ends the run before a model
+is written. Until the measured current is known to be the commanded one, no more is commanded than
+the first ramp, which is cut when the joint moves.
 """
 
 from __future__ import annotations
@@ -16,29 +17,23 @@ from collections.abc import Sequence
 import math
 
 from friction_comp.drive import Drive
-from friction_comp.identification.current_lag import Answer, CurrentLag, MEMORY
 from friction_comp.identification.goal import IdentificationError, IdentificationGoal
 from friction_comp.identification.kinetic import KineticPoint
+from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
-# s over which currents are smoothed before they are compared: longer than any drive's own lag. What
-# is later comes of the way between drive and controller.
-_SMOOTHING = 0.05
-# Measured over commanded current that is believed; beyond, a unit or a constant is wrong.
-_LEAST_GAIN, _MOST_GAIN = 0.5, 2.0
+# Measured over commanded current, and way by velocity over way by position, that are believed;
+# beyond, a unit or a constant is wrong.
+_FACTOR = 2.0
+# Standard errors by which a gain must lie beyond that to be wrong, and the largest one, as a share
+# of the gain, with which it is known to be right.
+_ERRORS, _KNOWN = 3.0, 0.25
 # Correlation from which on a measured current is the commanded one of some time before; and s from
 # which on that is what keeps a joint from answering.
 _ALIKE, _LATE = 0.9, 0.01
-# Share of what smoothing takes away of the commanded current that has to be left of it.
-_STANDS_OUT = 0.2
+# Share of the ramps' peak that the commanded current must have to be compared.
+_LEAST = 0.02
 # Overall gain beyond which the result says so.
 _DOUBTFUL = 0.15
-# s over which the way by position and the way by velocity are compared.
-_BLOCK = 0.1
-# Counts, and rad, below which that comparison says nothing.
-_FEW_COUNTS, _SHORT = 50.0, 2e-3
-# s by which a drive's filter may delay the velocity it measures: the way it leads then falls short
-# by as much as the speed changed over that time.
-_VELOCITY_LAG = 0.02
 # Longest step between samples over which anything is integrated, s.
 _STEP = 0.02
 # A current so many times what sets the joint free must accelerate it visibly.
@@ -58,18 +53,12 @@ class Supervision:
     """
 
     def __init__(self, goal: IdentificationGoal, drive: Drive):
-        self._peak = goal.ramp_peak
+        self._drive = drive
+        self._least = _LEAST * goal.ramp_peak
         self._resolution = drive.position_resolution or 1e-6
         self._last: tuple[float, float] | None = None
-        # Commanded and measured current, smoothed; their products, remembered and over all.
-        self._commanded = self._measured = 0.0
-        self._recent, self._all = [0.0] * 3, [0.0] * 3
-        self._rattle = 0.0
-        self._lag = CurrentLag()
-        self._quiet: list[float] = []
-        self._noise: float | None = 0.0
-        self._begin_block()
-        self._moving = False        # whether a velocity other than zero was ever measured
+        self._currents = CurrentCheck()
+        self._ways = VelocityCheck(_FACTOR, resolution=self._resolution, zeros=True)
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
         self._begin_answer(0.0, 0.0, 0.0)
 
@@ -104,112 +93,71 @@ class Supervision:
             return
         self._last = time, position
         if math.isfinite(current):
-            self._compare_currents(min(step, _STEP), time, current, command)
+            self._currents.take(time, min(step, _STEP), command, current)
+            self._compare_currents()
         self._compare_ways(step, time, position, velocity)
         if friction is not None and math.isfinite(acceleration):
             self._expect_motion(step, time, position, command, friction, acceleration)
 
-    # The measured current follows the commanded one.
+    # The measured current is the commanded one.
 
-    def _compare_currents(self, step: float, time: float, current: float,
-                          command: float) -> None:
-        if command == 0.0 and self._commanded == 0.0 and len(self._quiet) < 1000:
-            self._quiet.append(current)
-            self._noise = None
-        share = -math.expm1(-step / _SMOOTHING)
-        self._commanded += share * (command - self._commanded)
-        self._measured += share * (current - self._measured)
-        self._lag.add(time, self._commanded, self._measured)
-        products = (self._commanded ** 2, self._commanded * self._measured, 1.0)
-        fading = math.exp(-step / MEMORY)
-        self._rattle = fading * self._rattle + step * (command - self._commanded) ** 2
-        for k, value in enumerate(products):
-            self._recent[k] = fading * self._recent[k] + step * value
-            self._all[k] += step * value
-        if self._recent[2] < 0.3 * MEMORY or not self._is_loud(self._recent):
+    def _compare_currents(self) -> None:
+        gain = self._currents.gain(self._least)
+        if not math.isfinite(gain) or 1.0 / _FACTOR <= gain <= _FACTOR:
             return
-        # What smoothing leaves of a controller that rattles is no current to compare: an amplifier
-        # follows it late and in part.
-        if self._recent[0] < _STANDS_OUT ** 2 * self._rattle:
-            return
-        gain = self._recent[1] / self._recent[0]
-        if _LEAST_GAIN <= gain <= _MOST_GAIN:
-            return
-        answer = self._lag.answer()
+        answer = self._currents.answer()
         _refuse_late(answer)
         # A current that nobody had time to answer tells nothing yet.
-        if answer.earliest > self._threshold:
-            gain = answer.gain if abs(answer.likeness) > _ALIKE else gain
-            raise IdentificationError(
-                f'the measured current is {gain:.2g} times the commanded one of '
-                f'{math.copysign(1.0, self._commanded) * self._level(self._recent):.3g} A: '
-                + _cause(gain))
+        if answer.earliest > self._least:
+            self._refuse_gain(answer)
 
-    @property
-    def _threshold(self) -> float:
-        """Level in A below which a commanded current is not compared."""
-        if self._noise is None:
-            self._noise = 0.0
-            if len(self._quiet) > 10:
-                mean, last = sum(self._quiet) / len(self._quiet), self._quiet[-100:]
-                self._noise = math.sqrt(sum((value - mean) ** 2 for value in last) / len(last))
-        # Smoothing takes a tenth of white noise at a sample a millisecond.
-        return max(0.5 * self._noise, 0.02 * self._peak)
+    def known(self) -> bool:
+        """Tell whether the measured current is known to be the commanded one by now."""
+        answer = self._currents.answer()
+        return (1.0 / _FACTOR <= answer.gain <= _FACTOR
+                and answer.error <= _KNOWN * answer.gain)
 
-    def _is_loud(self, products: list[float]) -> bool:
-        return self._level(products) > self._threshold
+    def insist(self) -> None:
+        """Raise IdentificationError unless the measured current is the commanded one.
 
-    @staticmethod
-    def _level(products: list[float]) -> float:
-        return math.sqrt(products[0] / products[2])
+        To be called when the drive has had the time to answer what was commanded.
+        """
+        if self.known():
+            return
+        answer = self._currents.answer()
+        _refuse_late(answer)
+        self._refuse_gain(answer)
+        raise IdentificationError(
+            f'the measured current cannot be told to be the commanded one: {answer.gain:.2g} '
+            f'times as large, but for {answer.error:.2g}: effort is too noisy, or not measured')
+
+    def _refuse_gain(self, answer: Answer) -> None:
+        """Raise IdentificationError where a gain is wrong whatever the noise."""
+        gain, error = answer.gain, _ERRORS * answer.error
+        if 1.0 / _FACTOR - error <= gain <= _FACTOR + error:
+            return
+        raise IdentificationError(
+            f'the measured current is {gain:.2g} times the commanded one of '
+            f'{self._currents.commanded:.3g} A: {current_fault(gain, self._drive)}')
 
     def warnings(self) -> list[str]:
         """Return what is doubtful, in words."""
-        if self._all[2] <= 0.0 or not self._is_loud(self._all):
-            return []
-        gain = self._all[1] / self._all[0]
-        if abs(gain - 1.0) <= _DOUBTFUL:
+        gain = self._currents.gain(self._least, lately=False)
+        if not math.isfinite(gain) or abs(gain - 1.0) <= _DOUBTFUL:
             return []
         return [f'the measured current is {gain:.2f} times the commanded one: torque constant, '
                 'gear ratio or current controller are not quite as the model file has them']
 
     # The position goes where the velocity leads.
 
-    def _begin_block(self, at: tuple[float, float] | None = None) -> None:
-        self._block = at
-        self._way, self._slowest, self._fastest = 0.0, math.inf, -math.inf
-
     def _compare_ways(self, step: float, time: float, position: float,
                       velocity: float | None) -> None:
         if velocity is None or not math.isfinite(velocity) or step > _STEP:
-            self._begin_block()
+            self._ways.interrupt()
             return
-        if self._block is None:
-            self._begin_block((time, position))
-            return
-        self._moving = self._moving or velocity != 0.0
-        self._way += velocity * step
-        self._slowest = min(self._slowest, velocity)
-        self._fastest = max(self._fastest, velocity)
-        if time - self._block[0] < _BLOCK:
-            return
-        went, way = position - self._block[1], self._way
-        late = _VELOCITY_LAG * (self._fastest - self._slowest)
-        self._begin_block((time, position))
-        # Some drivers fill a velocity that they do not measure with zeros.
-        if not self._moving or max(abs(went), abs(way)) < max(
-                _SHORT, _FEW_COUNTS * self._resolution):
-            return
-        if abs(went - way) < late:
-            return
-        if abs(went) < 0.2 * abs(way):
-            raise IdentificationError(
-                f'the position stands still while the velocity leads {way:.3g} rad away: '
-                'the encoder is stuck')
-        if went * way < 0.0 or not 0.5 < abs(went / way if way else math.inf) < 2.0:
-            raise IdentificationError(
-                f'the position went {went:.3g} rad where the velocity leads {way:.3g} rad: '
-                'they differ in sign or unit, or one of them is wrong')
+        fault = self._ways.take(time, position, velocity)
+        if fault:
+            raise IdentificationError(fault)
 
     # A current well above friction accelerates the joint.
 
@@ -238,7 +186,7 @@ class Supervision:
         went = position - self._from
         gained = went - self._drift * (time - self._since)
         if max(sign * went, sign * gained) < _ANSWERED * self._expected:
-            _refuse_late(self._lag.answer())
+            _refuse_late(self._currents.answer())
             raise IdentificationError(
                 f'the joint does not move at {command:.3g} A, although less set it free before: '
                 'it is blocked, at a stop or held, or the encoder is stuck')
@@ -248,20 +196,11 @@ class Supervision:
 def _refuse_late(answer: Answer) -> None:
     """Raise IdentificationError where the measured current is the commanded one, but late."""
     if (answer.delay >= _LATE and answer.likeness > _ALIKE
-            and _LEAST_GAIN <= answer.gain <= _MOST_GAIN):
+            and 1.0 / _FACTOR <= answer.gain <= _FACTOR):
         raise IdentificationError(
             f'the measured current follows the commanded one {answer.delay:.2g} s late, in the '
             f'right size ({answer.gain:.2g} times as large): a joint cannot be controlled so '
             'late. Machine or network are overloaded, or the driver lets currents or states wait')
-
-
-def _cause(gain: float) -> str:
-    if abs(gain) < 0.05:
-        return 'effort is not measured, or is not the torque of this motor'
-    if gain < 0.0:
-        return 'effort has the wrong sign'
-    return ('effort has another unit than N·m at the joint, or torque constant and gear ratio '
-            'are not those of this drive')
 
 
 def loaded(points: Sequence[KineticPoint], breakaway: tuple[float, float],

@@ -148,6 +148,23 @@ class FrictionModel:
         current = known.current(differentiate(self.with_arm(samples), settings))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
 
+    def measured(self, samples: Samples) -> np.ndarray:
+        """Return the measured current in A, shape (N,), that `predict` is to be compared with.
+
+        What a person gives the motor is spared, so the current that friction takes is the motor's
+        and the person's share ``τ_b/(k_t·n)`` together, where the load was recorded. A model with
+        an effect of the load torque says itself what the load spares: then it is the motor's.
+
+        Parameters
+        ----------
+        samples : Samples
+            As recorded.
+        """
+        if samples.load is None or any(
+                effect.by_mechanics(self.drive) is not None for effect in self.effects):
+            return samples.current
+        return samples.current + np.nan_to_num(samples.load) / self.drive.torque_per_current
+
     def for_another_day(self) -> FrictionModel:
         """Return the model without the effects that do not hold in another recording."""
         lasting = [effect for effect in self.effects if effect.holds_on_another_day]

@@ -9,6 +9,7 @@ import numpy as np
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.monitoring.observation import Finding, NOTE, Observation, OK, PROBLEM, WARNING
+from friction_comp.signal_checks import current_answer, current_fault
 
 # rad/s below which nothing is told of friction, and share of a load that makes it worth knowing.
 _SLOW, _FEWEST = 0.02, 50
@@ -60,21 +61,21 @@ def follows(seen: Observation, joint: str, model: FrictionModel) -> list[Finding
     power = float(command @ command)
     if good.sum() < _FEWEST or power < good.sum() * (_SMALL * model.drive.current_limit) ** 2:
         return []
-    share = float(command @ measured) / power
-    related = abs(float(command @ measured)) / np.sqrt(max(power * float(measured @ measured),
-                                                           1e-300))
-    if related < _RELATED:
+    answer = current_answer(command, measured)
+    if abs(answer.likeness) < _RELATED:
         return [Finding(WARNING, joint, 'the measured current does not follow the commanded one',
                         "look at the driver's mode and limits, and who else commands")]
-    if share < 0.0:
+    if answer.gain < 0.0:
         return [Finding(PROBLEM, joint, 'the measured current is the commanded one with the sign '
                         'turned round', 'stop compensating; turn the sign of effort round in the '
                         'driver, or that of the command, whichever is wrong: a positive current '
                         'has to push the joint towards larger positions')]
-    if not _LIKE[0] < share < _LIKE[1]:
-        return [Finding(WARNING, joint, f'the measured current is {share:.3g} times the commanded '
-                        'one', 'effort is k_t · n · current in N·m: compare torque constant and '
-                        'gear ratio of driver and model file')]
+    if not _LIKE[0] < answer.gain < _LIKE[1]:
+        why = current_fault(answer.gain, model.drive)
+        return [Finding(WARNING, joint, f'the measured current is {answer.gain:.3g} times the '
+                        'commanded one' + (f': {why}' if why else ''),
+                        'effort is k_t · n · current in N·m: compare torque constant and gear '
+                        'ratio of driver and model file')]
     return [Finding(OK, joint, 'the measured current follows the commanded one')]
 
 

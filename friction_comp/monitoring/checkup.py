@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from friction_comp.monitoring.network import NO_PEER
 from friction_comp.monitoring.observation import (
     Finding,
     NOTE,
@@ -17,11 +18,13 @@ from friction_comp.monitoring.observation import (
     StatesSeen,
     WARNING,
 )
+from friction_comp.signal_checks import beyond, LIMITS, velocity_fault, velocity_ratios
 
 TYPES = {
     'joint_states': 'sensor_msgs/msg/JointState',
     'current_command': 'std_msgs/msg/Float64MultiArray',
     'direction': 'std_msgs/msg/Int8MultiArray',
+    'direction_stamped': 'sensor_msgs/msg/JointState',
     'reference': 'sensor_msgs/msg/JointState',
     'interaction_wrench': 'geometry_msgs/msg/WrenchStamped',
     'motor_temperature': 'sensor_msgs/msg/Temperature',
@@ -33,8 +36,9 @@ _STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
 _SLOW = 200.0
 # Nodes that hear commands and drive nothing.
 _LOOK_ON = ('recorder', 'refinement', 'watch', 'doctor')
-# Position and velocity are compared over so long at a time, s.
-_PIECE = 0.1
+# Blocks of motion without which signs and units of velocity are not judged, and the factor by which
+# velocity and rate of position may differ.
+_FEWEST, _ALIKE = 5, 1.25
 
 
 def check_system(seen: Observation) -> list[Finding]:
@@ -46,8 +50,7 @@ def check_system(seen: Observation) -> list[Finding]:
     """
     if not seen.nodes:
         return [Finding(NOTE, 'discovery', f'no node was found within {seen.seconds:g} s',
-                        'start one, or compare ROS_DOMAIN_ID, ROS_AUTOMATIC_DISCOVERY_RANGE and '
-                        'RMW_IMPLEMENTATION of both sides; UDP multicast must pass the firewall')]
+                        f'start one, or {NO_PEER}')]
     found = [Finding(OK, 'discovery', f'{len(seen.nodes)} nodes: {", ".join(seen.nodes)}')]
     for check in (_quality, _states, _commands, _driver, _direction, _clocks, _diagnostics):
         found += check(seen)
@@ -82,6 +85,9 @@ def _states(seen: Observation) -> Iterator[Finding]:
                       _elsewhere(seen, 'joint_states'),
                       'start the driver, or remap: -r joint_states:=/its/name')
         return
+    if states.twice:
+        yield Finding(PROBLEM, 'joint_states', f'they name {", ".join(states.twice)} twice',
+                      'let the driver name each joint once: which of its values holds?')
     yield from _rate(seen, states)
     yield from _stamps(states, seen.clock)
     for number, joint in enumerate(states.joints):
@@ -139,6 +145,12 @@ def _values(states: StatesSeen, number: int, joint: str) -> Iterator[Finding]:
         elif not np.isfinite(values).all():
             yield Finding(WARNING, joint, f'{int((~np.isfinite(values)).sum())} of '
                           f'{len(values)} joint_states hold no finite {name}', do)
+    for name in ('position', 'velocity'):
+        values = getattr(states, name)[:, number]
+        if (absurd := beyond(name, values)).any():
+            yield Finding(PROBLEM, joint, f'a {name} of {values[absurd][0]:.3g} '
+                          f'{LIMITS[name][1]} cannot be', 'look what the driver makes of its '
+                          'sensor, and of one that fails')
     if not np.isfinite(states.velocity[:, number]).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
         return
@@ -147,25 +159,15 @@ def _values(states: StatesSeen, number: int, joint: str) -> Iterator[Finding]:
 
 def _velocity(states: StatesSeen, number: int, joint: str) -> Iterator[Finding]:
     time = states.stamp if states.stamp.any() else states.received
-    position, velocity = states.position[:, number], states.velocity[:, number]
-    good = np.isfinite(position) & np.isfinite(velocity)
-    time, position, velocity = time[good], position[good], velocity[good]
-    if len(time) < 10 or np.ptp(position) < 0.01:
+    ratios = velocity_ratios(time, states.position[:, number], states.velocity[:, number])
+    if len(ratios) < _FEWEST:
         yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
                       'run doctor again while it is moved')
         return
-    step = np.diff(time)
-    usual = float(np.median(step))
-    # Nobody knows what the joint did in a gap, and noise is large in a single sample.
-    told = (step > 0.0) & (step < 3.0 * usual)
-    piece = np.floor(np.arange(len(step)) * (usual / _PIECE)).astype(int)[told]
-    moved = np.bincount(piece, np.diff(position)[told])
-    said = np.bincount(piece, (0.5 * (velocity[1:] + velocity[:-1]) * step)[told])
-    slope = float(moved @ said) / max(float(said @ said), 1e-300)
-    if not 0.8 < slope < 1.25:
-        yield Finding(PROBLEM, joint, f'position changes by {slope:.3g} times what velocity says',
-                      'both in rad and rad/s at the joint, with one sign' if slope > 0 else
-                      'turn one of the two signs round in the driver')
+    fault = velocity_fault(ratios, _ALIKE)
+    if fault:
+        yield Finding(PROBLEM, joint, fault, 'let the driver give both in rad and rad/s at the '
+                      'joint, with one sign; velocity may be left empty')
     else:
         yield Finding(OK, joint, 'velocity and position agree')
 
@@ -225,6 +227,12 @@ def _direction(seen: Observation) -> Iterator[Finding]:
             yield Finding(NOTE, 'direction', _elsewhere(seen, 'direction')
                           + ': no breakaway current is fed forward', 'start the exercise')
         return
+    planners = {end.node for name in ('direction', 'direction_stamped')
+                for end in seen.topic(name).publishers}
+    if len(planners) > 1 or len(topic.publishers) > 1:
+        yield Finding(WARNING, 'direction', f'{", ".join(sorted(planners))} announce directions',
+                      'let one announce: where they contradict each other, the compensator '
+                      'counts the direction as 0')
     rate = len(seen.directions) / seen.seconds
     timeout = _parameter(seen, 'direction_timeout', _DIRECTION_TIMEOUT)
     odd = sorted({value for one in seen.directions for value in one} - {-1, 0, 1})

@@ -106,14 +106,8 @@ class LiveResidual:
             if np.isfinite(rows[:, 4 + place]).all()}
         if np.isfinite(rows[:, 2]).all():
             columns['velocity'] = rows[:, 2]
-        current = rows[:, 3]
-        if 'load' in columns and not self._carries_load():
-            current = current + columns['load'] / self.model.drive.torque_per_current
-        return Samples(time=rows[:, 0], position=rows[:, 1], current=current, **columns)
-
-    def _carries_load(self) -> bool:
-        return any(effect.by_mechanics(self.model.drive) is not None
-                   for effect in self.model.effects)
+        samples = Samples(time=rows[:, 0], position=rows[:, 1], current=rows[:, 3], **columns)
+        return samples.with_(current=self.model.measured(samples))
 
     def verdict(self) -> Verdict:
         """Return what the motion so far tells."""

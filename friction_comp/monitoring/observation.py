@@ -63,6 +63,8 @@ class StatesSeen:
         System time and header stamp, s; a stamp of zero is an empty field.
     position, velocity, effort : ndarray, shape (N, J)
         NaN where there is none.
+    twice : list of str
+        Joints that one message named more than once.
     """
 
     joints: list[str]
@@ -71,6 +73,7 @@ class StatesSeen:
     position: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
+    twice: list[str] = field(default_factory=list)
 
 
 @dataclass

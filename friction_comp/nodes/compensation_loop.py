@@ -15,9 +15,10 @@ import numpy as np
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.faults import Faults, WARN
 from friction_comp.nodes.joint_io import CommandPort
-from friction_comp.nodes.joint_states import are_finite, JointStates, NANO
+from friction_comp.nodes.joint_states import are_finite, JointStates, NANO, within
 from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 from friction_comp.nodes.watchdog import Watchdog
+from friction_comp.signal_checks import beyond, LIMITS, VelocityCheck
 
 # A current that is computed in another way from now on goes on from where it is and fades to the
 # new one within a few of these, s.
@@ -28,6 +29,10 @@ _FADED = 1e-7
 GONE = 1.0
 # Real s that a compensator must have been alone for another commander to be a newcomer.
 ALONE = 3.0
+# Velocity and rate of position may differ by this factor, a smoothed or late velocity does, in most
+# of so many tenths of a second of motion.
+_VELOCITY_FACTOR, _VELOCITY_BLOCKS = 3.0, 5
+_FARTHEST, _FASTEST = LIMITS['position'][0], LIMITS['velocity'][0]
 
 
 class CompensationLoop:
@@ -53,6 +58,7 @@ class CompensationLoop:
     def __init__(self, joints: list[str], law: Any, port: CommandPort, faults: Faults,
                  timeout: int, direction_timeout: float, rests: bool = False,
                  clock: Callable[[], float] = time.monotonic) -> None:
+        self._joints = joints
         self.law, self.port, self.faults = law, port, faults
         self.rests, self._clock = rests, clock
         self.states = JointStates(joints, timeout)
@@ -76,6 +82,9 @@ class CompensationLoop:
         self._alone_since: float | None = None
         self.yields = False
         self._fade: Any = None
+        self._velocities = [VelocityCheck(
+            _VELOCITY_FACTOR, _VELOCITY_BLOCKS, model.drive.position_resolution or 0.0)
+            for model in self.law.models]
         if others:
             self.look_around(others)
 
@@ -95,7 +104,8 @@ class CompensationLoop:
 
     # Inputs.
 
-    def take(self, message: Any, now: int, received: int = 0, sent: int = 0) -> None:
+    def take(self, message: Any, now: int, received: int = 0, sent: int = 0,
+             number: int = 0) -> None:
         """Answer a joint state.
 
         Parameters
@@ -105,17 +115,20 @@ class CompensationLoop:
             The node's clock, ns.
         received, sent : int
             When the middleware received and sent it, system time in ns.
+        number : int
+            Its publisher's number of it; 0 where the middleware gives none.
         """
         if self.yields or not self.port.ready:
             return
         states = self.states
         ticket = self.port.ticket
-        verdict = states.take(message, now, received)
+        verdict = states.take(message, now, received, number)
         if verdict == joint_states.NEW:
             if self._silent_since is not None:
                 self._hear_again()
             self.watchdog.feed()
             self.port.answer(self._currents(), ticket, states.stamp if self.rests else 0)
+            self._compare_velocities()
         elif verdict == joint_states.AGAIN:
             if self.port.is_lost(sent):
                 self.port.repeat()
@@ -123,8 +136,7 @@ class CompensationLoop:
             if not states.stamp:
                 self.faults.seen('missing', f'joint_states lack {", ".join(states.missing)}')
         elif verdict != joint_states.LATE:
-            self.faults.seen(verdict, 'joint_states hold arrays of different lengths'
-                             if verdict == joint_states.MALFORMED else str(states))
+            self.faults.seen(verdict, states.wrong)
             self.port.answer(self._zeros, ticket)
 
     def take_direction(self, values: Any, now: int) -> None:
@@ -142,7 +154,7 @@ class CompensationLoop:
 
     def _refuse_direction(self) -> None:
         self.faults.seen(
-            'direction', 'a direction of wrong length, value or time was counted as 0', WARN)
+            'direction', f'a direction was counted as 0: {self.direction.why}', WARN)
 
     # The current.
 
@@ -165,12 +177,16 @@ class CompensationLoop:
             self.direction.begin(stamp)
         position = states.position
         usable: Any = True
-        if not (are_finite(position)
-                and (states.velocity is None or are_finite(states.velocity))):
-            usable = np.isfinite(position)
-            if states.velocity is not None:
-                usable &= np.isfinite(states.velocity)
-            self._tell_unusable()
+        if not (within(position, _FARTHEST)
+                and (states.velocity is None or within(states.velocity, _FASTEST))):
+            usable = self._tell_unusable()
+            position = np.where(usable, position, np.nan)
+        wrong = [j for j, check in enumerate(self._velocities) if check.fault]
+        if wrong:
+            usable = np.broadcast_to(usable, len(position)).copy()
+            usable[wrong] = False
+            self.faults.seen('velocity', '; '.join(
+                f'{self._joints[j]}: {self._velocities[j].fault}' for j in wrong))
         if self.faults.latched:
             return self._zeros
         # From the first state: seconds since 1970 are too many for a float to hold their step.
@@ -178,17 +194,45 @@ class CompensationLoop:
             (stamp - self._first) / NANO, position, states.velocity, self.direction.at(stamp),
             self.temperature.before(stamp))
         if self._fade is not None:
-            currents = np.where(usable, self._faded(currents, stamp), 0.0)
+            currents = self._faded(currents, stamp)
+        if usable is not True:
+            currents = np.where(usable, currents, 0.0)
         if not are_finite(currents):
             self.faults.latch('law', 'the law gave a current that is not finite')
             return self._zeros
         return currents
 
-    def _tell_unusable(self) -> None:
-        if self.states.missing:
-            self.faults.seen('missing', f'joint_states lack {", ".join(self.states.missing)}')
-        else:
+    def _tell_unusable(self) -> np.ndarray:
+        """Tell why not every joint can be used; return which can, bool, shape (J,)."""
+        states, joints = self.states, self._joints
+        usable = np.isfinite(states.position)
+        if states.velocity is not None:
+            usable &= np.isfinite(states.velocity)
+        if states.missing:
+            self.faults.seen('missing', f'joint_states lack {", ".join(states.missing)}')
+        elif not usable.all():
             self.faults.seen('values', 'joint_states hold values that are not finite, or too few')
+        for signal, values in (('position', states.position), ('velocity', states.velocity)):
+            for j in () if values is None else np.flatnonzero(usable & beyond(signal, values)):
+                usable[j] = False
+                self.faults.seen(f'{signal} of {joints[j]}', f'{joints[j]}: a {signal} of '
+                                 f'{values[j]:.3g} {LIMITS[signal][1]} cannot be')
+        return usable
+
+    def _compare_velocities(self) -> None:
+        """Compare the velocity with the position, when the answer has gone out."""
+        states = self.states
+        at, velocity = (states.stamp - self._first) / NANO, states.velocity
+        due = None
+        for j, check in enumerate(self._velocities):
+            if states.restarted or states.gap or velocity is None:
+                check.interrupt()
+            elif math.isfinite(velocity[j]) and math.isfinite(states.position[j]):
+                if check.add(at, float(states.position[j]), float(velocity[j])):
+                    due = check
+        # One joint after each answer: the next one is not to wait for all of them.
+        if due is not None:
+            due.judge()
 
     def _faded(self, currents: Any, stamp: int) -> Any:
         if self._fade == 'begin':
@@ -224,6 +268,8 @@ class CompensationLoop:
         is waited for: it may be gone already, and only not yet be missed.
         """
         now = self._clock()
+        self._tell_doubt()
+        self._tell_dispute()
         self.faults.look()
         if not others:
             self._alone_since = self._alone_since or now
@@ -239,6 +285,20 @@ class CompensationLoop:
             self.watchdog.rest()
             self.port.zero()
             self.law.reset()
+
+    def _tell_doubt(self) -> None:
+        """Tell which joints get no current because the law does not believe their samples."""
+        doubtful = [joint for joint, doubt in zip(self._joints, self.law.guards['in doubt'])
+                    if doubt]
+        if doubtful and self._silent_since is None:
+            self.faults.seen('doubt', f'{", ".join(doubtful)}: no current, for the position jumps '
+                             'or the velocity contradicts it')
+
+    def _tell_dispute(self) -> None:
+        disputed = self.direction.disputed(self.states.stamp)
+        if disputed:
+            self.faults.seen('planners', f'the direction of {", ".join(disputed)} counts as 0: '
+                             f'{", ".join(self.direction.planners)} contradict each other')
 
     def leave(self) -> None:
         """Command zero current and stop watching."""

@@ -20,7 +20,7 @@ from friction_comp.errors import InputError
 from friction_comp.nodes.compensation_loop import CompensationLoop
 from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
 from friction_comp.nodes.faults import Faults
-from friction_comp.nodes.joint_io import CommandPort, input_qos
+from friction_comp.nodes.joint_io import CommandPort, input_qos, rivals
 from friction_comp.nodes.joint_states import NANO, nanoseconds
 from friction_comp.nodes.model_loading import (
     Loading,
@@ -314,10 +314,12 @@ class CompensatorNode(LifecycleNode):
             return
         received = info['received_timestamp']
         self._loop.take(message, now, 0 if self._loop.rests else received,
-                        info['source_timestamp'])
+                        info['source_timestamp'], info['publication_sequence_number'] or 0)
 
     def _look(self):
         if self._state == 'active':
+            self._loop.states.publishers = rivals(self, 'joint_states')
+            self._loop.direction.planners = rivals(self, 'direction', 'direction_stamped')
             self._loop.look_around(self._loop.port.others())
             silent = self._loop.direction.silent(self._loop.states.stamp)
             if silent:

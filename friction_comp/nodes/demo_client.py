@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 import time
 
 from action_msgs.msg import GoalStatus
@@ -18,6 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Int8MultiArray
 
 from friction_comp.errors import InputError
 
@@ -95,6 +97,16 @@ class DemoClient:
             lambda: (self._node.count_publishers(topic) >= publishers
                      and self._node.count_subscribers(topic) >= subscriptions),
             f'{topic} with {publishers} publishers and {subscriptions} subscriptions')
+
+    @contextmanager
+    def hearing_directions(self):
+        """Listen to the announced directions for the block: the sign that an exercise waits for."""
+        subscription = self._node.create_subscription(
+            Int8MultiArray, 'direction', lambda _: None, 10)
+        try:
+            yield
+        finally:
+            self._node.destroy_subscription(subscription)
 
     def subscriptions(self, topic):
         """Return how many subscriptions a topic has."""

@@ -28,6 +28,8 @@ from friction_comp.simulation.reference_movement import ReferenceMovement
 
 # Each end of a connection finds the other in its own time; real s.
 _MOMENT = 0.5
+# Reports, one a second, after which a joint that is still missing is told in the log.
+_PATIENCE = 3
 
 
 class ExerciseNode(Node):
@@ -85,6 +87,10 @@ class ExerciseNode(Node):
         self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
         Diagnostics(self, self._report, ', '.join(self._joints), 'exercise')
         self._origin: np.ndarray | None = None
+        # Several drivers may each tell of some joints.
+        self._heard = np.full(len(self._joints), np.nan)
+        self._told_of: set[str] = set()
+        self._reports = 0
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
         if self._ticking:
@@ -138,9 +144,10 @@ class ExerciseNode(Node):
             # What came before the first tick came by chance; a run must not depend on it.
             return
         position, _, _ = self._columns.read(message)
-        if not np.isfinite(position).all():
-            return
-        self._origin = position
+        self._heard = np.where(np.isfinite(position), position, self._heard)
+        self._told_of.update(message.name)
+        if np.isfinite(self._heard).all():
+            self._origin = self._heard
 
     def _on_tick(self, now: Any) -> None:
         # Once it is over, time is not to go on by as many ticks as come before the node has left.
@@ -202,10 +209,7 @@ class ExerciseNode(Node):
 
     def _report(self) -> Any:
         if self._start is None:
-            what = 'joint_states' if self._origin is None else '/clock'
-            if not self._listened_to():
-                what = 'listeners to the direction'
-            return WARN, f'waits for {what}', {}
+            return WARN, self._waits_for(), {}
         time = (self._last - self._start) / NANO
         position, velocity, _ = self._at(time)
         values = {
@@ -214,6 +218,23 @@ class ExerciseNode(Node):
             'reference velocity [rad/s]': np.round(velocity, 6).tolist(),
             'direction': self._values}
         return OK, 'moving' if time < self._duration else 'done', values
+
+    def _waits_for(self) -> str:
+        """Return what keeps the exercise from beginning."""
+        if not self._listened_to():
+            return 'waits for listeners to the direction'
+        if self._origin is not None:
+            return 'waits for /clock'
+        if not self._told_of:
+            return 'waits for joint_states'
+        missing = [joint for joint, place in zip(self._joints, self._heard)
+                   if not np.isfinite(place)]
+        words = (f'waits for a position of {", ".join(missing)}: joint_states hold '
+                 f'{", ".join(sorted(self._told_of))}')
+        self._reports += 1
+        if self._reports == _PATIENCE:
+            self.get_logger().warning(words)
+        return words
 
     def leave(self) -> None:
         """Take the announcement back."""

@@ -23,7 +23,7 @@ from friction_comp.identification.run import IdentificationRun
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
 from friction_comp.nodes.goals import compile_ahead, declare_defaults, fill_result, make_goal
-from friction_comp.nodes.joint_io import CommandPort, input_qos
+from friction_comp.nodes.joint_io import CommandPort, input_qos, rivals
 from friction_comp.nodes.joint_states import JointStates, NANO, nanoseconds
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
@@ -109,7 +109,7 @@ class IdentificationNode(Node):
         if time.monotonic() - self._heard > _RECENT:
             raise InputError('there are no joint_states')
         if time.monotonic() - self._fresh > _RECENT:
-            raise InputError(str(self._states))
+            raise InputError(self._states.wrong or 'joint_states bring nothing new')
         if self._joints[number] in self._states.missing:
             raise InputError(f'joint_states lack {self._joints[number]}')
 
@@ -194,7 +194,8 @@ class IdentificationNode(Node):
             return
         ticket = self._port.ticket
         verdict = self._states.take(
-            message, now, 0 if simulated else info['received_timestamp'])
+            message, now, 0 if simulated else info['received_timestamp'],
+            info['publication_sequence_number'] or 0)
         self._heard = time.monotonic()
         # A simulation whose time rests, since nobody commands, sends its last state again.
         if verdict == joint_states.NEW or (verdict == joint_states.AGAIN and simulated):
@@ -209,8 +210,8 @@ class IdentificationNode(Node):
             elif verdict == joint_states.AGAIN:
                 if self._port.is_lost(info['source_timestamp']):
                     self._port.repeat()
-            elif verdict == joint_states.MALFORMED:
-                raise InputError('joint_states hold arrays of different lengths')
+            elif verdict in (joint_states.MALFORMED, joint_states.CONTESTED):
+                raise InputError(self._states.wrong)
         except InputError as error:
             self._end('aborted', str(error))
         except Exception:
@@ -261,7 +262,8 @@ class IdentificationNode(Node):
         self._silent = True
 
     def _look(self) -> None:
-        """End a goal that nobody stands behind."""
+        """Look who publishes, and end a goal that nobody stands behind."""
+        self._states.publishers = rivals(self, 'joint_states')
         if self._run is None:
             return
         states = self.resolve_topic_name('joint_states')

@@ -51,6 +51,29 @@ def input_qos(node: Any) -> QoSProfile:
     return RELIABLE if kind == 'reliable' else BEST_EFFORT
 
 
+def publishers(node: Any, topic: str) -> list[str]:
+    """Return who publishes a topic, by full node name, once for each publisher.
+
+    The middleware may hear of a publisher some time before it hears of its node.
+    """
+    return sorted('a node not known yet' if info.node_name == '_NODE_NAME_UNKNOWN_' else
+                  f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                  for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))
+
+
+def rivals(node: Any, *topics: str) -> list[str]:
+    """Return who publishes topics of which there should be one publisher; empty where there is.
+
+    Of several topics one node may publish each. Counting alone takes microseconds, names more.
+    """
+    counts = [node.count_publishers(node.resolve_topic_name(topic)) for topic in topics]
+    if sum(counts) < 2:
+        return []
+    names = [publishers(node, topic) for topic in topics]
+    one = max(counts) < 2 and len({tuple(some) for some in names}) == 1
+    return [] if one else sorted(name for some in names for name in some)
+
+
 class CommandPort:
     """Publishes `current_command`: one message for each joint state, so that they pair up.
 
@@ -207,8 +230,7 @@ class CommandPort:
         own = 0 if self._publisher is None else 1
         if self._node.count_publishers(self._topic) <= own:
             return []
-        names = [f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-                 for info in self._node.get_publishers_info_by_topic(self._topic)]
+        names = publishers(self._node, self._topic)
         mine = self._node.get_fully_qualified_name()
         if own and mine in names:
             names.remove(mine)

@@ -19,10 +19,13 @@ AGAIN = 'again'     # the stamp of the one before
 LATE = 'late'       # overtaken by a newer one
 STALE = 'stale'     # older than the timeout by the node's clock
 AHEAD = 'ahead'     # stamped in the future by more than the timeout
-MALFORMED = 'malformed'  # arrays of different lengths
+MALFORMED = 'malformed'  # arrays of different lengths, or a joint named twice
+CONTESTED = 'contested'  # several publishers tell of the same joint
 
 # Sets of names that are told apart; more than any robot has publishers.
 _MOST_SOURCES = 100
+# ns for which nothing is believed after two publishers told of the same joint.
+_CONTESTED_FOR = NANO
 
 
 def nanoseconds(stamp: Any) -> int:
@@ -49,25 +52,28 @@ class JointColumns:
         self._columns: list[int] | None = None
         self._count = 0
         self.missing = list(self._joints)
+        self.twice: list[str] = []
 
     def read(self, message: Any) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         """Return position, velocity and effort, each (J,), NaN where there is no value.
 
         Velocity is None where the message has none. The attribute `missing` names the joints
-        that the message lacks.
+        that the message lacks, `twice` those that it names more than once.
         """
         if message.name != self._names:
-            self._find(list(message.name))
+            self.find(list(message.name))
         return (self._pick(message.position),
                 self._pick(message.velocity) if len(message.velocity) else None,
                 self._pick(message.effort))
 
-    def _find(self, names: Any) -> None:
+    def find(self, names: list[str]) -> None:
+        """Look where the joints stand among the names of a message."""
         places = {name: k for k, name in enumerate(names)}
         columns = [places.get(name, -1) for name in self._joints]
         # As they stand, the most frequent case, needs no picking.
         self._columns = None if columns == list(range(len(names))) else columns
         self.missing = [name for name in self._joints if name not in places]
+        self.twice = [name for name in self._joints if names.count(name) > 1]
         self._names, self._count = names, len(names)
 
     def _pick(self, values: Any) -> Any:
@@ -111,12 +117,19 @@ class JointStates:
         whether it began a new time base.
     passed_over : int
         Number of states so far that were late.
+    publishers : list of str
+        Who publishes joint states, where there are several: to be set by the node now and then.
+        Each numbers its messages: where the numbers of a joint do not rise, two of them tell of
+        it, and nobody knows which holds.
+    wrong : str
+        What is wrong with the state that was judged last, where something is.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int) -> None:
         self._joints, self._timeout = list(joints), timeout
         self._columns = JointColumns(joints)
         self.passed_over = 0
+        self.publishers: list[str] = []
         self.forget()
 
     def forget(self) -> None:
@@ -133,8 +146,11 @@ class JointStates:
         self._round = np.full((3, size), np.nan)
         self._heard = [0] * size
         self._fresh = [False] * size
+        self._numbers = [0] * size
+        self._clash: int | None = None
+        self._rivals = self.wrong = ''
 
-    def take(self, message: Any, now: int, received: int = 0) -> str:
+    def take(self, message: Any, now: int, received: int = 0, number: int = 0) -> str:
         """Judge a joint state, and take over what it says if it is new.
 
         Parameters
@@ -144,18 +160,24 @@ class JointStates:
             The node's clock in ns.
         received : int
             When the middleware received it, ns of the same clock; stands in for a stamp of zero.
+        number : int
+            Its publisher's number of it; 0 where the middleware gives none.
 
         Returns
         -------
         str
             NEW, or why it is not.
         """
+        self.wrong = ''
         stamp = nanoseconds(message.header.stamp)
         bears = stamp != 0
         stamp = stamp or received or now
         if message.name != self._named:
             self._named, self._key = list(message.name), tuple(message.name)
+            self._columns.find(self._named)
         names = self._key
+        if number and self._contested(number, now):
+            return CONTESTED
         last = self._last.get(names, 0)
         if last and bears:
             if stamp == last:
@@ -164,13 +186,10 @@ class JointStates:
                 self.passed_over += 1
                 return LATE
         self.age = now - stamp
-        if self.age > self._timeout:
-            return STALE
-        if -self.age > self._timeout:
-            return AHEAD
-        count = len(names)
-        if (len(message.position) != count or len(message.velocity) not in (0, count)
-                or len(message.effort) not in (0, count)):
+        if abs(self.age) > self._timeout:
+            self.wrong = self._of_another_time()
+            return STALE if self.age > 0 else AHEAD
+        if self._malformed(message, len(names)):
             return MALFORMED
         restarted = stamp < last
         if restarted or len(self._last) > _MOST_SOURCES:
@@ -216,8 +235,32 @@ class JointStates:
         self._fresh = [False] * len(self._joints)
         return stamp, *self._round.copy()
 
-    def __str__(self) -> str:
-        """Say how old the last state was that was judged by its age."""
+    def _malformed(self, message: Any, count: int) -> bool:
+        if (len(message.position) != count or len(message.velocity) not in (0, count)
+                or len(message.effort) not in (0, count)):
+            self.wrong = 'joint_states hold arrays of different lengths'
+        elif self._columns.twice:
+            self.wrong = f'joint_states name {", ".join(self._columns.twice)} twice'
+        return bool(self.wrong)
+
+    def _contested(self, number: int, now: int) -> bool:
+        """Tell whether a joint of the message is told of by two publishers now."""
+        known, clashing = self._numbers, []
+        for j, joint in enumerate(self._joints):
+            if joint not in self._columns.missing:
+                if number <= known[j]:
+                    clashing.append(joint)
+                known[j] = number
+        if clashing and len(self.publishers) > 1:
+            self._clash = now
+            self._rivals = (f'joint_states of {", ".join(clashing)} come from several publishers: '
+                            + ', '.join(self.publishers))
+        if self._clash is None or abs(now - self._clash) >= _CONTESTED_FOR:
+            return False
+        self.wrong = self._rivals
+        return True
+
+    def _of_another_time(self) -> str:
         if self.age < 0:
             return (f'joint_states are stamped {-self.age / NANO:.3g} s ahead'
                     ' (clocks differ, or /clock stands still?)')
@@ -228,6 +271,11 @@ class JointStates:
 def are_finite(values: np.ndarray) -> bool:
     """Tell whether all of a few values are finite; several times as fast as with numpy."""
     return all(map(math.isfinite, values.tolist()))
+
+
+def within(values: np.ndarray, limit: float) -> bool:
+    """Tell whether all of a few values are numbers and not beyond a limit; as fast."""
+    return all(-limit <= value <= limit for value in values.tolist())
 
 
 def _known(velocity: np.ndarray, position: np.ndarray) -> Any:

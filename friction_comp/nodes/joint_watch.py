@@ -29,7 +29,9 @@ _WORSE = 1.05
 
 
 def frame_of(cdr: bytes) -> str:
-    """Return the frame_id of a serialised message that begins with a header."""
+    """Return the frame_id of a serialised message that begins with a header; '' without one."""
+    if len(cdr) < 16:
+        return ''
     length, = struct.unpack_from('<I' if cdr[1] & 1 else '>I', cdr, 12)
     return bytes(cdr[16:15 + length]).decode(errors='replace')
 

@@ -19,7 +19,6 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
@@ -28,10 +27,16 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.joint_watch import frame_of
 from friction_comp.nodes.recorder import stamp_of
+from friction_comp.nodes.ros_start import start_ros
 from friction_comp.recordings.activity import compensator_says
 from friction_comp.samples import Samples
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+# A command must still be there when the state that was measured under it is looked at: of states
+# the oldest of five is.
+_COMMAND_QOS = QoSProfile(depth=25, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Commands that are remembered, and how many of their intervals one holds: at least a step shown.
+_REMEMBERED, _HOLDS = 64, 3
 # ns between the states that are shown, rows kept for each joint, s after which a word is old.
 _STEP, _KEPT, _OLD = 20_000_000, 3000, 5.0
 _COLUMNS = ('time', 'position', 'velocity', 'torque', 'load', 'command', 'direction',
@@ -47,6 +52,32 @@ class _Listener(Node):
 
     def __init__(self, context):
         super().__init__('friction_comp_watch', context=context)
+
+
+class SentCommands:
+    """The last commands and when they were sent, to show the one under which a state was measured.
+
+    A page is drawn on a machine that is busy with something else, and listens without asking for
+    what it missed: the last command heard may be older or younger than the state beside it.
+    """
+
+    def __init__(self):
+        self._heard = deque(maxlen=_REMEMBERED)
+
+    def take(self, cdr, sent):
+        """Remember a serialised command, sent at a system time in ns."""
+        self._heard.append((sent, cdr))
+
+    def at(self, sent):
+        """Return the command in A, one a joint, that held at a system time in ns; () if unknown."""
+        times = [time for time, _ in self._heard]
+        last = next((k for k in reversed(range(len(times))) if times[k] <= sent), None)
+        if last is None:
+            return ()
+        usual = np.median(np.diff(times)) if len(times) > 1 else 0
+        if sent - times[last] > max(_HOLDS * usual, _STEP):
+            return ()
+        return deserialize_message(self._heard[last][1], Float64MultiArray).data
 
 
 class LiveFeed:
@@ -76,15 +107,17 @@ class LiveFeed:
         self._held, self._status = {}, {}
         self._due, self._first, self._heard = 0, None, 0.0
         self._context = Context()
-        rclpy.init(args=['watch', *arguments], context=self._context,
-                   signal_handler_options=SignalHandlerOptions.NO)
+        start_ros('watch', arguments, self._context)
         self._node = _Listener(self._context)
         # A second reader of a topic costs its publisher little; the first one, a motor's driver,
         # does: 45 us for each command (bench/watch_cost.py).
-        for kind, topic in ((Float64MultiArray, 'current_command'), (JointState, 'reference')):
-            self._node.create_subscription(
-                kind, topic, lambda cdr, topic=topic: self._held.__setitem__(topic, cdr), _QOS,
-                raw=True)
+        self._commands = SentCommands()
+        self._node.create_subscription(
+            Float64MultiArray, 'current_command', lambda cdr, info: self._commands.take(
+                cdr, info['source_timestamp']), _COMMAND_QOS, raw=True)
+        self._node.create_subscription(
+            JointState, 'reference', lambda cdr: self._held.__setitem__('reference', cdr), _QOS,
+            raw=True)
         # A planner uses one of them; of two, the later message counts.
         for kind, topic in ((Int8MultiArray, 'direction'), (JointState, 'direction_stamped')):
             self._node.create_subscription(
@@ -123,7 +156,7 @@ class LiveFeed:
                 model = FrictionModel.load(path, joint)
             self._found[joint] = path, model
 
-    def _on_joint_states(self, cdr):
+    def _on_joint_states(self, cdr, info):
         stamp = stamp_of(cdr) or time.time_ns()
         if self._due - 10 * _STEP < stamp < self._due:
             return
@@ -135,7 +168,7 @@ class LiveFeed:
         message = deserialize_message(cdr, JointState)
         if not self._fixed:
             self.joints = list(message.name)
-        commands, directions = self._commands(), self._directions()
+        commands, directions = self._commands.at(info['source_timestamp']), self._directions()
         reference = self._held.get('reference')
         reference = reference and deserialize_message(reference, JointState)
         with self._lock:
@@ -149,10 +182,6 @@ class LiveFeed:
                            _at(reference.velocity, list(reference.name).index(joint))
                            if reference and joint in reference.name else math.nan)
                     self._rows.setdefault(joint, deque(maxlen=_KEPT)).append(row)
-
-    def _commands(self):
-        cdr = self._held.get('current_command')
-        return () if cdr is None else deserialize_message(cdr, Float64MultiArray).data
 
     def _directions(self):
         kind, cdr = self._held.get('direction', (None, b''))
@@ -193,15 +222,13 @@ class LiveFeed:
         data['current'] = data['torque'] / gain
         velocity = data['velocity'] if np.isfinite(data['velocity']).all() else None
         load = data['load'] if np.isfinite(data['load']).all() else None
-        try:
-            data['predicted'] = model.predict(Samples(
-                time=data['time'], position=data['position'], current=data['current'],
-                velocity=velocity, load=load))
-        except InputError:
-            return
-        carried = not any(effect.by_mechanics(model.drive) for effect in model.effects)
-        person = np.nan_to_num(data['load']) / gain if carried else 0.0
-        data['residual'] = data['current'] + person - data['predicted']
+        samples = Samples(time=data['time'], position=data['position'], current=data['current'],
+                          velocity=velocity, load=load)
+        with contextlib.suppress(InputError):
+            data['predicted'] = model.predict(samples)
+            # What person's share is known counts, though the sensor may have begun later.
+            data['residual'] = model.measured(
+                samples.with_(load=data['load'])) - data['predicted']
 
     def status(self):
         """Return what the nodes say of themselves, worst first."""

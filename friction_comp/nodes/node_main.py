@@ -8,7 +8,6 @@ import argparse
 from collections.abc import Callable, Sequence
 import gc
 import os
-import re
 import signal
 import sys
 import threading
@@ -20,12 +19,13 @@ import rclpy
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from friction_comp.compiling import compile_rest, import_numba
 from friction_comp.errors import InputError
 from friction_comp.nodes.executor import StreamExecutor
+from friction_comp.nodes.peers import Peers
+from friction_comp.nodes.ros_start import start_ros, without_places
 
 _LAST_ROUNDS = 10
 # All that would end the process without a word, as far as a process may prevent it.
@@ -79,10 +79,9 @@ def run(name: str, description: str, make_node: Callable[[], Any],
     sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
         own = remove_ros_args([name, *argv])[1:]
-        rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
-        # Bad ROS arguments and parameter files come as different errors without a common base.
-        raise InputError(f'ROS arguments: {_without_places(error)}') from None
+        raise InputError(f'ROS arguments: {without_places(error)}') from None
+    start_ros(name, argv)
     try:
         parser.parse_args(own)
         # Where kernels are compiled at once: numba would import the rest of itself, and more, at
@@ -93,8 +92,9 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             node = make_node()
         except _rclpy.RCLError as error:
             # Keys that are missing, a middleware without security.
-            raise InputError(_without_places(error)) from None
+            raise InputError(without_places(error)) from None
         signals.tell(getattr(node, 'let_go', None))
+        Peers(node)
         executor = StreamExecutor(node)
         # What lives until the end is not to be searched for garbage between two samples.
         gc.collect()
@@ -111,11 +111,6 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
-
-
-def _without_places(error: Exception) -> str:
-    """Return the words of an error of rcl without the places in its source, which help nobody."""
-    return re.sub(r',? at \S+:\d+', '', str(error))
 
 
 def _compile(logger: Any) -> None:

@@ -13,8 +13,9 @@ from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 
 NANO = 1_000_000_000
-# A stamp this much older than the newest of its topic, ns, means that time started over. Between
-# topics such a difference says only that one was taken from its queue before the other.
+# Two stamps in a row this much older than the newest of their topic, ns, mean that time started
+# over; one alone is wrong. Between topics such a difference says only that one was taken from its
+# queue before the other.
 _BACK = NANO
 
 
@@ -44,11 +45,18 @@ class RecentPast:
         self.size = 0
         self._newest = 0
         self._newest_of: dict[str, int] = {}
+        self._odd: dict[str, Message] = {}
 
     def add(self, message: Message) -> None:
         """Keep a message, and let go of those that are too old or too many."""
-        if message.stamp < self._newest_of.get(message.topic, 0) - _BACK:
+        odd = self._odd.pop(message.topic, None)
+        newest = self._newest_of.get(message.topic)
+        if newest is not None and not self._follows(message.stamp, newest):
+            if odd is None or not self._follows(message.stamp, odd.stamp):
+                self._odd[message.topic] = message
+                return
             self.forget()
+            self.add(odd)
         self._newest_of[message.topic] = max(
             self._newest_of.get(message.topic, 0), message.stamp)
         self._newest = max(self._newest, message.stamp)
@@ -59,8 +67,12 @@ class RecentPast:
                 self.size > self._most or self._messages[0].stamp < oldest):
             self.size -= len(self._messages.popleft().cdr)
 
+    def _follows(self, stamp: int, before: int) -> bool:
+        return -_BACK <= stamp - before <= self._seconds * NANO
+
     def forget(self) -> None:
         """Keep nothing."""
+        self._odd.clear()
         self._messages.clear()
         self._newest_of.clear()
         self.size = self._newest = 0

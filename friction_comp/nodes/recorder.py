@@ -51,15 +51,28 @@ _STAMP_BIG_ENDIAN = struct.Struct('>iI')
 
 
 def stamp_of(cdr: bytes) -> int:
-    """Return the stamp in ns that a serialised message with a header begins with."""
+    """Return the stamp in ns that a serialised message with a header begins with.
+
+    0, as of an empty stamp, for one that is no time: before 1970, or of a thousand million
+    nanoseconds and more; and for a message that is too short to have one.
+    """
+    if len(cdr) < 4 + _STAMP.size:
+        return 0
     kind = _STAMP if cdr[1] & 1 else _STAMP_BIG_ENDIAN
     seconds, nanoseconds = kind.unpack_from(cdr, 4)
-    return int(seconds * NANO + nanoseconds)
+    return int(seconds * NANO + nanoseconds) if seconds >= 0 and nanoseconds < NANO else 0
 
 
 def who_says(cdr: bytes) -> str:
-    """Return whose status a serialised diagnostic message bears; each node sends its own."""
-    return ', '.join(status.name for status in deserialize_message(cdr, DiagnosticArray).status)
+    """Return whose status a serialised diagnostic message bears; each node sends its own.
+
+    Empty for one that cannot be read.
+    """
+    try:
+        message = deserialize_message(cdr, DiagnosticArray)
+    except Exception:  # whatever the middleware raises
+        return ''
+    return ', '.join(status.name for status in message.status)
 
 
 class Dates:
@@ -109,16 +122,17 @@ class RecorderNode(Node):
         compression = declare(
             self, 'compression', 'none', 'none, message or storage', read_only=True)
         size = declare(
-            self, 'max_file_size', 0.0, 'MB after which the next file begins; 0: never',
-            low=0.0, read_only=True)
+            self, 'max_file_size', 0.0, 'MB after which the next file begins, 0.01 at least; 0: '
+            'never', low=0.0, read_only=True)
         duration = declare(
-            self, 'max_file_duration', 0.0, 's after which the next file begins; 0: never',
-            low=0.0, read_only=True)
+            self, 'max_file_duration', 0.0, 's after which the next file begins, 0.1 at least; 0: '
+            'never', low=0.0, read_only=True)
         self._dates = Dates()
         self._undated: deque[tuple[int, str, str, bytes]] = deque()
         self._rate = Rate()
         self._counts = dict.fromkeys((topic for topic, *_ in TOPICS), 0)
         self._failed = ''
+        self._stamped = False
         # Nothing more is taken: a driver does not fall silent because nobody records it.
         self._over = False
         self._lost_before = self._lost_told = 0
@@ -126,7 +140,7 @@ class RecorderNode(Node):
         if model:
             data['model_file'] = model
         self._writer = RecordingWriter(
-            output, data, compression, split_size=round(1e6 * size), split_duration=duration)
+            output, data, compression, split_size=1e6 * size, split_duration=duration)
         self._writer.__enter__()
         self._topics = {topic: RecordedTopic(self, kind, topic, partial(
             self._on_stamped if stamped else self._on_unstamped, topic, name),
@@ -151,14 +165,17 @@ class RecorderNode(Node):
             raise
 
     def _on_stamped(self, topic: str, name: str, cdr: bytes, info: dict[str, Any]) -> None:
-        stamp = stamp_of(cdr)
-        sent = info['source_timestamp']
+        stamp, sent = stamp_of(cdr), info['source_timestamp']
+        if not stamp:
+            # As old as what was sent just before it, where that bears a stamp; both clocks agree
+            # where nothing does.
+            stamp = (self._dates.at(sent) if self._stamped else None) or sent
+        elif topic == STATES:
+            self._stamped = True
         if topic == STATES:
-            if not stamp:
-                stamp = sent
             self._dates.see(sent, stamp)
             self._date()
-        self._write(topic, name, stamp or sent, cdr)
+        self._write(topic, name, stamp, cdr)
 
     def _on_unstamped(self, topic: str, name: str, cdr: bytes, info: dict[str, Any]) -> None:
         self._undated.append((info['source_timestamp'], topic, name, cdr))

@@ -17,18 +17,30 @@ class Direction:
     """Holds the last direction d per joint; 0 where it is malformed or old.
 
     It may come by either of two ways, plain or with the planner's stamp; for each joint the later
-    word wins.
+    word wins. Where several announce, and a joint's direction changes and changes back within the
+    timeout, they contradict each other: it counts as 0 for twice as long.
 
     Parameters
     ----------
     joints : list of str
     timeout : float
         s of silence after which d is 0.
+
+    Attributes
+    ----------
+    planners : list of str
+        Who announces directions, as far as it is known: to be set by the node now and then.
+    refused : int
+        Number of messages so far that were not as they should be.
+    why : str
+        What was wrong with the last of them.
     """
 
     def __init__(self, joints: Sequence[str], timeout: float) -> None:
         self.timeout = timeout
         self.refused = 0
+        self.why = ''
+        self.planners: list[str] = []
         self._numbers = {joint: number for number, joint in enumerate(joints)}
         self._zeros = np.zeros(len(joints))
         self.forget()
@@ -37,6 +49,10 @@ class Direction:
         """Fall back to 0 until the next message."""
         self._values = self._zeros
         self._times: list[int | None] = [None] * len(self._zeros)
+        # What each joint's direction was before, when it changed, and when it changed back.
+        self._before = self._zeros
+        self._changed: list[int | None] = [None] * len(self._zeros)
+        self._disputed: list[int | None] = [None] * len(self._zeros)
 
     def begin(self, time: int) -> None:
         """Joint states begin at a time in ns: what was announced before is no later than that.
@@ -52,15 +68,14 @@ class Direction:
         A message of the wrong length counts as 0 for all joints, a value other than -1, 0 or +1
         as 0 for its joint.
         """
-        if len(values) != len(self._zeros):
-            self.refused += 1
-            self._set(range(len(self._zeros)), self._zeros, time)
-            return False
+        count = len(self._zeros)
+        if len(values) != count:
+            return self._refuse(f'{len(values)} values for {count} joints', range(count), time)
         known = [value in (-1, 0, 1) for value in values]
-        self.refused += not all(known)
-        self._set(range(len(values)),
-                  [float(v) if ok else 0.0 for v, ok in zip(values, known)], time)
-        return all(known)
+        self._set(range(count), [float(v) if ok else 0.0 for v, ok in zip(values, known)], time)
+        if not all(known):
+            return self._refuse('a value other than -1, 0 and +1', (), time)
+        return True
 
     def take_stamped(self, names: Sequence[str], velocities: Sequence[float], stamp: int,
                      now: int) -> bool:
@@ -69,7 +84,8 @@ class Direction:
         Parameters
         ----------
         names : sequence of str
-            Joints; those of others are passed over, those not named keep their direction.
+            Joints; those of others are passed over, those not named keep their direction. One
+            that is named twice has none: 0.
         velocities : sequence of float
             Of which the signs are the directions. One that is not finite counts as 0.
         stamp, now : int
@@ -77,35 +93,64 @@ class Direction:
             by more than the timeout is refused, and counts as 0: nobody knows its age.
         """
         if len(names) != len(velocities):
-            self.refused += 1
-            self._set(range(len(self._zeros)), self._zeros, max(stamp, now))
-            return False
+            return self._refuse(f'{len(velocities)} velocities for {len(names)} names',
+                                range(len(self._zeros)), max(stamp, now))
         mine = [(self._numbers[name], value) for name, value in zip(names, velocities)
                 if name in self._numbers]
-        ahead = stamp - now > self.timeout * 1e9
-        good = not ahead and all(math.isfinite(value) for _, value in mine)
-        self.refused += not good
-        self._set([number for number, _ in mine],
-                  [0.0 if ahead or not math.isfinite(value) else float(np.sign(value))
-                   for _, value in mine], min(stamp, now) if ahead else stamp)
-        return good
+        numbers = [number for number, _ in mine]
+        if stamp - now > self.timeout * 1e9:
+            return self._refuse('a stamp ahead of time', numbers, min(stamp, now))
+        if len(set(numbers)) < len(numbers):
+            return self._refuse('a joint named twice', numbers, stamp)
+        finite = [math.isfinite(value) for _, value in mine]
+        self._set(numbers, [float(np.sign(value)) if good else 0.0
+                            for (_, value), good in zip(mine, finite)], stamp)
+        if not all(finite):
+            return self._refuse('a velocity that is not finite', (), stamp)
+        return True
 
-    def _set(self, numbers: Sequence[int], values: Sequence[float] | np.ndarray,
-             time: int) -> None:
+    def _refuse(self, why: str, numbers: Sequence[int], time: int) -> bool:
+        """Count the joints' direction as 0 from a time in ns on, and return False."""
+        self.refused += 1
+        self.why = why
+        self._set(numbers, [0.0] * len(numbers), time)
+        return False
+
+    def _set(self, numbers: Sequence[int], values: Sequence[float], time: int) -> None:
         mixed, times = self._values.copy(), list(self._times)
         for number, value in zip(numbers, values):
             if times[number] is None or time >= times[number]:
+                if value != mixed[number]:
+                    self._note_change(number, value, time)
                 mixed[number], times[number] = value, time
         self._values, self._times = mixed, times
+
+    def _note_change(self, number: int, value: float, time: int) -> None:
+        before, changed = self._before[number], self._changed[number]
+        if (len(self.planners) > 1 and changed is not None and value == before
+                and time - changed <= self.timeout * 1e9):
+            self._disputed[number] = time
+        self._before = self._before.copy()
+        self._before[number], self._changed[number] = self._values[number], time
+
+    def disputed(self, time: int) -> list[str]:
+        """Return the joints whose planners contradict each other at a time in ns."""
+        return [joint for joint, number in self._numbers.items()
+                if self._is_disputed(number, time)]
+
+    def _is_disputed(self, number: int, time: int) -> bool:
+        since = self._disputed[number]
+        return since is not None and time - since <= 2.0 * self.timeout * 1e9
 
     def at(self, time: int) -> np.ndarray:
         """Return d at a time in ns, shape (J,)."""
         limit = time - self.timeout * 1e9
-        for taken in self._times:
-            if taken is None or taken < limit:
+        for number, taken in enumerate(self._times):
+            if taken is None or taken < limit or self._disputed[number] is not None:
                 return np.array([
-                    0.0 if taken is None or taken < limit else value
-                    for value, taken in zip(self._values, self._times)])
+                    0.0 if taken is None or taken < limit or self._is_disputed(number, time)
+                    else value
+                    for number, (value, taken) in enumerate(zip(self._values, self._times))])
         return self._values
 
     def age(self, number: int, time: int) -> float:

@@ -19,7 +19,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -27,6 +26,7 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.monitoring.checkup import TYPES
 from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
+from friction_comp.nodes.ros_start import start_ros
 
 NAME = 'friction_comp_doctor'
 # Hears every publisher.
@@ -53,8 +53,7 @@ def observe(seconds: float, arguments: list[str],
         Called with the share that is done and what is being done.
     """
     context = Context()
-    rclpy.init(args=['doctor', *arguments], context=context,
-               signal_handler_options=SignalHandlerOptions.NO)
+    start_ros('doctor', arguments, context)
     node = Node(NAME, context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
@@ -185,4 +184,7 @@ def _states_of(messages: Any) -> Any:
         for which, values in enumerate((message.position, message.velocity, message.effort)):
             if len(values) == len(columns):
                 table[which, row, columns] = values
-    return StatesSeen(joints, np.array([received for received, _ in messages]), stamps, *table)
+    twice = [joint for joint in joints
+             if any(message.name.count(joint) > 1 for _, message in messages)]
+    return StatesSeen(joints, np.array([received for received, _ in messages]), stamps,
+                      table[0], table[1], table[2], twice)

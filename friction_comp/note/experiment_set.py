@@ -5,24 +5,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 import math
-import multiprocessing
-import os
-import threading
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.beside import process_beside
 from friction_comp.note.condition_runs import CONDITIONS, run_trial
 from friction_comp.note.identify import identified_model, identify_breakaway, identify_table
 from friction_comp.note.published import EXPERIMENTS
 from friction_comp.note.standstill import stand_still
 
 if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
 
     from friction_comp.identification.goal import IdentificationResult
     from friction_comp.model.friction_model import Breakaway, FrictionModel
@@ -169,12 +164,7 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
     list of Outcome
     """
     outcomes = []
-    # A fresh interpreter: a fork of one that has run compiled threads may hang.
-    context = multiprocessing.get_context('spawn')
-    listening, held = context.Pipe(duplex=False)
-    # Closed before the pool is, which waits for what it has begun.
-    with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with,
-                             initargs=(listening,)) as pool, held:
+    with process_beside() as pool:
         tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
         for k, experiment in enumerate(experiments):
             def tell(share: float, what: str, k: int = k,
@@ -183,15 +173,3 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
 
             outcomes.append(run_experiment(experiment, tables[k].result, cycles, seed, tell))
     return outcomes
-
-
-def _end_with(listening: Connection) -> None:
-    """End this process when the other end of a pipe is closed, be it that its process was killed.
-
-    A table takes longer than somebody who interrupts would wait, and nobody is left to read it.
-    """
-    def wait() -> None:
-        with suppress(EOFError):
-            listening.recv()
-        os._exit(1)
-    threading.Thread(target=wait, daemon=True).start()

@@ -11,6 +11,7 @@ with another layout form another group, so nothing depends on the layouts being 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+import math
 import struct
 
 import numpy as np
@@ -20,6 +21,11 @@ FLOAT_ARRAY = 'std_msgs/msg/Float64MultiArray'
 INT8_ARRAY = 'std_msgs/msg/Int8MultiArray'
 WRENCH = 'geometry_msgs/msg/WrenchStamped'
 TEMPERATURE = 'sensor_msgs/msg/Temperature'
+
+
+MOST_VALUES = 200
+"""Values or names of one message, more than any robot has joints: arrays that hold every message's
+values side by side would fill the memory for the sake of one."""
 
 
 class _Cursor:
@@ -50,11 +56,14 @@ class _Cursor:
         self.at = start + size
         return start
 
-    def count(self) -> int:
-        """Read a length and pin it."""
+    def count(self, most: float = math.inf) -> int:
+        """Read a length, at most so many, and pin it."""
         start = self._advance(4, 4)
         self.fixed.extend(range(start, start + 4))
-        return int(struct.unpack_from(self.order + 'I', self.data, start)[0])
+        number = int(struct.unpack_from(self.order + 'I', self.data, start)[0])
+        if number > most:
+            raise ValueError(f'{number} values or names in one message')
+        return number
 
     def string(self) -> str:
         """Read a string and pin it."""
@@ -70,7 +79,7 @@ class _Cursor:
     def values(self, name: str, code: str, number: int | None = 1) -> None:
         """Note where a field's values are; None reads their number first."""
         if number is None:
-            number = self.count()
+            number = self.count(MOST_VALUES)
         size = np.dtype(code).itemsize
         start = self._advance(size * number, size) if number else self.at
         self.fields[name] = (self.order + code, start, number)
@@ -87,7 +96,7 @@ def _header(cursor: _Cursor) -> str:
 
 def _joint_state(cursor: _Cursor) -> tuple[str, ...]:
     _header(cursor)
-    names = tuple(cursor.string() for _ in range(cursor.count()))
+    names = tuple(cursor.string() for _ in range(cursor.count(MOST_VALUES)))
     for name in ('position', 'velocity', 'effort'):
         cursor.values(name, 'f8', None)
     return names
@@ -95,7 +104,7 @@ def _joint_state(cursor: _Cursor) -> tuple[str, ...]:
 
 def _multi_array(code: str) -> _Walk:
     def walk(cursor: _Cursor) -> tuple[str, ...]:
-        for _ in range(cursor.count()):
+        for _ in range(cursor.count(MOST_VALUES)):
             # A label may differ from message to message, as a stamp does.
             cursor.skip_string()
             cursor.values('size', 'u4')
@@ -123,7 +132,7 @@ _WALKS = {
 }
 
 
-def decode(type_name: str, payloads: Sequence[bytes]
+def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None = None
            ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
     """Decode serialised messages of one type.
 
@@ -133,6 +142,9 @@ def decode(type_name: str, payloads: Sequence[bytes]
         One of the five message types named in this module.
     payloads : list of bytes
         The messages with their four-byte encapsulation header.
+    broken : list of int, optional
+        Takes which messages are too short for their fields or not CDR, or hold more than
+        `MOST_VALUES` values or names, and are left out.
 
     Yields
     ------
@@ -147,7 +159,7 @@ def decode(type_name: str, payloads: Sequence[bytes]
     Raises
     ------
     ValueError
-        If a message is too short for its fields or not CDR.
+        If a message is broken and no list takes which.
     """
     walk = _WALKS[type_name]
     lengths = np.fromiter(map(len, payloads), dtype=np.int64, count=len(payloads))
@@ -156,8 +168,15 @@ def decode(type_name: str, payloads: Sequence[bytes]
         block = np.frombuffer(b''.join([payloads[int(i)] for i in index]), dtype=np.uint8)
         block = block.reshape(len(index), length)
         while len(index):
-            cursor = _Cursor(bytes(block[0]))
-            names = walk(cursor)
+            try:
+                cursor = _Cursor(bytes(block[0]))
+                names = walk(cursor)
+            except ValueError:
+                if broken is None:
+                    raise
+                broken.append(int(index[0]))
+                index, block = index[1:], block[1:]
+                continue
             pinned = block[:, cursor.fixed]
             same = (pinned == pinned[0]).all(axis=1)
             yield index[same], names, _cut(block if same.all() else block[same], cursor.fields)

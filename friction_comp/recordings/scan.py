@@ -281,8 +281,11 @@ class Scanner:
         """Return what was read since the beginning, or since tracks were last taken."""
         assert self._storage is not None
         tracks = [track for store in self.stores.values() if (track := store.take()) is not None]
+        notes = self._storage.notes + [
+            f'{store.broken} of the messages of {store.topic} left out: broken, or more than '
+            f'{cdr.MOST_VALUES} values' for store in self.stores.values() if store.broken]
         return Scan(
-            self.path, tracks, self._storage.topics, self._storage.notes, self._storage.custom,
+            self.path, tracks, self._storage.topics, notes, self._storage.custom,
             from_diagnostics(self._diagnostics, self._begin))
 
 
@@ -307,6 +310,7 @@ class Store:
         self._receive: list[int] = []
         self._order: list[int] = []
         self._names: dict[str, None] = {}
+        self.broken = 0     # messages left out, since they cannot be decoded
         self._clear()
 
     def _clear(self) -> None:
@@ -333,27 +337,27 @@ class Store:
             return
         stamps = np.zeros(size, dtype=np.int64)
         batch: dict[str, np.ndarray] = {}
-        try:
-            for index, names, fields in cdr.decode(
-                    SIGNALS[self.signal], [unpack(raw) for raw in self._raw]):
-                if 'stamp' in fields:
-                    stamps[index] = fields['stamp']
-                for key, value in self._columns(names, fields):
-                    if key not in batch or batch[key].shape[1:] != value.shape[1:]:
-                        width = max(value.shape[1], batch[key].shape[1] if key in batch else 0)
-                        wide = np.full((size, width), np.nan)
-                        if key in batch:
-                            wide[:, :batch[key].shape[1]] = batch[key]
-                        batch[key] = wide
-                    batch[key][index, :value.shape[1]] = value
-        except ValueError as error:
-            raise ValueError(f'a message of {self.topic} is broken: {error}') from None
+        broken: list[int] = []
+        for index, names, fields in cdr.decode(
+                SIGNALS[self.signal], [unpack(raw) for raw in self._raw], broken):
+            if 'stamp' in fields:
+                stamps[index] = fields['stamp']
+            for key, value in self._columns(names, fields):
+                if key not in batch or batch[key].shape[1:] != value.shape[1:]:
+                    width = max(value.shape[1], batch[key].shape[1] if key in batch else 0)
+                    wide = np.full((size, width), np.nan)
+                    if key in batch:
+                        wide[:, :batch[key].shape[1]] = batch[key]
+                    batch[key] = wide
+                batch[key][index, :value.shape[1]] = value
+        self.broken += len(broken)
+        whole = np.delete(np.arange(size), broken)
         for key, value in batch.items():
-            self._parts.setdefault(key, []).append((self._size, value))
-        self._receives.append(np.array(self._receive, dtype=np.int64))
-        self._orders.append(np.array(self._order, dtype=np.int64))
-        self._stamps.append(stamps)
-        self._size += size
+            self._parts.setdefault(key, []).append((self._size, value[whole]))
+        self._receives.append(np.array(self._receive, dtype=np.int64)[whole])
+        self._orders.append(np.array(self._order, dtype=np.int64)[whole])
+        self._stamps.append(stamps[whole])
+        self._size += len(whole)
         self._raw, self._receive, self._order = [], [], []
 
     def _columns(self, names: tuple[str, ...], fields: dict[str, Any]

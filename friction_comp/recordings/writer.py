@@ -28,6 +28,9 @@ _DEFAULT_QOS: Qos = {
     'deadline': _NEVER, 'lifespan': _NEVER, 'liveliness': 'automatic',
     'liveliness_lease_duration': _NEVER, 'avoid_ros_namespace_conventions': False,
 }
+# Bytes and s below which a recording would be all files: each has an index and two threads, and the
+# disk no time for them.
+_LEAST_SIZE, _LEAST_DURATION = 10_000, 0.1
 _COMPRESSIONS = ('none', 'message', 'storage')
 
 
@@ -53,15 +56,15 @@ class RecordingWriter:
         Kept in metadata.yaml. ``model_file`` names the model that was active.
     compression : str, optional
         'none', 'message' or 'storage' (chunks inside the mcap file), all with zstd.
-    split_size : int, optional
-        Bytes after which a file ends and the next begins; 0: never.
+    split_size : float, optional
+        Bytes after which a file ends and the next begins, 10,000 at least; 0: never.
     split_duration : float, optional
-        The same in s of the messages' time.
+        The same in s of the messages' time, 0.1 at least.
 
     Raises
     ------
     InputError
-        If the folder exists or cannot be made.
+        If the folder exists or cannot be made, or files would be too small.
 
     Examples
     --------
@@ -70,12 +73,18 @@ class RecordingWriter:
     """
 
     def __init__(self, path: AnyPath, custom_data: dict[str, str] | None = None,
-                 compression: str = 'none', split_size: int = 0,
+                 compression: str = 'none', split_size: float = 0,
                  split_duration: float = 0.0) -> None:
         self.path = Path(path)
         if compression not in _COMPRESSIONS:
             raise InputError(
                 f'compression must be none, message or storage, not {compression!r}')
+        if 0.0 < split_size < _LEAST_SIZE:
+            raise InputError(f'max_file_size: files of {1e-6 * split_size:g} MB are too small, '
+                             f'{1e-6 * _LEAST_SIZE:g} MB is the least; 0 makes one file')
+        if 0.0 < split_duration < _LEAST_DURATION:
+            raise InputError(f'max_file_duration: files of {split_duration:g} s are too short, '
+                             f'{_LEAST_DURATION:g} s is the least; 0 makes one file')
         self.custom_data = dict(custom_data or {})
         self._compression = compression
         self._split_size = split_size
@@ -225,7 +234,9 @@ class RecordingWriter:
         if self._part.first is None:
             return False
         return bool((self._split_size and self._part.size >= self._split_size)
-                    or (self._split_duration and time - self._part.first >= self._split_duration))
+                    # Away from it either way: one stamp may be far ahead of all others.
+                    or (self._split_duration
+                        and abs(time - self._part.first) >= self._split_duration))
 
     def _split(self) -> None:
         self._end_part()

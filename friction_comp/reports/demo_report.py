@@ -11,6 +11,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate
+from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.refinement_report import (
@@ -47,6 +48,8 @@ class EvaluatedTrial:
     evaluation : Evaluation
     peak_torque, rms_torque : float
         N·m, the mean over both movements.
+    stuck : int
+        Movements in which the joint did not set out; the peak torque then is a bound.
     """
 
     def __init__(self, name: str, title: str, samples: Samples) -> None:
@@ -54,6 +57,7 @@ class EvaluatedTrial:
         self.evaluation = evaluate([samples], [name])
         self.peak_torque = self._mean('peak_torque')
         self.rms_torque = self._mean('rms_torque')
+        self.stuck = sum(condition.stuck for condition in self.evaluation.conditions)
 
     def _mean(self, name: str) -> float:
         return float(np.mean([getattr(c, name) for c in self.evaluation.conditions]))
@@ -65,6 +69,11 @@ class EvaluatedTrial:
                   if span.low is not None and span.high is not None]
         known = halves and len(halves) == len(self.evaluation.conditions)
         return float(np.hypot.reduce(halves)) / len(halves) if known else None
+
+    @property
+    def peak(self) -> str:
+        """Peak torque in N·m as it is written."""
+        return peak_text(self.peak_torque, self.stuck)
 
     @property
     def false_starts(self) -> int:
@@ -81,7 +90,7 @@ def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list
     """Return the demo's table: name, peak and RMS torque in N·m, residual in mA; all text."""
     before, after = (number(1e3 * value) for value in residuals(refined))
     shown = {'compensated': before, 'refined': after}
-    return [[trial.title, number(trial.peak_torque), number(trial.rms_torque),
+    return [[trial.title, trial.peak, number(trial.rms_torque),
              shown.get(trial.name, '')] for trial in trials]
 
 
@@ -151,9 +160,9 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                   'Identify, compensate, evaluate, refine, compensate again')
     page.verdict(_summary(trials, effects, before, after))
     page.numbers([
-        (f'{number(kinetic.peak_torque)} N·m', 'to set the joint in motion, d = 0'),
-        (f'{number(compensated.peak_torque)} N·m', 'with the direction known, d = ±1'),
-        (f'{number(last.peak_torque)} N·m', 'and with the refined model'),
+        (f'{kinetic.peak} N·m', 'to set the joint in motion, d = 0'),
+        (f'{compensated.peak} N·m', 'with the direction known, d = ±1'),
+        (f'{last.peak} N·m', 'and with the refined model'),
         (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'error of the model')])
     page.table(
         ['', 'peak (N·m)', '±', 'RMS (N·m)', '±', 'model error (mA)'],
@@ -191,17 +200,17 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
              after: float) -> str:
     none, kinetic, compensated, last = trials
     words = [
-        f'Without compensation the person needs **{number(none.peak_torque)} N·m** to set the '
+        f'Without compensation the person needs {_needed(none)} to set the '
         f'joint in motion. Compensating kinetic friction alone leaves '
-        f'{number(kinetic.peak_torque)} N·m, since before the joint moves nothing tells which way '
-        f'to help. With the direction known it is **{number(compensated.peak_torque)} N·m**.']
+        f'{kinetic.peak} N·m, since before the joint moves nothing tells which way '
+        f'to help. With the direction known it is **{compensated.peak} N·m**.']
     if effects:
         found = ', '.join(f"{effect['name'].replace('_', ' ')} ({effect['variable']})"
                           for effect in effects)
         words.append(
             f'The recordings show what the identified model lacks: {found}. With it, the error of '
             f'the predicted current falls from {number(1e3 * before)} to {number(1e3 * after)} mA, '
-            f'and the person needs **{number(last.peak_torque)} N·m** at most and '
+            f'and the person needs **{last.peak} N·m** at most and '
             f'{number(last.rms_torque)} N·m RMS, after {number(compensated.rms_torque)} N·m.')
     else:
         words.append('The recordings show no effect that the identified model lacks.')
@@ -209,3 +218,12 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
     words.append('In no trial did the joint start without the person.' if not starts else
                  f'In {starts} movements the joint set out before the person pushed.')
     return '\n\n'.join(words)
+
+
+def _needed(trial: EvaluatedTrial) -> str:
+    """Return what it takes to set the joint in motion, as far as a trial shows it."""
+    if not trial.stuck:
+        return f'**{trial.peak} N·m**'
+    count = sum(condition.repetitions for condition in trial.evaluation.conditions)
+    return (f'more than **{number(trial.peak_torque)} N·m** (the joint did not set out in '
+            f'{trial.stuck} of {count} movements)')

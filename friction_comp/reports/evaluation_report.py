@@ -13,7 +13,9 @@ import numpy as np
 from friction_comp.evaluation.repetitions import FIGURES
 from friction_comp.reports.evaluation_words import (
     chance,
+    figure_of,
     heading,
+    peak_text,
     probability,
     share,
     summary,
@@ -22,7 +24,7 @@ from friction_comp.reports.evaluation_words import (
     with_interval,
 )
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
-from friction_comp.reports.html import number, Report
+from friction_comp.reports.html import Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -172,7 +174,7 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
             [[unbroken(evaluation, c.help), '+' if c.movement == 'positive' else '\u2212',
               *([c.repetitions, f'{c.false_starts}\u00a0({share(c.false_start_share)})']
                 if starts else []),
-              *(with_interval(c.figures.get(name)) for name in known)]
+              *(figure_of(c, name) for name in known)]
              for c in evaluation.conditions],
             f"{title}: mean over the repetitions of each one's own figure ± half its 95 % "
             'confidence interval, for movements in the positive (+) and negative (\u2212) '
@@ -181,8 +183,10 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
     words = []
     if evaluation.measured:
         words.append(
-            'The peak is the largest torque from 0.5 s before the movement until it slows down. '
-            'RMS is taken over the movement, standstill not counted. The torque at constant '
+            'The peak is the largest torque from the beginning of the movement until it slows '
+            'down, or until the joint sets out where that comes later; "more than" it (>) is '
+            'asked for where the joint did not set out in each repetition. '
+            'RMS is taken over the movement shown, standstill not counted. The torque at constant '
             'velocity is positive where the person pushes the joint along, and negative where the '
             'joint pulls ahead.')
         words.append('A false start is a repetition in which the joint set out during the '
@@ -210,7 +214,9 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
         ['figure', 'first', 'second', 'pairs', 'mean of the first', 'of the second',
          'difference', 'p'],
         [[heading(c.figure), unbroken(evaluation, c.first),
-          unbroken(evaluation, c.second), c.pairs, number(c.before), number(c.after),
+          unbroken(evaluation, c.second), c.pairs, *(
+              peak_text(mean, evaluation.stuck(known) * (c.figure == 'peak_torque'))
+              for mean, known in ((c.before, c.first), (c.after, c.second))),
           with_interval(c.difference), probability(c)]
          for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
@@ -288,7 +294,8 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
         return []
     known = [one for one in dict.fromkeys(c.help for c in evaluation.conditions)
              if one.announced >= 0]
-    tiles = [(f'{number(peak)} N·m', f'peak, {unbroken(evaluation, one)}') for one in known
+    tiles = [(f'{peak_text(peak, evaluation.stuck(one))} N·m',
+              f'peak, {unbroken(evaluation, one)}') for one in known
              if np.isfinite(peak := evaluation.peak_of(one))][:_TILES]
     if len(tiles) > 2:
         return tiles

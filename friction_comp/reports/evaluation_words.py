@@ -38,12 +38,34 @@ def summary(evaluation: Evaluation) -> str:
 
 def condition_line(condition: Condition) -> str:
     """Return one condition in a line of a terminal."""
-    figures = [f'{FIGURES[name][0]} {with_interval(condition.figures[name])} '
-               f'{FIGURES[name][1]}'.strip()
+    figures = [f'{FIGURES[name][0]} {figure_of(condition, name)} {FIGURES[name][1]}'.strip()
                for name in ('peak_torque', 'rms_torque', 'residual_current', 'onset',
                             'smoothness') if name in condition.figures]
-    return (f'{condition.help.label}, {condition.movement} movement '
-            f'({condition.repetitions} repetitions): {", ".join(figures)}')
+    count = f'{condition.repetitions} repetition{"s" if condition.repetitions > 1 else ""}'
+    if condition.stuck:
+        count += f', in {condition.stuck} the joint did not set out'
+    return f'{condition.help.label}, {condition.movement} movement ({count}): {", ".join(figures)}'
+
+
+def figure_of(condition: Condition, name: str) -> str:
+    """Return a figure of a condition with its interval; a bound where the joint did not set out."""
+    text = with_interval(condition.figures.get(name))
+    return f'>\u00a0{text}' if name == 'peak_torque' and condition.stuck else text
+
+
+def compared_peaks(evaluation: Evaluation) -> tuple[str, str] | None:
+    """Return the peak torque in N·m without the announced direction and with it, as written."""
+    compared, two = evaluation.compared('peak_torque'), evaluation.pair()
+    if compared is None or two is None:
+        return None
+    before, after = (peak_text(value, evaluation.stuck(known))
+                     for value, known in zip(compared, two))
+    return before, after
+
+
+def peak_text(torque: float, stuck: int, digits: int = 3) -> str:
+    """Return a peak torque in N·m, as a bound where the joint did not set out each time."""
+    return f'{"> " if stuck else ""}{number(torque, digits)}'
 
 
 def verdict(evaluation: Evaluation) -> str:
@@ -57,10 +79,11 @@ def verdict(evaluation: Evaluation) -> str:
         plain, assisted = (('without (d = 0)', 'the direction announced (d = ±1)') if alike else
                            (f'with {_law(evaluation, two[0])}',
                             f'the direction announced (d = ±1, {_law(evaluation, two[1])})'))
-        least = ('at least ', 'more than ') if evaluation.is_bound else ('', '')
-        words = (f'With {assisted} it took **{number(after)} N·m** to set the joint in motion '
-                 f'instead of {least[1]}**{number(before)} N·m** {plain}: '
-                 f'{least[0]}**{abs(100 * change):.0f} % {verb}**')
+        more = ['more than ' if evaluation.stuck(known) else '' for known in two]
+        least = 'at least ' if evaluation.is_bound else ''
+        words = (f'With {assisted} it took {more[1]}**{number(after)} N·m** to set the joint in '
+                 f'motion instead of {more[0]}**{number(before)} N·m** {plain}: '
+                 f'{least}**{abs(100 * change):.0f} % {verb}**')
         test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
                      and (c.first, c.second) == two), None)
         if test is None or test.probability is None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.evaluation.intervals import Interval, mean_interval
 from friction_comp.reports.evaluation_report import add_evaluation
-from friction_comp.reports.evaluation_words import with_interval
+from friction_comp.reports.evaluation_words import compared_peaks, with_interval
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import number, Report
 
@@ -40,10 +40,10 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
     tiles = []
     words = []
     for one in evaluations:
-        compared = one.compared('peak_torque')
-        if compared is None:
+        compared, peaks = one.compared('peak_torque'), compared_peaks(one)
+        if compared is None or peaks is None:
             continue
-        tiles.append((f'{number(compared[0])} → {number(compared[1])} N·m', f'{one.joint}, peak'))
+        tiles.append((f'{peaks[0]} → {peaks[1]} N·m', f'{one.joint}, peak'))
         change = round(100 * (compared[1] / compared[0] - 1))
         words.append(f'the {one.joint} {"at least " if one.is_bound else ""}'
                      f'**{abs(change)} %** {"more" if change > 0 else "less"}')

@@ -32,6 +32,7 @@ import numpy as np
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
 from friction_comp.simulation.joint_records import LUGRE, Record
+from friction_comp.simulation.person import follow_reference
 from friction_comp.simulation.undeclared import undeclared_torque
 
 SUBSTEPS = 16
@@ -101,11 +102,10 @@ def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, mem
         _advance_current(p, s, command, v, amplify)
         s.late_current += (s.current - s.late_current) * follow
         if active:
-            aim = (p.human_stiffness * (reference_position + reference_velocity * k * h - s.link)
-                   + p.human_damping * (reference_velocity - s.link_speed))
-            s.human += (aim - s.human) * muscle
+            follow_reference(p, s, h, muscle, reference_position + reference_velocity * k * h,
+                             reference_velocity, s.link, s.link_speed)
         else:
-            s.human = 0.0
+            s.human = s.pushed_on = 0.0
         # Which way the joint slides, or would, decides which level applies.
         way = v if v != 0.0 else s.late_current
         level, load = friction_level(p, s, abs(v), way > 0.0), 0.0

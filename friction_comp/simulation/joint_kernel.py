@@ -26,8 +26,9 @@ from friction_comp.simulation.undeclared import heated
 def start_joint(p: Record, s: Record, random: np.ndarray) -> None:
     """Set the state of a joint at rest at position 0 and draw its first breakaway levels."""
     s.rotor = s.rotor_speed = s.link = s.link_speed = s.slid = 0.0
-    s.current = s.late_current = s.human = s.counted = s.samples = 0.0
+    s.current = s.late_current = s.human = s.pushed_on = s.counted = s.samples = 0.0
     s.rest, s.temperature, s.sliding = 1.0, p.thermal[1], 0
+    s.arrived = 0
     for j in range(ELEMENTS):
         s.bristle[j] = 0.0
     for j in range(DELAYS):

@@ -42,8 +42,8 @@ JOINT = _record(
     'bristle_stiffness bristle_damping level_lag current_lag actuation_lag '
     # The motor's supply: V·s/rad at the joint, Ω, V; no limit where the resistance is 0.
     'back_emf resistance voltage '
-    # The person, N·m/rad, N·m·s/rad and s.
-    'human_stiffness human_damping human_response',
+    # The person, N·m/rad, N·m·s/rad, s and s.
+    'human_stiffness human_damping human_response human_integral_time',
     'kind delay elements',
     {'thermal': 4, 'share': ELEMENTS, 'distance': ELEMENTS})
 """Parameters of one joint, all at the joint. `thermal` is that of `undeclared.heated`; `share`
@@ -59,9 +59,10 @@ JOINT_STATE = _record(
     # Friction's level, and those drawn for this rest, N·m; how long the joint has been sticking,
     # s, and how far it has slid, rad.
     'level level_positive level_negative rest slid '
-    # A, A, N·m, degrees Celsius, rad, 1.
-    'current late_current human temperature counted samples',
-    'sliding', {'bristle': ELEMENTS, 'command': DELAYS})
+    # A, A; the person's push and the part of it that grew while the joint stood short, N·m;
+    # degrees Celsius, rad, 1.
+    'current late_current human pushed_on temperature counted samples',
+    'sliding arrived', {'bristle': ELEMENTS, 'command': DELAYS})
 """State of one joint; `start_joint` sets it."""
 
 MEASURED = np.dtype([(name, float) for name in (

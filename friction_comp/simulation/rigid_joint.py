@@ -23,6 +23,7 @@ import numpy as np
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
 from friction_comp.simulation.joint_records import Record
+from friction_comp.simulation.person import follow_reference
 from friction_comp.simulation.undeclared import undeclared_torque
 
 SUBSTEPS = 8
@@ -49,11 +50,10 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
         s.late_current += (command - s.late_current) * follow
         x, v = s.rotor, s.rotor_speed
         if active:
-            wanted = (p.human_stiffness * (reference_position + reference_velocity * k * h - x)
-                      + p.human_damping * (reference_velocity - v))
-            s.human += (wanted - s.human) * muscle
+            follow_reference(p, s, h, muscle, reference_position + reference_velocity * k * h,
+                             reference_velocity, x, v)
         else:
-            s.human = 0.0
+            s.human = s.pushed_on = 0.0
         torque = p.torque_per_current * s.late_current + s.human
         # Which way the bristle would go if it held decides which level applies.
         stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit

@@ -22,9 +22,11 @@ from typing import Any, NoReturn, TypeVar
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
-from friction_comp.files import plain
+from friction_comp.files import check_file, check_folder, encodable, plain
 
 T = TypeVar('T')
+# Of the JSON that the tools write: one more where an entry goes, or means something else.
+REPORT_VERSION = 1
 
 
 class Arguments(argparse.ArgumentParser):
@@ -42,6 +44,7 @@ class Arguments(argparse.ArgumentParser):
             allow_abbrev=False, epilog='\n'.join(['examples:', *lines]) if lines else None,
             formatter_class=argparse.RawDescriptionHelpFormatter, **options)
         self._name = name
+        self._check_output: Callable[[Path], None] | None = None
 
     def error(self, message: str) -> NoReturn:
         """Exit with status 2 and one line on standard error."""
@@ -54,11 +57,19 @@ class Arguments(argparse.ArgumentParser):
         ----------
         argv : list of str, optional
             The process's own by default.
+
+        Raises
+        ------
+        InputError
+            If the output cannot be written: known before the work, which may take minutes.
         """
         arguments = list(sys.argv[1:] if argv is None else argv)
         if '--ros-args' in arguments:
             arguments = arguments[:arguments.index('--ros-args')]
-        return self.parse_args(arguments)
+        parsed = self.parse_args(arguments)
+        if self._check_output is not None:
+            self._check_output(parsed.output)
+        return parsed
 
     def add_recordings(self, several: bool = True) -> Arguments:
         """Add what tools that read recordings take: RECORDING, --joint and the drive's numbers."""
@@ -84,10 +95,17 @@ class Arguments(argparse.ArgumentParser):
                           help='print the content of report.json instead of words')
         return self
 
+    def add_output_file(self, what: str) -> Arguments:
+        """Add --output, a file."""
+        self.add_argument('--output', metavar='FILE', type=Path, required=True, help=what)
+        self._check_output = check_file
+        return self
+
     def add_output(self,
                    what: str = 'folder for the results, made where it is missing') -> Arguments:
         """Add --output."""
         self.add_argument('--output', metavar='DIR', type=Path, required=True, help=what)
+        self._check_output = check_folder
         return self
 
 
@@ -145,7 +163,13 @@ def output_folder(path: str | Path) -> Iterator[Path]:
         path.mkdir(parents=True, exist_ok=True)
         room = Path(tempfile.mkdtemp(prefix='.unfinished.', dir=path))
         yield room
-        for source in sorted(room.rglob('*')):
+        made_here = sorted(room.rglob('*'))
+        for source in made_here:
+            target = path / source.relative_to(room)
+            kind = 'folder' if source.is_dir() else 'file'
+            if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
+                raise InputError(f'{target}: is in the way, and is no ordinary {kind}')
+        for source in made_here:
             target = path / source.relative_to(room)
             if source.is_dir():
                 target.mkdir(exist_ok=True)
@@ -211,6 +235,9 @@ def _progress_lines(first: str) -> Callable[..., None]:
 
 
 def to_json(content: dict[str, Any]) -> str:
-    """Return content as JSON text; numpy values become plain ones, NaN and infinity null."""
-    values = plain(content, not_finite=None)
-    return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + '\n'
+    """Return a report as JSON text, the version of its form first; msg_docs/reports.md tells both.
+
+    Numpy values become plain ones, NaN and infinity null.
+    """
+    values = {'version': REPORT_VERSION, **plain(content, not_finite=None)}
+    return encodable(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)) + '\n'

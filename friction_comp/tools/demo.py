@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 import signal
 
+from friction_comp.package_files import package_file
 from friction_comp.tools.common import Arguments, whole_number
 from friction_comp.tools.ros_domain import leased_domain
 
@@ -49,6 +50,9 @@ def main(argv: list[str] | None = None) -> int:
     with leased_domain() as domain:
         # Importing ROS 2 may start Python again: nothing may have happened before.
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        # Nodes find each other in half a second, where it may take three.
+        os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
+                              str(package_file('config', 'quick_discovery.xml')))
         from friction_comp.nodes.demo_client import DemoClient
         from friction_comp.tools.demo_scenes import TwoJoints, Wear
         from friction_comp.tools.demo_stage import tell

@@ -16,6 +16,7 @@ from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_joints
+from friction_comp.reports.evaluation_words import compared_peaks
 from friction_comp.reports.scene_reports import (
     effort,
     stages_of,
@@ -76,9 +77,9 @@ class TwoJoints(Stage):
                    'seconds': time.monotonic() - self._began}
         (self._output / 'report.json').write_text(to_json(content), encoding='utf-8')
         for one in evaluations:
-            before, after = one.compared('peak_torque') or (math.nan, math.nan)
-            self._console.print(f'{one.joint}: peak {before:.2f} N·m with kinetic friction only, '
-                                f'{after:.2f} N·m with the direction announced')
+            before, after = compared_peaks(one) or ('–', '–')
+            self._console.print(f'{one.joint}: peak {before} N·m with kinetic friction only, '
+                                f'{after} N·m with the direction announced')
         self._console.print(f'report: {self._output / "report.html"}', soft_wrap=True)
 
 

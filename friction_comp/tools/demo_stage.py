@@ -72,9 +72,16 @@ class Stage(ABC):
             'undeclared_effect_files': [str(path) for path in undeclared], **more})
 
     def _record(self, name: str) -> None:
+        self._start_recorder(name)
+        self._until_recorded()
+
+    def _start_recorder(self, name: str) -> None:
         self._nodes.start('recorder', {
             'output': str(self._output / 'recordings' / name), 'use_sim_time': True,
             'input_reliability': 'reliable'})
+
+    def _until_recorded(self) -> None:
+        """Wait until the recorder hears everything that is said from now on."""
         # Subscriptions to the command: the plant's and the recorder's.
         # Identification has a publisher while it commands only.
         self._ros.until_connected('current_command', 0, 2)

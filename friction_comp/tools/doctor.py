@@ -51,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     parser = Arguments('doctor', __doc__, (
-        '', '--installed', '--seconds 10 --model elbow.yaml',
+        '', '--installed', '--seconds 10 --model config/armin_configuration_2.yaml',
         '--ros-args -r current_command:=/current_controller/commands'))
     parser.add_argument('--seconds', type=positive, default=5.0,
                         help='how long to look at what runs (%(default)s)')
@@ -77,6 +77,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def check_machine() -> Iterator[Finding]:
     """Give what there is to say about this machine."""
+    from friction_comp.monitoring.network import loopback_fault
     from friction_comp.monitoring.observation import Finding, NOTE, OK, PROBLEM, WARNING
 
     yield Finding(OK, 'Python', f'{platform.python_version()}, {sys.executable}')
@@ -95,6 +96,9 @@ def check_machine() -> Iterator[Finding]:
         yield Finding(OK, 'ROS 2', os.environ.get('ROS_DISTRO', 'from wheels in this environment'))
         yield from _interfaces()
         yield from _middleware()
+    if fault := loopback_fault():
+        what, _, do = fault.partition(': ')
+        yield Finding(PROBLEM, 'network', what, do)
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
     if load > 1.0:
         yield Finding(WARNING, 'load', f'{load:.1f} processes wait for each processor core',

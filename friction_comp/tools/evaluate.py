@@ -8,6 +8,7 @@ import csv
 import io
 from pathlib import Path
 
+from friction_comp.files import encodable
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
 from friction_comp.tools.workers import add_workers, for_workers, workers
 
@@ -27,8 +28,8 @@ def main(argv: list[str] | None = None) -> int:
         If no recording can be used.
     """
     parser = Arguments('evaluate', __doc__, (
-        'trial_without trial_with --output evaluation',
-        'sessions --model elbow.yaml --jobs 2 --output weeks')
+        'examples/elbow --output output/evaluation',
+        'examples/elbow --model config/armin_configuration_2.yaml --jobs 2 --output output/weeks')
     ).add_recordings().add_output().add_json()
     parser.add_argument(
         '--model', metavar='FILE', type=Path,
@@ -59,7 +60,8 @@ def main(argv: list[str] | None = None) -> int:
             [rows[0][0], *(row for part in rows for row in part[1:])])
         with output_folder(arguments.output) as folder:
             (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
-            (folder / 'repetitions.csv').write_text(table.getvalue(), encoding='utf-8')
+            (folder / 'repetitions.csv').write_text(
+                encodable(table.getvalue()), encoding='utf-8')
             evaluation_report(evaluations).save(folder / 'report.html')
     if arguments.json:
         print(to_json(content), end='')

@@ -1,6 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``predict``: the current that a model expects for a recording."""
+"""The tool ``predict``: the current that a model expects for a recording.
+
+The measured current beside it is what the expected one is compared with: the motor's, and where the
+load was recorded the person's share too, unless the model says itself what a load does.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +19,12 @@ from friction_comp.tools.common import Arguments, progress
 if TYPE_CHECKING:
     import numpy as np
 
+    from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings.reader import RecordingInfo
     from friction_comp.samples import Samples
+
+# Share of the top speed below which a joint does not count as moving.
+_SLOWEST = 0.05
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -27,11 +35,12 @@ def main(argv: list[str] | None = None) -> int:
     InputError
         If the recording or the model cannot be used.
     """
-    parser = Arguments('predict', __doc__).add_recordings(several=False)
+    parser = Arguments('predict', __doc__, (
+        'examples/elbow/with_direction.mcap.zstd --model config/armin_configuration_2.yaml '
+        '--output output/current.csv',)).add_recordings(several=False)
     parser.add_argument('--model', metavar='FILE', type=Path, required=True,
                         help='model file that refine or identification wrote')
-    parser.add_argument('--output', metavar='FILE', type=Path, required=True,
-                        help='CSV file with the columns time, measured, predicted')
+    parser.add_output_file('CSV file with the columns time, measured, predicted')
     parser.add_argument('--with-time-effects', action='store_true',
                         help='apply what drifted with the time since the start as well: for the '
                              'recording that the model was refined on, or one begun as cold')
@@ -42,8 +51,6 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.recordings import read_recording_with_info
 
     model = FrictionModel.load(arguments.model, arguments.joint)
-    if arguments.output.is_dir():
-        raise InputError(f'{arguments.output}: is a folder, a file is wanted')
     with progress('reading') as report:
         joint = arguments.joint
         if model.arm is not None:
@@ -59,21 +66,43 @@ def main(argv: list[str] | None = None) -> int:
             predicted = model.predict(samples, same_recording=arguments.with_time_effects)
         except InputError as error:
             raise InputError(f'{arguments.recording}: {error}') from None
-    text = table(samples, info, predicted)
+    measured = model.measured(samples)
+    text = table(samples, info, measured, predicted)
     write_atomically(arguments.output, text)
     left_out = [effect.name for effect in model.effects if not effect.holds_on_another_day]
     if left_out and not arguments.with_time_effects:
         print(f"left out, since it belongs to the recording it was found in: {', '.join(left_out)} "
               '(--with-time-effects applies it)')
-    residual = samples.current - predicted
+    if measured is not samples.current:
+        print('a load was recorded: the current that it spares the motor counts as measured')
+    residual, moves = measured - predicted, moving(samples, model)
+    errors = [f'{np.sqrt(np.mean(residual ** 2)):.4g} A']
+    if moves.any():
+        errors = [f'{np.sqrt(np.mean(residual[moves] ** 2)):.4g} A where the joint moves',
+                  f'{errors[0]} with standstill']
     print(f'{arguments.output}: {len(text.splitlines()) - 1} rows, RMS of measured minus predicted '
-          f'{np.sqrt(np.mean(residual ** 2)):.4g} A')
+          + ', '.join(errors))
     for note in info.notes:
         print(f'note: {note}')
     return 0
 
 
-def table(samples: Samples, info: RecordingInfo, predicted: np.ndarray) -> str:
+def moving(samples: Samples, model: FrictionModel) -> np.ndarray:
+    """Return where the joint moves, as refinement counts it, shape (N,) of bool.
+
+    At standstill friction is whatever keeps the joint there, and no model is wrong about it.
+    """
+    import numpy as np
+
+    from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+
+    speed = np.abs(np.asarray(differentiate(
+        samples, model.differentiation or DEFAULT_SETTINGS).velocity))
+    return speed > _SLOWEST * np.percentile(speed, 95) if len(speed) else speed > 0.0
+
+
+def table(samples: Samples, info: RecordingInfo, measured: np.ndarray,
+          predicted: np.ndarray) -> str:
     """Return the CSV text: one row for every joint state that the recording holds.
 
     Joint states that were left out of the samples (not finite, or a stamp seen before) get the
@@ -88,6 +117,6 @@ def table(samples: Samples, info: RecordingInfo, predicted: np.ndarray) -> str:
     stamps = np.where(np.isfinite(received), received, samples.time[last]) + info.start
     stream = io.StringIO()
     stream.write('time,measured,predicted\n')
-    np.savetxt(stream, np.column_stack((stamps, samples.current[last], predicted[last])),
+    np.savetxt(stream, np.column_stack((stamps, measured[last], predicted[last])),
                fmt=('%.9f', '%.9g', '%.9g'), delimiter=',')
     return stream.getvalue()

@@ -22,9 +22,9 @@ def main(argv: list[str] | None = None) -> int:
         If recordings, model or output cannot be used.
     """
     parser = Arguments('refine', __doc__, (
-        'trial --model elbow.yaml --output refined',
-        'trial --torque-constant 0.119 --gear-ratio 100 --output refined',
-        'sessions --each --model elbow.yaml --output refined_sessions')
+        'examples/elbow --model config/armin_configuration_2.yaml --output output/refined',
+        'examples/elbow --torque-constant 0.119 --gear-ratio 100 --output output/refined',
+        'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each')
     ).add_recordings().add_drive().add_output().add_json()
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help="model to start from; without it the note's sigmoid is fitted first")

@@ -14,7 +14,7 @@ from typing import Any
 
 from friction_comp.attempts import Failure
 from friction_comp.errors import InputError
-from friction_comp.files import to_yaml
+from friction_comp.files import encodable, to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
 from friction_comp.tools.processes import interrupts_deferred
 from friction_comp.tools.recorded_drive import drive_of, folder_name, limited, unit_of
@@ -163,7 +163,7 @@ def _kept(output: Path, part: Part, refined: Refined) -> dict[str, Any]:
     """Write what was found of a part, and return its row of the page on all."""
     with output_folder(output / part.folder) as folder:
         for name, text in refined.files.items():
-            (folder / name).write_text(text, encoding='utf-8')
+            (folder / name).write_text(encodable(text), encoding='utf-8')
     report = refined.report
     return {
         'recording': str(part.path), 'joint': report['joint'], 'folder': part.folder,

@@ -40,7 +40,8 @@ def main(argv: list[str] | None = None) -> int:
         If the recording, a model or the port cannot be used, or Bokeh is not installed.
     """
     given = list(sys.argv[1:] if argv is None else argv)
-    parser = Arguments('watch', __doc__, ('', 'trial_with --model elbow.yaml'))
+    parser = Arguments('watch', __doc__, (
+        '', 'examples/elbow/with_direction.mcap.zstd'))
     parser.add_argument('recording', metavar='RECORDING', type=Path, nargs='?',
                         help='recording to play; what runs without')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
@@ -164,9 +165,7 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     else:
         with suppress(InputError):
             columns['predicted'] = model.predict(samples)
-            carried = not any(effect.by_mechanics(model.drive) for effect in model.effects)
-            load = np.nan_to_num(columns['load']) / gain if carried else 0.0
-            columns['residual'] = columns['current'] + load - columns['predicted']
+            columns['residual'] = model.measured(samples) - columns['predicted']
     every = max(1, round(1.0 / (_RATE * max(samples.sample_time, 1e-9))))
     return {name: values[::every] for name, values in columns.items()}
 

@@ -1,0 +1,114 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the small recordings in this folder, on which the tools can be tried at once.
+
+    python3 examples/make_examples.py
+
+in an environment with ROS 2 and Pinocchio. The recordings in `elbow/` are of the nodes as they run:
+a simulated elbow that hides friction ripple and gravity, a person who moves it, and the compensator
+with the drive's model, once without and once with the direction announced. The one in `arm/` is
+computed: three joints whose links have other masses than `arm.urdf` says.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+import os
+from pathlib import Path
+import sys
+import tempfile
+
+ROOT = Path(__file__).resolve().parent.parent
+HERE = ROOT / 'examples'
+DRIVE = Path('config', 'armin_configuration_2.yaml')
+HIDDEN = ROOT / 'config' / 'undeclared_example.yaml'
+# s; slower than a real driver, for the sake of small files.
+SAMPLE_TIME = 5e-3
+MOVEMENT = {'amplitude': 0.7, 'speed': 0.5, 'acceleration_time': 0.5, 'standstill': 1.5,
+            'announcement': 1.0, 'repetitions': 2}
+# Of simulated time: the plant's first state has this stamp, ns.
+FIRST = 1_000_000_000
+# What the arm's encoders and current sensors resolve: rad, A.
+RESOLUTION = {'position': 1e-5, 'current': 5e-3}
+
+
+def record_elbow(folder: Path) -> None:
+    """Record the elbow without and with its direction announced."""
+    from friction_comp.tools.ros_domain import leased_domain
+
+    with leased_domain() as domain:
+        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        from friction_comp.nodes.demo_client import DemoClient
+        from friction_comp.tools.demo_stage import Stage, tell
+
+        class Elbow(Stage):
+            def run(self) -> None:
+                self._start_plant([DRIVE], [HIDDEN], SAMPLE_TIME, wait_for_reference=True,
+                                  wait_for_listeners=3)
+                self._nodes.start('compensator', self._common(DRIVE))
+                for name in ('without_direction', 'with_direction'):
+                    self._record(name)
+                    self._nodes.start('exercise', {
+                        'joints': self._joints, 'clock': 'ticks', 'when_done': 'exit',
+                        'use_sim_time': True, 'input_reliability': 'reliable',
+                        'announce_direction': name == 'with_direction',
+                        'wait_for_listeners': 2, **MOVEMENT})
+                    self._follow(name)
+                    self._nodes.stop('recorder')
+        tell(Namespace(output=folder, seed=1, watch=False), DemoClient,
+             lambda *given: Elbow(*given, joints=['elbow']))
+    for name in ('without_direction', 'with_direction'):
+        compress(folder / 'recordings' / name, HERE / 'elbow' / f'{name}.mcap.zstd')
+
+
+def compress(source: Path, target: Path) -> None:
+    """Compress a recording's one file, receive times as `ros2 bag record --use-sim-time` has them.
+
+    Those of the real machine take room: no two of them are alike.
+    """
+    from rosbags.rosbag2 import Reader
+    import zstandard
+
+    from friction_comp.nodes.recorder import stamp_of
+    from friction_comp.recordings import RecordingWriter
+
+    now = 0
+    simulated = source.with_name(f'{source.name}_simulated')
+    with Reader(source) as reader, RecordingWriter(simulated) as writer:
+        for connection, _, data in reader.messages():
+            if connection.topic == '/joint_states':
+                now = stamp_of(bytes(data))
+            writer.write(connection.topic, connection.msgtype, now or FIRST, bytes(data))
+    file, = simulated.glob('*.mcap')
+    target.write_bytes(zstandard.ZstdCompressor(level=19).compress(file.read_bytes()))
+
+
+def compute_arm(room: Path) -> None:
+    """Compute the arm's recording."""
+    import numpy as np
+
+    from friction_comp.recordings import write_samples
+
+    sys.path.insert(0, str(ROOT / 'test'))
+    from arm_maker import PLANE, recorded, small_arm, waves
+
+    rng = np.random.default_rng(1)
+    joints = recorded(small_arm((5.0, 2.2, 2.6)), PLANE, waves(rng, 2000, 3, 0.01),
+                      (0.4, 0.25, 0.5), ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04),
+                                         (0.0, 0.2, 0.1, 0.02)), rng)
+    rounded = [one.with_(arm=None, velocity=None, **{
+        name: step * np.round(getattr(one, name) / step) for name, step in RESOLUTION.items()})
+        for one in joints]
+    (HERE / 'arm' / 'arm.urdf').write_text(small_arm() + '\n', encoding='utf-8')
+    write_samples(room / 'arm', rounded)
+    compress(room / 'arm', HERE / 'arm' / 'arm.mcap.zstd')
+
+
+if __name__ == '__main__':
+    # The model is named as the user names it, from here.
+    os.chdir(ROOT)
+    for name in ('elbow', 'arm'):
+        (HERE / name).mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        compute_arm(Path(folder))
+        record_elbow(Path(folder))

@@ -1,0 +1,49 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Long work in a process of its own, which ends with the one that asked for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+import multiprocessing
+import os
+import signal
+import threading
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+
+@contextmanager
+def process_beside() -> Iterator[ProcessPoolExecutor]:
+    """Give an executor with one process; leaving the block ends what it has begun.
+
+    Yields
+    ------
+    concurrent.futures.ProcessPoolExecutor
+    """
+    # A fresh interpreter: a fork of one that has run compiled threads may hang.
+    context = multiprocessing.get_context('spawn')
+    listening, held = context.Pipe(duplex=False)
+    # The pipe is closed before the pool is, which waits for what it has begun.
+    with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with,
+                             initargs=(listening,)) as pool, held:
+        yield pool
+
+
+def _end_with(listening: Connection) -> None:
+    """End this process when the other end of a pipe is closed, be it that its process was killed.
+
+    The work takes longer than somebody who interrupts would wait, and nobody is left to read it.
+    """
+    # An interrupt from the keyboard goes to both; the pipe tells when to end.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def wait() -> None:
+        with suppress(EOFError):
+            listening.recv()
+        os._exit(1)
+    threading.Thread(target=wait, daemon=True).start()

@@ -1,0 +1,48 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How nodes and tools begin to use ROS 2, and what is said where they cannot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import re
+
+import rclpy
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
+
+from friction_comp.errors import InputError
+
+
+def start_ros(name: str, arguments: Sequence[str], context: Context | None = None) -> None:
+    """Initialise ROS 2, its signal handlers left out.
+
+    Parameters
+    ----------
+    name : str
+        Of the executable.
+    arguments : sequence of str
+        ROS arguments included.
+    context : rclpy.context.Context, optional
+        The process's own by default.
+
+    Raises
+    ------
+    InputError
+        If an argument or parameter file cannot be used, or the log cannot be written.
+    """
+    try:
+        rclpy.init(args=[name, *arguments], context=context,
+                   signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:
+        # They come as different errors without a common base.
+        words = without_places(error)
+        if 'log' in words and 'directory' in words:
+            raise InputError(f'ROS 2 cannot write its log: {words}. Set the environment variable '
+                             'ROS_LOG_DIR to a folder that can be written') from None
+        raise InputError(f'ROS arguments: {words}') from None
+
+
+def without_places(error: Exception) -> str:
+    """Return the words of an error of rcl without the places in its source, which help nobody."""
+    return re.sub(r',? at \S+:\d+', '', str(error))

@@ -1,0 +1,377 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether measured signals can be true, and whether they agree with each other.
+
+A signal is believed where a second one says the same: the position goes where the velocity leads,
+and the measured current is the commanded one. Both comparisons have one result, a ratio: one where
+they agree, negative where a sign is wrong, and otherwise a number that often names the unit.
+
+Everything takes arrays, as recordings hold them. `VelocityCheck` and `CurrentCheck` hand the same
+functions what has come lately, for what judges while it runs. Whoever asks says how far a ratio may
+be from one: a drive that is about to be moved allows a factor of two, a person who looks for
+mistakes wants to know of a fifth.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+import math
+from typing import NamedTuple, TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+
+LIMITS = {
+    'position': (1e5, 'rad'), 'velocity': (1e4, 'rad/s'), 'current': (1e5, 'A'),
+    'command': (1e5, 'A'), 'load': (1e7, 'N·m'), 'temperature': (1e3, '°C'),
+    'reference_position': (1e5, 'rad'), 'reference_velocity': (1e4, 'rad/s'),
+}
+"""Largest magnitude and unit of each signal, far beyond any geared drive: a turn a second for four
+hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, a wind turbine's shaft carries 1e7 N·m."""
+
+BLOCK = 0.1
+"""s over which the ways by position and by velocity are compared."""
+
+# A block tells nothing where the joint went less, rad and encoder counts.
+_SHORT, _FEW_COUNTS = 2e-3, 50.0
+# A position that changes by no more counts while the velocity leads farther stands still.
+_STILL_COUNTS = 2.5
+# s by which a drive's filter may delay the velocity: the way then falls short by as much as the
+# speed changed over that time.
+_VELOCITY_LAG = 0.02
+# Steps of time beyond this many s, and this many usual ones, are gaps: nobody knows the way in one.
+_GAP, _GAP_STEPS = 0.02, 3.0
+
+# s over which currents are smoothed before they are compared: longer than any drive's own lag. What
+# is later comes of the way between drive and controller.
+_SMOOTHING = 0.05
+LATEST = 0.3
+"""s of the latest answer that is looked for: a busy machine takes a tenth of a second or two to
+hand a current on. What comes later still is no answer to anybody who would tell it from silence."""
+
+# s of measured current that are compared.
+_MEMORY = 0.5
+# s between the points that are compared: a delay is told to the nearest of these.
+_GRID = 0.005
+# A delay is believed where it raises the correlation by this much: with a current that is steady
+# any delay is as good as none.
+_CLEARLY = 0.005
+# Share of what smoothing takes away of the commanded current that has to be left of it.
+_STANDS_OUT = 0.2
+# A ratio within this share of a unit's is called by its name.
+_NAMED = 0.1
+
+_VELOCITY_UNITS = {
+    math.degrees(1.0): 'velocity is in deg/s, not rad/s',
+    30.0 / math.pi: 'velocity is in turns a minute, not rad/s',
+    0.5 / math.pi: 'velocity is in turns a second, not rad/s',
+    1000.0: 'velocity is in mrad/s or position in 1000 rad',
+    math.radians(1.0): 'position is in degrees, not rad',
+    2.0 * math.pi: 'position is in turns, not rad',
+    0.001: 'position is in mrad, or velocity in 1000 rad/s',
+}
+
+
+def beyond(signal: str, values: np.ndarray) -> np.ndarray:
+    """Return which values cannot be, shape of `values`; NaN, which says nothing, can.
+
+    Parameters
+    ----------
+    signal : str
+        A key of `LIMITS`.
+    values : ndarray
+    """
+    with np.errstate(invalid='ignore'):
+        return np.asarray(np.abs(values) > LIMITS[signal][0])
+
+
+def named(ratio: float, units: Mapping[float, str]) -> str:
+    """Return the words of the unit whose factor a ratio is, either sign; '' where it is none's."""
+    nearest = min(units, key=lambda unit: abs(math.log(unit / max(abs(ratio), 1e-300))))
+    return units[nearest] if abs(abs(ratio) / nearest - 1.0) < _NAMED else ''
+
+
+# Velocity against position.
+
+def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray,
+                    resolution: float = 0.0) -> np.ndarray:
+    """Return the way that the velocity leads by the way that the position goes, block by block.
+
+    Parameters
+    ----------
+    time, position, velocity : ndarray, shape (N,)
+        s, rad, rad/s; samples that are not finite are left out.
+    resolution : float
+        rad of an encoder count, where it is known.
+
+    Returns
+    -------
+    ndarray, shape (K,)
+        One ratio for each block of `BLOCK` s in which the joint moved: infinite where the position
+        stands still, 0 where the velocity does, and 1 where a late velocity explains the rest.
+        Blocks with gaps in them are left out.
+    """
+    good = np.isfinite(time) & np.isfinite(position) & np.isfinite(velocity)
+    time, position, velocity = time[good], position[good], velocity[good]
+    if len(time) < 3:
+        return np.empty(0)
+    step = np.diff(time)
+    number = np.floor((time - time[0]) / BLOCK + 1e-6)
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(number) > 0.0) + 1))
+    if len(edges) < 2:
+        return np.empty(0)
+    last, begins = edges[-1], edges[:-1]
+    went = np.diff(position[edges])
+    middle = 0.5 * (velocity[1:] + velocity[:-1])[:last]
+    way = np.add.reduceat(middle * step[:last], begins)
+    swing = np.maximum.reduceat(middle, begins) - np.minimum.reduceat(middle, begins)
+    gap = max(_GAP, _GAP_STEPS * float(np.median(step)))
+    whole = ((np.maximum.reduceat(step[:last], begins) <= gap)
+             & (np.minimum.reduceat(step[:last], begins) > 0.0))
+    told = whole & (np.maximum(np.abs(went), np.abs(way)) >= max(
+        _SHORT, _FEW_COUNTS * resolution))
+    went, way, swing = went[told], way[told], swing[told]
+    stands = np.abs(went) <= _STILL_COUNTS * resolution
+    ratio = np.divide(way, went, out=np.full(len(went), math.inf), where=~stands)
+    return np.where(np.abs(went - way) < _VELOCITY_LAG * swing, 1.0, ratio)
+
+
+def velocity_fault(ratios: np.ndarray, factor: float) -> str:
+    """Return in words how velocity contradicts position; '' where it does not.
+
+    Parameters
+    ----------
+    ratios : ndarray, shape (K,)
+        As `velocity_ratios` returns them; their median counts.
+    factor : float
+        By which the ratio may differ from one either way.
+    """
+    if not len(ratios):
+        return ''
+    ratio = float(np.median(ratios))
+    if 1.0 / factor < ratio < factor:
+        return ''
+    if not math.isfinite(ratio):
+        return 'the position stands still while the velocity leads away: the encoder is stuck'
+    if abs(ratio) < 1e-9:
+        return 'the position moves while the velocity stays zero: it is not measured, or stuck'
+    words = f'velocity is {ratio:.3g} times the rate of position: '
+    if 1.0 / factor < -ratio < factor:
+        return words + 'one of the two has the wrong sign'
+    return words + (named(ratio, _VELOCITY_UNITS) or 'they differ in unit, or one of them is '
+                    'wrong') + (', and one has the wrong sign' if ratio < 0.0 else '')
+
+
+class VelocityCheck:
+    """Compares velocity with position, sample by sample.
+
+    Parameters
+    ----------
+    factor : float
+        By which the ratio of both may differ from one either way.
+    blocks : int
+        Number of latest blocks of motion that are judged together, by their median.
+    resolution : float
+        rad of an encoder count, where it is known.
+    zeros : bool
+        Whether a velocity that was never another than zero may be one that is not measured, as
+        some drivers fill it in, and then contradicts nothing.
+
+    Attributes
+    ----------
+    fault : str
+        What is wrong, in words, until the joint moves as it should; empty where nothing is.
+    """
+
+    def __init__(self, factor: float, blocks: int = 1, resolution: float = 0.0,
+                 zeros: bool = False) -> None:
+        self._factor, self._resolution = factor, resolution
+        self._ratios: deque[float] = deque(maxlen=blocks)
+        self._moved = not zeros
+        self._samples: list[tuple[float, float, float]] = []
+        self.fault = ''
+
+    def interrupt(self) -> None:
+        """Begin a new block, as after a gap: nobody knows how the joint moved in it."""
+        self._samples.clear()
+
+    def take(self, time: float, position: float, velocity: float) -> str:
+        """Take a finite sample in s, rad and rad/s; return `fault`."""
+        if self.add(time, position, velocity):
+            self.judge()
+        return self.fault
+
+    def add(self, time: float, position: float, velocity: float) -> bool:
+        """Take a finite sample in s, rad and rad/s; return whether `judge` is due."""
+        self._samples.append((time, position, velocity))
+        return time - self._samples[0][0] >= BLOCK
+
+    def judge(self) -> None:
+        """Judge what came since the last time; a tenth of a millisecond's work."""
+        found = np.array(self._samples)
+        self._samples[:] = self._samples[-1:]
+        self._moved = self._moved or bool(found[:, 2].any())
+        if self._moved:
+            ratios = velocity_ratios(found[:, 0], found[:, 1], found[:, 2], self._resolution)
+            self._ratios.extend(ratios)
+            if len(ratios) and len(self._ratios) == self._ratios.maxlen:
+                self.fault = velocity_fault(np.array(self._ratios), self._factor)
+
+
+# Measured against commanded current.
+
+class Answer(NamedTuple):
+    """The measured current as a multiple of the commanded one.
+
+    Parameters
+    ----------
+    gain : float
+        Measured over commanded current.
+    likeness : float
+        Their correlation about zero: 1 or -1 where the one is the other but for its size.
+    error : float
+        Standard error of the gain, by what the one does not explain of the other.
+    delay : float
+        s by which the measured current is late.
+    earliest : float
+        Root mean square in A of the commanded current that had time to be answered, even by the
+        latest answer that is looked for.
+    """
+
+    gain: float
+    likeness: float
+    error: float = 0.0
+    delay: float = 0.0
+    earliest: float = math.inf
+
+
+def current_answer(command: np.ndarray, measured: np.ndarray) -> Answer:
+    """Return how the measured current follows the commanded one, without delay.
+
+    Parameters
+    ----------
+    command, measured : ndarray, shape (N,)
+        A, at the same times, all finite.
+    """
+    power, product = float(command @ command), float(command @ measured)
+    likeness = product / math.sqrt(max(power * float(measured @ measured), 1e-300))
+    gain = product / max(power, 1e-300)
+    return Answer(gain, likeness, _error(gain, likeness, max(len(command) - 1, 1)))
+
+
+def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> Answer:
+    """Return how the measured current follows the commanded one at the end of a stretch of time.
+
+    Parameters
+    ----------
+    time, command, measured : ndarray, shape (N,)
+        s and A; the last 0.8 s count. Both currents are smoothed alike.
+    """
+    back = np.arange(round(_MEMORY / _GRID)) * _GRID
+    found = np.interp(time[-1] - back, time, measured, left=0.0)
+    delays = np.arange(round(LATEST / _GRID) + 1) * _GRID
+    asked = np.interp(time[-1] - back - delays[:, None], time, command, left=0.0)
+    power, product = np.sum(asked ** 2, axis=1), asked @ found
+    alike = product / np.sqrt(np.maximum(power * (found @ found), 1e-300))
+    size = np.abs(alike)
+    place = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY else 0
+    gain = float(product[place] / max(power[place], 1e-300))
+    likeness = float(alike[place])
+    # What is smoothed over a time varies independently after twice that time.
+    return Answer(gain, likeness, _error(gain, likeness, _MEMORY / (2.0 * _SMOOTHING)),
+                  float(delays[place]), float(np.sqrt(power[-1] / len(back))))
+
+
+def _error(gain: float, likeness: float, count: float) -> float:
+    return abs(gain) * math.sqrt(max(1.0 / max(likeness ** 2, 1e-12) - 1.0, 0.0) / count)
+
+
+def current_fault(gain: float, drive: Drive) -> str:
+    """Return in words why a measured current is `gain` times the commanded one.
+
+    Parameters
+    ----------
+    gain : float
+    drive : Drive
+        By whose numbers the current was computed from the effort.
+    """
+    if abs(gain) < 1e-6:
+        return 'effort is not measured'
+    faults = ['effort has the wrong sign'] if gain < 0.0 else []
+    if not 0.5 < abs(gain) < 2.0:
+        torque = drive.torque_per_current
+        unit = named(gain, {
+            1000.0: 'N·mm', 1.0 / torque: 'the current in A', 1000.0 / torque: 'the current in mA',
+            1.0 / drive.gear_ratio: "the motor's torque, without the gears",
+            1000.0 / drive.gear_ratio: "the motor's torque in N·mm, without the gears"})
+        faults.append(
+            f'effort has another unit than N·m at the joint; it looks like {unit}' if unit else
+            'effort is not measured, or is not the torque of this motor' if abs(gain) < 0.05 else
+            'effort has another unit than N·m at the joint, or torque constant and gear ratio are '
+            'not those of this drive')
+    return ', and '.join(faults)
+
+
+class CurrentCheck:
+    """Compares the measured current with the commanded one, sample by sample.
+
+    Both are smoothed alike. What is measured before anything was commanded is the sensor's zero.
+
+    Attributes
+    ----------
+    commanded : float
+        The commanded current in A, smoothed.
+    """
+
+    def __init__(self) -> None:
+        self.commanded = self._measured = 0.0
+        self._zero, self._zeros = 0.0, 0
+        # Integrals over time, fading and over all: of the commanded current's square, its product
+        # with the measured one, and of one.
+        self._recent, self._all = [0.0] * 3, [0.0] * 3
+        self._rattle = 0.0
+        self._past: deque[tuple[float, float, float]] = deque()
+
+    def take(self, time: float, step: float, command: float, measured: float) -> None:
+        """Take a sample: s, s since the one before, A, A."""
+        if command == 0.0 and self.commanded == 0.0:
+            self._zeros += 1
+            self._zero += (measured - self._zero) / self._zeros
+        share = -math.expm1(-step / _SMOOTHING)
+        self.commanded += share * (command - self.commanded)
+        self._measured += share * (measured - self._zero - self._measured)
+        past = self._past
+        past.append((time, self.commanded, self._measured))
+        while time - past[0][0] > _MEMORY + LATEST:
+            past.popleft()
+        fading = math.exp(-step / _MEMORY)
+        self._rattle = fading * self._rattle + step * (command - self.commanded) ** 2
+        for k, value in enumerate((self.commanded ** 2, self.commanded * self._measured, 1.0)):
+            self._recent[k] = fading * self._recent[k] + step * value
+            self._all[k] += step * value
+
+    def gain(self, least: float, lately: bool = True) -> float:
+        """Return measured over commanded current; NaN where there is too little to tell.
+
+        Parameters
+        ----------
+        least : float
+            Root mean square in A that the commanded current must have.
+        lately : bool
+            Whether the last half second counts, or all.
+        """
+        power, product, duration = self._recent if lately else self._all
+        if duration < 0.3 * _MEMORY or power <= duration * least ** 2:
+            return math.nan
+        # What smoothing leaves of a controller that rattles is no current to compare: an amplifier
+        # follows it late and in part.
+        if lately and power < _STANDS_OUT ** 2 * self._rattle:
+            return math.nan
+        return product / power
+
+    def answer(self) -> Answer:
+        """Return how the measured current follows the commanded one, late as it may be."""
+        return late_answer(*np.array(self._past).T)

@@ -1,0 +1,63 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Standard output and error that never end the work of a tool.
+
+What a tool was asked for is in files; what it prints comes beside that. A reader who has gone
+(``| head``) or a terminal that lacks a letter costs words, and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import os
+import sys
+from typing import Any
+
+
+class _Patient:
+    """A text stream that goes on when nobody reads it any more."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            return int(self._stream.write(text))
+        except BrokenPipeError:
+            self._let_go()
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except BrokenPipeError:
+            self._let_go()
+
+    def _let_go(self) -> None:
+        # Below Python's buffers, which are written once more when the process ends.
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, self._stream.fileno())
+        os.close(nowhere)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def patient_output() -> Iterator[None]:
+    """Let nothing that is printed within end the work; letters that cannot be shown are escaped."""
+    before = sys.stdout, sys.stderr
+    if any(isinstance(stream, _Patient) for stream in before):
+        yield
+        return
+    for stream in before:
+        if hasattr(stream, 'reconfigure'):
+            stream.reconfigure(errors='backslashreplace')
+    sys.stdout, sys.stderr = (stream and _Patient(stream) for stream in before)
+    try:
+        yield
+    finally:
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            stream.flush()
+        sys.stdout, sys.stderr = before

@@ -1,0 +1,51 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A node that finds nobody says so, where a person sees it."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+
+from ros_system import own_domain, probe_node, ROOT
+
+from friction_comp.monitoring.network import alone, loopback_fault
+from friction_comp.tools import doctor
+
+pytestmark = pytest.mark.slow
+# Sooner than a person would want to hear of it.
+HASTY = """
+import friction_comp.nodes.peers as peers
+peers.PATIENCE = 0.3
+from friction_comp.__main__ import run
+raise SystemExit(run('exercise', ['--ros-args', '-p', 'joints:=[elbow]']))
+"""
+
+
+def test_a_node_that_is_alone_says_so_and_whom_it_finds_later():
+    with own_domain():
+        with subprocess.Popen([sys.executable, '-c', HASTY], cwd=ROOT, text=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as process:
+            lines = iter(process.stdout.readline, '')
+            told = next(line for line in lines if 'no other node' in line)
+            assert 'ROS_DOMAIN_ID' in told
+            with probe_node() as probe:
+                assert probe.get_name() in next(line for line in lines if 'found' in line)
+            process.terminate()
+        assert process.returncode == 0
+
+
+def test_a_machine_without_loopback_is_named(monkeypatch, capsys):
+    assert loopback_fault() == ''
+    # An address that is not this machine's, as its own is not without the interface.
+    fault = loopback_fault('192.0.2.1')
+    assert 'ip link set lo up' in fault
+    monkeypatch.setattr('friction_comp.monitoring.network.loopback_fault', lambda: fault)
+    assert fault in alone(10.0)
+    assert doctor.main(['--installed', '--json']) == 1
+    finding, = (one for one in json.loads(capsys.readouterr().out)['findings']
+                if one['about'] == 'network')
+    assert finding['do'] == 'ip link set lo up'

@@ -1,0 +1,161 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What tools make of the world about them: pipes, devices, names, folders, an absent ROS 2."""
+
+import json
+import os
+from pathlib import Path
+import stat
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.files import check_file, check_folder, write_atomically
+from friction_comp.recordings import write_samples
+from friction_comp.samples import Samples
+from friction_comp.tools import evaluate, predict, refine, reproduce
+from friction_comp.tools.common import output_folder, to_json
+
+ROOT = Path(__file__).resolve().parent.parent
+MODEL = ROOT / 'config' / 'armin_configuration_1.yaml'
+# Stands for an environment in which nothing of ROS 2 is installed.
+WITHOUT_ROS = """
+import importlib.abc, sys
+
+class Absent(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        first = name.partition('.')[0]
+        if first == 'rclpy' or first.endswith(('_msgs', '_srvs', '_interfaces')):
+            raise ModuleNotFoundError(f'No module named {name!r}', name=name)
+
+sys.meta_path.insert(0, Absent())
+from friction_comp.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.fixture(scope='module')
+def recording(tmp_path_factory):
+    """A recording whose folder has a name that is not UTF-8."""
+    path = Path(os.fsdecode(os.fsencode(tmp_path_factory.mktemp('names')) + b'/gr\xfc\xdfe'))
+    time = np.arange(0.0, 12.0, 5e-3)
+    # There and back, with a rest before and after each.
+    velocity = 0.4 * (np.abs(time - 3.0) < 1.0) - 0.4 * (np.abs(time - 9.0) < 1.0)
+    position = np.cumsum(velocity) * 5e-3
+    write_samples(path, Samples(
+        time=time, position=position, current=0.1 * np.sign(velocity), load=velocity,
+        reference_position=position, reference_velocity=velocity, joint='elbow'))
+    return path
+
+
+def run(*arguments, **environment):
+    """Run a command of the package as a person does, from a shell."""
+    return subprocess.run(
+        [sys.executable, '-m', 'friction_comp', *arguments], cwd=ROOT, timeout=120,
+        capture_output=True, env={**os.environ, **environment}, check=False)
+
+
+def test_whoever_stops_reading_costs_words_and_nothing_else(recording, tmp_path):
+    end, begin = os.pipe()
+    os.close(end)
+    try:
+        done = subprocess.run(
+            [sys.executable, '-m', 'friction_comp', 'predict', recording, '--model', MODEL,
+             '--output', tmp_path / 'predicted.csv'], cwd=ROOT, timeout=120, check=False,
+            stdout=begin, stderr=subprocess.PIPE)
+    finally:
+        os.close(begin)
+    assert (done.returncode, done.stderr) == (0, b'')
+    assert len((tmp_path / 'predicted.csv').read_text().splitlines()) == 2401
+
+
+@pytest.mark.parametrize('tool', ['predict', 'evaluate'])
+def test_a_name_that_no_terminal_can_show_ends_nothing(recording, tmp_path, tool):
+    output = tmp_path / 'größe.csv'
+    done = run(tool, recording, '--model', MODEL, '--output', output, PYTHONIOENCODING='ascii',
+               LC_ALL='C')
+    assert done.returncode == 0, done.stderr
+    assert b'gr\\xf6\\xdfe' in done.stdout
+    if tool == 'evaluate':
+        assert json.loads((output / 'report.json').read_text(encoding='utf-8'))
+        assert 'gr\\udcfc\\udcdfe' in (output / 'report.html').read_text(encoding='utf-8')
+
+
+def test_texts_with_names_that_are_not_utf_8_can_be_written(tmp_path):
+    name = os.fsdecode(b'gr\xfc\xdfe')
+    assert json.loads(to_json({name: name})) == {name: name}
+    write_atomically(tmp_path / 'text', f'{name} grüße')
+    assert (tmp_path / 'text').read_text(encoding='utf-8') == r'gr\udcfc\udcdfe grüße'
+
+
+def test_only_ordinary_files_are_replaced(tmp_path):
+    pipe, read = tmp_path / 'pipe', []
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match='pipe: cannot be written'):
+        write_atomically(pipe, 'nobody reads this')
+    reader = threading.Thread(target=lambda: read.append(pipe.read_text()))
+    reader.start()
+    while not read and reader.is_alive():
+        try:
+            # As soon as the other end is there; more than a pipe holds.
+            write_atomically(pipe, 'x' * 200_000)
+            break
+        except InputError:
+            continue
+    reader.join()
+    assert read == ['x' * 200_000]
+
+
+    def into_the_folder():
+        with output_folder(tmp_path) as folder:
+            (folder / 'first').write_text('')
+            (folder / 'pipe').write_text('')
+    with pytest.raises(InputError, match='pipe: is in the way'):
+        into_the_folder()
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert list(tmp_path.iterdir()) == [pipe], 'nothing half-written'
+
+
+@pytest.mark.parametrize('tool', [predict, refine, evaluate, reproduce])
+def test_an_output_that_cannot_be_written_is_told_before_the_work(tool, tmp_path):
+    (tmp_path / 'file').write_text('')
+    for output in (tmp_path / 'file' / 'below', '/proc/nobody_writes_here/below'):
+        arguments = [] if tool is reproduce else [
+            str(tmp_path / 'none.mcap'), '--model', str(tmp_path / 'none.yaml')]
+        with pytest.raises(InputError, match='cannot be written to'):
+            tool.main([*arguments, '--output', str(output)])
+    assert [path.name for path in tmp_path.iterdir()] == ['file']
+
+
+def test_what_can_be_written_is_not_refused_and_not_made_by_looking(tmp_path):
+    check_folder(tmp_path / 'new' / 'folder')
+    check_file(tmp_path / 'new' / 'file.csv')
+    check_file('/dev/null')
+    with pytest.raises(InputError, match='is a folder, a file is wanted'):
+        check_file(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('name', ['compensator', 'recorder', 'demo', 'watch'])
+def test_without_ros_it_says_in_a_line_what_is_missing(name):
+    done = subprocess.run([sys.executable, '-c', WITHOUT_ROS, name], cwd=ROOT, timeout=60,
+                          capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    line, = done.stderr.splitlines()
+    assert line.startswith(f'{name}: ROS 2 is missing')
+    assert 'make setup' in line
+
+
+@pytest.mark.parametrize('name', [('exercise',), ('doctor', '--seconds', '0.1'), ('watch',)])
+def test_without_a_home_the_variable_is_named_that_helps(name):
+    pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+    done = run(*name, HOME='/dev/null/home', ROS_HOME='', ROS_LOG_DIR='')
+    assert done.returncode == 2
+    line = done.stderr.decode().splitlines()[-1]
+    assert line.startswith(f'{name[0]}: ROS 2 cannot write its log')
+    assert 'ROS_LOG_DIR' in line
+    assert b'Traceback' not in done.stderr
