@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from friction_comp.refinement.refine import RefineResult
 
 JOINT = 'armin_1'
-# A quarter of a real driver's rate, for a quarter of the time. At 1 kHz the peaks are the same within
-# 8 %, and the refined model's error is 2.7 mA instead of 3.5.
+# A quarter of a real driver's rate, for a quarter of the time. At 1 kHz the peaks are the same
+# within 8 %, and the refined model's error is 2.7 mA instead of 3.5.
 SAMPLE_TIME, CLOCK_PERIOD = 4e-3, 0.02
 GOAL = {
     'joint': JOINT, 'speeds': [math.radians(v) for v in (10.0, 30.0, 60.0)],
