@@ -10,11 +10,12 @@ import math
 from typing import Any
 
 import numpy as np
+from scipy import optimize
 
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement.columns import DERIVATIVES, Key, proposals, Table, Term
+from friction_comp.refinement.columns import base_columns, Key, proposals, Table, Term
 from friction_comp.refinement.constants import adjusted
 from friction_comp.refinement.other_joints import neighbourhood
 from friction_comp.refinement.prepare import (
@@ -184,33 +185,24 @@ def found_in(question: Question) -> Found:
 
 def _other_settings(question: Question, found: Found) -> list[dict[str, Any]]:
     """Return settings with which the terms found, or a plain drive, predict better."""
-    rows, others = found.rows, []
+    rows, others, settings = found.rows, [], found.settings
     target = rows.averaged(rows.target)
     terms = [found.table.terms[key] for key in found.keys]
-    settings = found.settings
 
     def columns(other: Rows) -> np.ndarray:
-        from friction_comp.refinement.columns import base_columns
-
         return np.column_stack([base_columns(other, found.table.steepness, found.table.shift),
                                 *(term.columns(other) for term in terms)])
-    if not settings.get('lag'):
-        step = rows.samples.sample_time
-        lags = [side * size * step for size in _LAGS if size * step <= _LONGEST_LAG
-                for side in (1.0, -1.0)]
-        samples = rows.samples.with_(load=None) if rows.load_by_mechanics else rows.samples
-        speed = rows.scene.speed
-        for matrix in (plain_columns(samples, [rows.scene.transition, _TURN * speed]),
-                       columns(rows)):
-            errors = [(float(held_out(rows.averaged(shifted(matrix, samples, lag)), target,
-                                      rows.block).sum()), lag) for lag in (0.0, *lags)]
-            least, lag = min(errors)
-            if least < 0.5 * (1.0 + LAG) * errors[0][0] and abs(lag) > 0.7 * step:
-                others.append({**settings, 'lag': lag})
+    samples = rows.samples.with_(load=None) if rows.load_by_mechanics else rows.samples
+    plain = plain_columns(samples, [rows.scene.transition, _TURN * rows.scene.speed])
+    has = settings.get('lag', 0.0)
+    for matrix in [columns(rows)] if has else [plain, columns(rows)]:
+        lag, gain = _best_lag(rows, matrix, target, fine=bool(has))
+        if gain > (SAME if has else 0.5 * (1.0 - LAG)):
+            others.append({**settings, 'lag': has + lag})
     errors = []
     for choice in differentiations(question.raw):
-        if settings.get('lag'):
-            choice['lag'] = settings['lag']
+        if has:
+            choice['lag'] = has
         matrix = columns(moved_again(rows, question.raw, choice))
         if np.isfinite(matrix).all():
             error = float(held_out(rows.averaged(matrix), target, rows.block).sum())
@@ -220,3 +212,32 @@ def _other_settings(question: Question, found: Found) -> list[dict[str, Any]]:
     if choice != settings and (not now or least < _BETTER ** 2 * now[0]):
         others.append(choice)
     return others
+
+
+def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
+              ) -> tuple[float, float]:
+    """Return the time shift of columns that predicts best, s, and the share it takes away.
+
+    Parameters
+    ----------
+    rows : Rows
+    matrix : ndarray, shape (N, P)
+        Columns on all samples.
+    target : ndarray, shape (R,)
+    fine : bool
+        Whether only shifts of less than two samples are tried.
+    """
+    step = rows.samples.sample_time
+
+    def error(lag: float) -> float:
+        moved = rows.averaged(shifted(matrix, rows.samples, lag))
+        return float(held_out(moved, target, rows.block).sum())
+    sizes = (1.0, 2.0) if fine else [size for size in _LAGS if size * step <= _LONGEST_LAG]
+    lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
+    errors = [error(lag) for lag in lags]
+    place = int(np.argmin(errors))
+    best = optimize.minimize_scalar(
+        error, bounds=(lags[max(place - 1, 0)], lags[min(place + 1, len(lags) - 1)]),
+        method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
+    least, lag = min((errors[place], float(lags[place])), (float(best.fun), float(best.x)))
+    return lag, 1.0 - least / errors[int(np.argmin(np.abs(lags)))]
