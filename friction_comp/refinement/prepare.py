@@ -339,7 +339,21 @@ def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray,
     return BlockSums(gram, np.diff(edges), signs)
 
 
-def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str]
+def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.ndarray]:
+    """Return samples with smooth velocity, and the samples in motion by it, (some of) them.
+
+    What moves is decided by a smooth velocity: unfiltered, an encoder's steps are standstill and
+    bursts.
+    """
+    choices = differentiations(samples)
+    smooth = max((one for one in choices if (one['bandwidth'] or np.inf) <= 20.0),
+                 key=lambda one: (one['bandwidth'], one['source']), default=choices[-1])
+    moved = differentiate(samples, smooth)
+    usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
+    return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
+
+
+def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str], load: float
                   ) -> dict[str, Any]:
     """Return the way to differentiate by which a plain drive predicts other blocks best.
 
@@ -349,19 +363,17 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str]
     unusable : ndarray of bool, shape (N,)
     joints : sequence of str
         Joints that moved beside it, its own among them; empty where there are none.
+    load : float
+        A per N·m, where the load is part of what is predicted.
     """
     samples, unusable = excerpt(samples, unusable)
+    if load:
+        samples = samples.with_(current=samples.current - load * samples.load, load=None)
     choices = differentiations(samples)
-    # What moves is decided by a smooth velocity: unfiltered, an encoder's steps are standstill
-    # and bursts.
-    smooth = max((one for one in choices if (one['bandwidth'] or np.inf) <= 20.0),
-                 key=lambda one: (one['bandwidth'], one['source']), default=choices[-1])
-    moved = differentiate(samples, smooth)
-    usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
-    start = row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
+    _, start = smooth_motion(samples, unusable)
     block = blocks_of(samples, start)
-    best = None
-    for choice in reversed(choices):
+    errors = []
+    for choice in choices:
         moved = differentiate(samples, choice)
         top = float(np.percentile(np.abs(moved.velocity[start]), 95))
         if not top > 0.0:
@@ -374,11 +386,8 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str]
         part = moved.take(start)
         columns = plain_columns(part, [share * top for share in _TURNS], motion,
                                 list(joints).index(samples.joint) if joints else 0)
-        error = math.sqrt(held_out(columns, part.current, block).sum() / len(start))
-        # Narrower than needed blunts reversals: a wider one wins where it is as good.
-        if best is None or error < (1.0 - SAME) * best[0]:
-            best = (error, choice)
-    return best[1] if best else smooth
+        errors.append((held_out(columns, part.current, block).sum(), len(errors), choice))
+    return min(errors)[-1]
 
 
 def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
@@ -400,8 +409,7 @@ def moved_beside(samples: Samples) -> list[str]:
 
 
 def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
-            declared: bool = True, limited: np.ndarray | None = None
-            ) -> tuple[Rows, dict[str, Any]]:
+            declared: bool = True) -> tuple[Rows, dict[str, Any]]:
     """Return the rows that effects are fitted to, and how motion was computed.
 
     Parameters
@@ -413,14 +421,11 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
         How to differentiate; chosen when omitted.
     declared : bool
         Whether the drive's torque constant and gear ratio are known.
-    limited : ndarray of bool, shape (N,), optional
-        Samples known to be at a limit of the current, beside those that `clipped` finds.
     """
     unusable = clipped(samples.current)
-    if limited is not None:
-        unusable |= limited
     joints = moved_beside(samples)
-    settings = settings or choose_motion(samples, unusable, joints)
+    load = load_by_mechanics(samples, unusable, drive) if declared else 0.0
+    settings = settings or choose_motion(samples, unusable, joints, load)
     moved = differentiate(samples, settings)
     slowest = standstill_speed(moved)
     usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
@@ -430,7 +435,6 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     length = averaging(moved, int(usable.sum()))
     start = row_starts(moved, usable, length)
     block = blocks_of(moved, start)
-    load = load_by_mechanics(moved.take(start), block, drive) if declared else 0.0
     target = moved.current - load * moved.load if load else moved.current
     scene = scene_of(moved, usable, drive, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
@@ -453,7 +457,7 @@ def shifted(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     return earlier(values, samples, lag) if lag else values
 
 
-def load_by_mechanics(samples: Samples, block: np.ndarray, drive: Drive) -> float:
+def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
     """Return A per N·m of load where the person, and not the motor, carries it; else 0.
 
     By J·a = k_t·n·i + τ_b - F, friction shows in i + τ_b/(k_t·n). Where the motor carries the load,
@@ -464,10 +468,13 @@ def load_by_mechanics(samples: Samples, block: np.ndarray, drive: Drive) -> floa
     if samples.load is None or not np.any(samples.load):
         return 0.0
     mechanics = -1.0 / drive.torque_per_current
-    top = float(np.percentile(np.abs(samples.velocity), 95))
-    columns = plain_columns(samples.with_(load=None), [share * top for share in _TURNS])
-    columns = np.column_stack((columns, samples.load))
-    found = sums_of(columns, samples.current, block).fit(range(columns.shape[1]))[-1]
+    moved, start = smooth_motion(*excerpt(samples, unusable))
+    part = moved.take(start)
+    top = float(np.percentile(np.abs(part.velocity), 95))
+    columns = plain_columns(part.with_(load=None), [share * top for share in _TURNS])
+    columns = np.column_stack((columns, part.load))
+    found = sums_of(columns, part.current, blocks_of(moved, start)).fit(
+        range(columns.shape[1]))[-1]
     return 0.0 if found / mechanics > 0.5 else mechanics
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.scene import CARRIES, Search, Signals
-from friction_comp.model.effects.spectrum import peaks, position_spectrum
+from friction_comp.model.effects.spectrum import FEWEST_PERIODS, peaks, position_spectrum
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Look, Scene
@@ -56,6 +56,13 @@ class _Ripple(Effect):
             found += [{'frequency': frequency, **constants}
                       for frequency in peaks(k, power, _PEAKS, separation)]
         return found
+
+    @classmethod
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
+        """With fewer periods over the range it is no ripple."""
+        if name == 'frequency':
+            return max(value, 2.0 * math.pi * FEWEST_PERIODS / max(scene.span, 1e-9))
+        return value
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -10,10 +10,13 @@ import numpy as np
 
 _BINS_A_PERIOD = 4
 _MOST_BINS = 1 << 17
+# Over the range of position, for a wave to be told from a slope.
+FEWEST_PERIODS = 1.5
 
 
 def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.ndarray,
-                      highest: float, periods: float = 1.5) -> tuple[np.ndarray, np.ndarray]:
+                      highest: float, periods: float = FEWEST_PERIODS
+                      ) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of squares that cos and sin over position explain, by spatial frequency.
 
     Parameters
