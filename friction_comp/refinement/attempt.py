@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 from typing import Any
 
@@ -199,7 +199,7 @@ def _other_settings(question: Question, found: Found) -> list[dict[str, Any]]:
         lag, gain = _best_lag(rows, matrix, target, fine=bool(has))
         if gain > (SAME if has else 0.5 * (1.0 - LAG)):
             others.append({**settings, 'lag': has + lag})
-    errors = []
+    errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in differentiations(question.raw):
         if has:
             choice['lag'] = has

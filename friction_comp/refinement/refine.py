@@ -123,7 +123,8 @@ def _result(question: Question, found: Found, refined: FrictionModel, stability:
         start = model_of(plain, question.drive, None, refined.joint)
         before = held_out_residual(plain, [], index)
         fit_before = rows.samples.current - start.current(rows.samples)
-    errors = [errors_of(rows, *pair, index) for pair in ((fit_before, before), (fit_after, after))]
+    errors = [errors_of(rows, fit, held_out, index)
+              for fit, held_out in ((fit_before, before), (fit_after, after))]
     trail = [('before', errors[0].held_out)]
     report = report_of(Outcome(question, found, start, refined, errors[0], errors[1], before, after,
                                stability, intervals(found.table, found.keys), unit))
