@@ -17,7 +17,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.columns import base_columns, Key, proposals, Table, Term
 from friction_comp.refinement.constants import adjusted
-from friction_comp.refinement.other_joints import neighbourhood
+from friction_comp.refinement.joint_groups import neighbourhood
 from friction_comp.refinement.prepare import (
     differentiations,
     held_out,

@@ -18,7 +18,7 @@ import numpy as np
 
 from friction_comp.model.arm.coupling import Group
 from friction_comp.model.effects import Effect, EFFECTS, Look
-from friction_comp.refinement.other_joints import groups_for
+from friction_comp.refinement.joint_groups import groups_for
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.sums import BlockSums
 
