@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Any
 
@@ -15,10 +15,11 @@ from scipy import optimize
 from friction_comp.drive import Drive
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement.columns import base_columns, Key, proposals, Table, Term
+from friction_comp.refinement.columns import base_columns, DERIVATIVES, Key, proposals, Table, Term
 from friction_comp.refinement.constants import adjusted
 from friction_comp.refinement.joint_groups import neighbourhood
 from friction_comp.refinement.prepare import (
+    blocks_of_samples,
     differentiations,
     held_out,
     moved_again,
@@ -55,6 +56,8 @@ class Question:
         Where to start.
     progress : callable
         Called with a share of the work done and a word on it.
+    limited : ndarray of bool, shape (N,), optional
+        Samples at a limit of the current.
     """
 
     raw: Samples
@@ -62,6 +65,7 @@ class Question:
     declared: bool
     model: FrictionModel | None
     progress: Callable[[float, str], None]
+    limited: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,8 @@ class Found:
         How velocity was computed from position.
     candidates : list of Key
         What was tried last.
+    sure_of_lag : float
+        Share of draws of blocks in which the lag lowers the error as it has to, where there is one.
     """
 
     table: Table
@@ -86,6 +92,7 @@ class Found:
     given: int
     settings: dict[str, Any]
     candidates: list[Key]
+    sure_of_lag: float = 1.0
 
     @property
     def rows(self) -> Rows:
@@ -101,6 +108,18 @@ class Found:
         """Return the RMS error of blocks that were not fitted, A."""
         return math.sqrt(float(self.errors(keys).sum()) / float(self.table.sums.rows.sum()))
 
+    def residual(self) -> np.ndarray:
+        """Return the residual in A of all samples by fits to all blocks but their own, (N,)."""
+        table, rows = self.table, self.table.rows
+        columns = np.column_stack([
+            np.delete(base_columns(rows, table.steepness, table.shift), DERIVATIVES, axis=1),
+            *(table.terms[key].columns(rows) for key in self.keys)])
+        number = int(table.block.max()) + 1
+        train = (table.block != np.arange(number)[:, None]).astype(float)
+        fits = table.sums.fits(table.indices(self.keys, derivatives=False), train)
+        return np.asarray(rows.target - np.einsum(
+            'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
+
 
 def search_at(question: Question, settings: dict[str, Any] | None = None) -> Found:
     """Return what is found with one way of computing velocity from position.
@@ -109,11 +128,14 @@ def search_at(question: Question, settings: dict[str, Any] | None = None) -> Fou
     out; then it adds other effects. Time comes last: what a cause that was recorded explains is
     not left to the clock.
     """
-    rows, settings = prepare(question.raw, question.drive, settings, question.declared)
+    rows, settings = prepare(question.raw, question.drive, settings, question.declared,
+                             question.limited)
     model = question.model
     start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.scene.transition)
     table = Table(rows, start.steepness, start.shift)
+    # A load that is part of the target already is no effect beside it.
     given = table.add([Term(type(effect), dict(effect.values)) for effect in model.effects
+                       if not (rows.load_by_mechanics and 'load' in effect.needs)
                        ] if model else [])
     if not model:
         table.turn([])
@@ -177,10 +199,21 @@ def found_in(question: Question) -> Found:
             other = search_at(question, settings)
             fresh = bool(settings.get('lag')) and not best.settings.get('lag')
             if other.rmse() ** 2 < (LAG if fresh else 1.0 - SAME) * best.rmse() ** 2:
-                best = other
+                sure = _share_of_draws(other, best) if fresh else best.sure_of_lag
+                best = replace(other, sure_of_lag=sure)
         if best is before:
             break
     return best
+
+
+def _share_of_draws(late: Found, early: Found) -> float:
+    """Return in what share of draws of blocks a lag lowers the error as it has to."""
+    rng = np.random.default_rng(2)
+    with_lag, without = (np.bincount(found.table.block, found.errors()) for found in (late, early))
+    if len(with_lag) != len(without):
+        return 1.0
+    drawn = rng.integers(0, len(without), (200, len(without)))
+    return float(np.mean(with_lag[drawn].sum(axis=1) < LAG * without[drawn].sum(axis=1)))
 
 
 def _other_settings(question: Question, found: Found) -> list[dict[str, Any]]:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,23 +25,6 @@ from friction_comp.refinement.prepare import for_all, Rows
 _AS_GOOD = 1.02
 _STEEPNESSES = 16
 _MOST_SAMPLES = 30_000
-
-
-@dataclass(frozen=True)
-class Columns:
-    """The columns of a fit on samples of the recording, standstill included.
-
-    Parameters
-    ----------
-    index : ndarray of int, shape (L,)
-        The samples.
-    matrix : ndarray, shape (L, S)
-    block : ndarray of int, shape (L,)
-    """
-
-    index: np.ndarray
-    matrix: np.ndarray
-    block: np.ndarray
 
 
 def settled(found: Found, keys: Sequence[Key]) -> Found:
@@ -89,34 +72,6 @@ def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
 
 def _some(rows: Rows) -> np.ndarray:
     return np.arange(0, len(rows.samples), max(1, len(rows.samples) // _MOST_SAMPLES))
-
-
-def blocks_of_samples(rows: Rows) -> np.ndarray:
-    """Return the block of every sample, shape (N,)."""
-    first = np.nonzero(np.diff(rows.block, prepend=-1))[0]
-    return np.clip(np.searchsorted(rows.start[first], np.arange(len(rows.samples)),
-                                   side='right') - 1, 0, None)
-
-
-def held_out_residual(found: Found, keys: Sequence[Key], index: np.ndarray) -> np.ndarray:
-    """Return the residual of samples by the fit to all blocks but their own, A.
-
-    Parameters
-    ----------
-    found : Found
-    keys : sequence of Key
-    index : ndarray of int, shape (L,)
-        The samples.
-    """
-    table, rows = found.table, found.rows
-    columns = np.column_stack([
-        np.delete(base_columns(rows, table.steepness, table.shift), DERIVATIVES, axis=1),
-        *(table.terms[key].columns(rows) for key in keys)])[index]
-    number = int(table.block.max()) + 1
-    train = (table.block != np.arange(number)[:, None]).astype(float)
-    fits = table.sums.fits(table.indices(keys, derivatives=False), train)
-    block = blocks_of_samples(rows)[index]
-    return np.asarray(rows.target[index] - np.einsum('ls,ls->l', columns, fits[block]))
 
 
 def model_of(found: Found, drive: Drive, before: FrictionModel | None, joint: str

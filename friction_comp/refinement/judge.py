@@ -1,6 +1,12 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the recordings tell of a fit: errors of parts that were not fitted, and what is open."""
+"""What to expect of a model elsewhere, and how far to trust it.
+
+The next recording differs from this one in speed, place, time or posture. So each third of each of
+these is predicted by a fit to the other thirds: the largest of these errors is what the model
+is said to have elsewhere, and how much it exceeds the error of interleaved parts says whether the
+recording bears the model.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +17,29 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects import EFFECTS
+from friction_comp.model.effects import EFFECTS, Scene
 from friction_comp.model.effects.scene import too_coarse
 from friction_comp.refinement.attempt import Found
-from friction_comp.refinement.columns import Key, Term
-from friction_comp.refinement.final import blocks_of_samples
+from friction_comp.refinement.columns import proposals, Table
 from friction_comp.refinement.leftover import Dependence, rank_correlation
-from friction_comp.refinement.prepare import plain_columns, Rows, sums_of
-from friction_comp.refinement.search import Search, Split
+from friction_comp.refinement.prepare import blocks_of_samples, Rows
 from friction_comp.refinement.stability import Stability
-from friction_comp.refinement.verdict import AGAIN, Finding, IN_PART, TRUST
+from friction_comp.refinement.sums import BlockSums
+from friction_comp.refinement.thresholds import (
+    EXPLAINS,
+    EXPLAINS_NOTHING,
+    GROWS,
+    PUSHES,
+    UNEXPLAINED,
+)
+from friction_comp.refinement.verdict import AGAIN, Finding, IN_PART
+from friction_comp.samples import Samples
+from friction_comp.signal_checks import velocity_fault, velocity_ratios
 
 # Two explanations that go together this closely are one as far as the recording can tell.
 ALIKE = 0.95
+# By which velocity and the rate of position may differ.
+AT_ODDS = 1.2
 
 _EXPERIMENTS = {
     frozenset(('time', 'temperature')):
@@ -65,6 +81,8 @@ class Errors:
         RMS at standstill and beside it; NaN without such samples.
     overall : float
         RMS of all samples of parts that were not fitted.
+    elsewhere : float
+        What to expect on another recording, standstill included; see `thirds`.
     parts : list of float
         RMS of each part, in motion.
     """
@@ -76,6 +94,7 @@ class Errors:
     worst_part: float
     standstill: float
     overall: float
+    elsewhere: float
     parts: list[float]
 
     def to_dict(self) -> dict[str, Any]:
@@ -84,7 +103,8 @@ class Errors:
                 'held_out_max': self.largest, 'held_out_r2': self.r2,
                 'worst_part_rmse': self.worst_part,
                 'standstill_rmse': None if math.isnan(self.standstill) else self.standstill,
-                'overall_rmse': self.overall, 'part_rmse': self.parts}
+                'overall_rmse': self.overall, 'elsewhere_rmse': self.elsewhere,
+                'part_rmse': self.parts}
 
 
 def rms(values: np.ndarray) -> float:
@@ -92,27 +112,55 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else math.nan
 
 
-def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, index: np.ndarray) -> Errors:
+def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, growth: float = 1.0) -> Errors:
     """Return the errors of a model.
 
     Parameters
     ----------
     rows : Rows
-    fit, held_out : ndarray, shape (L,)
-        Residuals of samples by the model fitted to everything, and by that not fitted to them.
-    index : ndarray of int, shape (L,)
-        The samples.
+    fit, held_out : ndarray, shape (N,)
+        Residuals of all samples by the model fitted to everything, and by that not fitted to them.
+    growth : float
+        How many times as large errors are in thirds that were not fitted.
     """
-    moving = rows.usable[index]
-    current = rows.target[index][moving]
-    block = blocks_of_samples(rows)[index][moving]
+    moving = rows.usable
+    current = rows.target[moving]
+    block = blocks_of_samples(rows)[moving]
     own = held_out[moving]
     parts = [rms(own[block == k]) for k in np.unique(block)]
     variance = float(np.var(current))
     return Errors(
         rms(fit[moving]), rms(own), float(np.max(np.abs(own))),
         1.0 - float(np.mean(own ** 2)) / variance if variance > 0.0 else 0.0,
-        max(parts), rms(held_out[~moving]), rms(held_out), parts)
+        max(parts), rms(held_out[~moving]), rms(held_out),
+        growth * max(rms(own), rms(held_out)), parts)
+
+
+def thirds(found: Found) -> dict[str, float]:
+    """Return how many times as large errors are where a third of a variable was not fitted.
+
+    Beside the error of interleaved parts. Of position, speed, time, acceleration, and of regions
+    of posture where several joints moved.
+    """
+    table, rows = found.table, found.rows
+    columns = table.indices(found.keys, derivatives=False)
+    part = rows.at_rows
+    ways = {'speed': np.abs(np.asarray(part.velocity)), 'position': part.position,
+            'time': np.arange(len(table.target)), 'acceleration': np.abs(np.asarray(part.acceleration))}
+    cuts = {name: np.searchsorted(np.quantile(values, (1 / 3, 2 / 3)), values, side='right')
+            for name, values in ways.items()}
+    cuts['parts'] = rows.block
+    if rows.joints:
+        cuts['posture'] = np.unique(rows.region, return_inverse=True)[1]
+    full = np.vstack((table.columns[columns], table.target))
+    errors = {}
+    for name, group in cuts.items():
+        members = [full[:, group == k] for k in range(int(group.max()) + 1)]
+        sums = BlockSums(np.array([own @ own.T for own in members]),
+                         np.array([own.shape[1] for own in members]), table.sums.signs[columns])
+        errors[name] = math.sqrt(max(sums.left_out(range(len(columns))).sum(), 0.0))
+    least = max(errors.pop('parts'), 1e-300)
+    return {name: error / least for name, error in errors.items()}
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:
@@ -171,3 +219,127 @@ def ambiguities(found: Found, stability: Stability) -> list[dict[str, Any]]:
             f'correlation {alike:.2f}): drift over time cannot be told from the dependence on '
             'velocity')
     return entries
+
+
+def pushes(rows: Rows) -> bool:
+    """Tell whether friction would have to push for a plain drive to explain the current.
+
+    Eq. 6, inertia, weight, spring and load, once with the signs that physics asks for and once
+    with any. Where the second predicts much better, the current is a controller's answer, the joint
+    is moved by something that was not recorded, or a signal has the wrong sign.
+    """
+    table = Table(rows, 2.0 / rows.scene.transition)
+    keys = table.add([term for term in proposals(table, []) if term.kind.physics])
+    columns = table.indices(keys, derivatives=False)
+    free = BlockSums(table.sums.gram, table.sums.rows, np.zeros_like(table.sums.signs))
+    bounded, unbounded = (float(sums.left_out(columns, table.block).sum())
+                          for sums in (table.sums, free))
+    return unbounded < PUSHES * bounded
+
+
+def seen(samples: Samples, scene: Scene) -> list[Finding]:
+    """Return what the recordings cannot show: notes, none of which lowers the verdict."""
+    found = []
+    if samples.temperature is None:
+        found.append(Finding('no_temperature', 'Motor temperature was not recorded: its effect '
+                             'can only show as drift over time.'))
+    if samples.load is None:
+        found.append(Finding('no_load', 'No load was recorded: effects of load, and an error of '
+                             'the torque constant, cannot be seen.'))
+    for kind in EFFECTS.values():
+        why = kind.hard_to_tell(scene)
+        if why and all(getattr(samples, signal) is not None for signal in kind.needs):
+            found.append(Finding('not_seen', why))
+    if scene.duration < 60.0:
+        found.append(Finding('short', f'The longest recording lasts {scene.duration:.3g} s: '
+                             'warm-up takes minutes and cannot be seen in full.'))
+    return found
+
+
+def findings(found: Found, raw: Samples, after: Errors, grown: dict[str, float],
+             left: Sequence[Dependence], open_questions: Sequence[dict[str, Any]]
+             ) -> list[Finding]:
+    """Return all that a reader should know before using a model.
+
+    Parameters
+    ----------
+    found : Found
+    raw : Samples
+        As recorded.
+    after : Errors
+    grown : dict of str to float
+        As of `thirds`.
+    left : sequence of Dependence
+    open_questions : sequence of dict
+        As of `ambiguities`.
+    """
+    return [*of_errors(found.rows, after, grown), *(Finding(
+        'unexplained', f'The remaining error depends on {entry.variable}: {entry.note}.', IN_PART)
+        for entry in left if entry.strength > UNEXPLAINED), *(Finding(
+            'ambiguous', f"{' or '.join(question['between'])}: {question['why']}.", IN_PART,
+            question['experiment']) for question in open_questions),
+        *of_recording(found.rows, raw), *seen(found.rows.samples, found.rows.scene)]
+
+
+def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Finding]:
+    """Return what the errors of a model say of it; see `findings`."""
+    signal = rms(rows.target[rows.usable])
+    notes: list[Finding] = []
+    if pushes(rows):
+        notes.append(Finding(
+            'pushes', "Friction would have to push to explain the current: it is a controller's "
+            'answer, something that was not recorded moves the joint, or the sign of effort or '
+            'position is reversed.', AGAIN,
+            'check the signs of effort and position, and that effort is measured; follow a '
+            'trajectory with a softer or a position controller'))
+    if after.elsewhere > EXPLAINS_NOTHING * signal:
+        notes.append(Finding(
+            'explains_nothing', f'Where it was not fitted the model may be {after.elsewhere:.2g} A '
+            f'off, of {signal:.2g} A: what decides on the current is not in the recording.', AGAIN,
+            'record what loads the joint (torque sensor, other joints), or move it without load'))
+    elif after.held_out > EXPLAINS * signal:
+        notes.append(Finding(
+            'explains_part', f'{after.held_out:.2g} A of {signal:.2g} A are not explained.',
+            IN_PART, 'record what loads the joint (torque sensor, other joints)'))
+    way, most = max(grown.items(), key=lambda entry: entry[1])
+    if most > GROWS:
+        notes.append(Finding(
+            'extrapolates', f'A third of {way} that was not fitted is predicted with '
+            f'{most:.2g} times the error: there the recording is the only evidence.', IN_PART,
+            f'record more values of {way}, in another order'))
+    return notes
+
+
+def of_recording(rows: Rows, raw: Samples) -> list[Finding]:
+    """Return what is wrong with the recordings themselves."""
+    scene = rows.scene
+    notes: list[Finding] = []
+    if rows.joints:
+        beside = ', '.join(name for name in rows.joints if name != raw.joint)
+        notes.append(Finding(
+            'other_joints', f'Other joints moved too ({beside}), and no URDF gives the torques of '
+            'their links: what holds for these postures may not hold for others.', IN_PART,
+            'move this joint alone, or give a URDF of the arm (--urdf)'))
+    fault = ''
+    if raw.velocity is not None:
+        fault = velocity_fault(velocity_ratios(
+            raw.time, raw.position, raw.velocity, scene.resolution), AT_ODDS)
+    if fault:
+        notes.append(Finding('velocity', fault[0].upper() + fault[1:] + '.', IN_PART,
+                             'let one clock stamp position, velocity and current, and check the '
+                             'units of velocity'))
+    coarse = too_coarse(scene)
+    if coarse:
+        notes.append(Finding('coarse', coarse, IN_PART,
+                             'record the motor-side encoder, or move over a wider range'))
+    if not scene.both_directions:
+        notes.append(Finding('one_direction', 'Motion was in one direction only: Coulomb friction '
+                             'cannot be told from an offset.', IN_PART, 'move in both directions'))
+    if rows.clipped.any():
+        ends = dict.fromkeys(f'{end:.4g} A' for end in (
+            raw.current[rows.clipped].min(), raw.current[rows.clipped].max()))
+        notes.append(Finding(
+            'ceiling', f'The current ends at a limit, {" and ".join(ends)}, in '
+            f'{100 * rows.clipped.mean():.1f} % of the samples, which are left out.', IN_PART,
+            'raise the limit of current or sensor, or ask for less acceleration and speed'))
+    return notes

@@ -34,6 +34,9 @@ _EXCERPT = 150_000
 # Shares of the top speed over which friction may change sign.
 _TURNS = (0.3, 0.1, 0.03, 0.01, 0.003)
 _REGIONS = 3
+# Standard deviations of noise: half the width of a heap at a limit, and by how much more than
+# what was measured the model has to ask for there.
+_HEAP, _MORE = 4.0, 3.0
 _SIGNALS = ('velocity', 'load', 'temperature')
 
 
@@ -48,6 +51,8 @@ class Rows:
     target : ndarray, shape (N,)
         Current that the motion has to explain.
     usable : ndarray of bool, shape (N,)
+    clipped : ndarray of bool, shape (N,)
+        Samples at a limit of the current, none of them usable.
     scene : Scene
     start : ndarray of int, shape (R,)
         First sample of each row.
@@ -68,6 +73,7 @@ class Rows:
     samples: Samples
     target: np.ndarray
     usable: np.ndarray
+    clipped: np.ndarray
     scene: Scene
     start: np.ndarray
     length: int
@@ -144,6 +150,32 @@ def clipped(current: np.ndarray) -> np.ndarray:
         runs = at[1:] & at[:-1]
         if at.sum() >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * at.sum():
             mark |= at
+    return mark
+
+
+def saturated(samples: Samples, residual: np.ndarray, noise: float) -> np.ndarray:
+    """Return which samples are at an end of the current though the motion asks for more, (N,).
+
+    A sensor with noise repeats no value where it saturates. What is seen is a heap of values as
+    wide as the noise at an end of the range, in which the model asks for more.
+
+    Parameters
+    ----------
+    samples : Samples
+    residual : ndarray, shape (N,)
+        Of a model, A.
+    noise : float
+        Standard deviation, A.
+    """
+    mark = np.zeros(len(samples), dtype=bool)
+    for side in (1.0, -1.0):
+        value = side * samples.current
+        level = float(np.median(value[value > value.max() - 2.0 * _HEAP * noise]))
+        heap = np.abs(value - level) < _HEAP * noise
+        below = (value <= level - _HEAP * noise) & (value > level - 3.0 * _HEAP * noise)
+        if heap.sum() > max(30, 1.5 * below.sum(), 0.005 * len(value)) and np.mean(
+                side * residual[heap] < -_MORE * noise) > 0.3:
+            mark |= value > level - 0.5 * _HEAP * noise
     return mark
 
 
@@ -238,6 +270,13 @@ def blocks_of(samples: Samples, start: np.ndarray, number: int = int(BLOCKS)) ->
         near = between[np.argmin(np.abs(between - place))] if len(between) else -size
         edges.append(int(near if abs(near - place) < size / number / 3.0 else place))
     return np.searchsorted(np.unique(edges), np.arange(size), side='right')
+
+
+def blocks_of_samples(rows: Rows) -> np.ndarray:
+    """Return the block of every sample, shape (N,)."""
+    first = np.nonzero(np.diff(rows.block, prepend=-1))[0]
+    return np.clip(np.searchsorted(rows.start[first], np.arange(len(rows.samples)),
+                                   side='right') - 1, 0, None)
 
 
 def regions_of(position: np.ndarray) -> np.ndarray:
@@ -376,7 +415,8 @@ def moved_beside(samples: Samples) -> list[str]:
 
 
 def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
-            declared: bool = True) -> tuple[Rows, dict[str, Any]]:
+            declared: bool = True, limited: np.ndarray | None = None
+            ) -> tuple[Rows, dict[str, Any]]:
     """Return the rows that effects are fitted to, and how motion was computed.
 
     Parameters
@@ -388,8 +428,12 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
         How to differentiate; chosen when omitted.
     declared : bool
         Whether the drive's torque constant and gear ratio are known.
+    limited : ndarray of bool, shape (N,), optional
+        Samples known to be at a limit of the current, beside those that `clipped` finds.
     """
     unusable = clipped(samples.current)
+    if limited is not None:
+        unusable |= limited
     joints = moved_beside(samples)
     settings = settings or choose_motion(samples, unusable, joints)
     moved = differentiate(samples, settings)
@@ -405,7 +449,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
     scene = scene_of(moved, usable, drive, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
-    rows = Rows(moved, target, usable, scene, start, length, block, region, load, motion,
+    rows = Rows(moved, target, usable, unusable, scene, start, length, block, region, load, motion,
                 tuple(joints))
     transition = choose_transition(rows)
     return replace(rows, scene=replace(scene, transition=transition)), settings

@@ -15,15 +15,12 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects import Scene
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.attempt import Found, found_in, Question
-from friction_comp.refinement.columns import Key
-from friction_comp.refinement.final import held_out_residual, model_of, settled
-from friction_comp.refinement.judge import errors_of
-from friction_comp.refinement.prepare import join
+from friction_comp.refinement.final import model_of, settled
+from friction_comp.refinement.judge import noise_floor, rms
+from friction_comp.refinement.prepare import join, saturated
 from friction_comp.refinement.report import Outcome, report_of
 from friction_comp.refinement.stability import intervals, repeated, Stability
 from friction_comp.samples import Samples
-
-_MOST_SAMPLES = 200_000
 
 
 @dataclass
@@ -92,45 +89,64 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     say = progress or (lambda share, word: None)
     declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
-    raw = join(list(recorded))
-    question = Question(raw, drive, declared, model, say)
+    question = Question(join(list(recorded)), drive, declared, model, say)
     found = found_in(question)
-    say(0.6, 'repeated searches')
+    rows = found.rows
+    at_limit = saturated(rows.samples, found.residual(), noise_floor(rows, found.residual()))
+    if np.any(at_limit & ~rows.clipped):
+        question = replace(question, limited=at_limit)
+        found = found_in(question)
+    found, stability = named_in(found, say)
+    say(0.9, 'writing')
+    return _result(question, found, stability, unit or ('A' if declared else 'N·m'))
+
+
+def named_in(found: Found, say: Callable[[float, str], None]) -> tuple[Found, Stability]:
+    """Return a fit of the terms that can be named alone, and how often each was chosen.
+
+    A term is named where most repeated searches choose it, and where the interval of any of its
+    coefficients leaves zero out.
+    """
+    say(0.6, 'repeating the search on drawn parts')
     stability = repeated(found.table, found.keys, found.given, found.candidates)
-    named = [key for key in found.keys[found.given:] if stability.named(key)]
-    keys = [*found.keys[:found.given], *named]
-    before = keys
-    found = settled(found, keys)
-    # Their constants were adjusted once more.
-    stability = stability.renamed(dict(zip(before, found.keys)))
-    joint = raw.joint or (model.joint if model else '')
-    refined = model_of(found, drive, model, joint)
-    say(0.9, 'verdict')
-    return _result(question, found, refined, stability, unit or ('A' if declared else 'N·m'))
+    given = found.keys[:found.given]
+    keys = [*given, *(key for key in found.keys[found.given:] if stability.named(key))]
+    while True:
+        fitted = settled(found, keys)
+        # Their constants were adjusted once more.
+        stability = stability.renamed(dict(zip(keys, fitted.keys)))
+        keys = fitted.keys
+        ends = intervals(fitted.table, keys)
+        sure = [*keys[:len(given)], *(key for key in keys[len(given):] if ends.without_zero(
+            fitted.table.places(key)))]
+        if len(sure) == len(keys):
+            return fitted, stability
+        keys = sure
 
 
-def _result(question: Question, found: Found, refined: FrictionModel, stability: Stability,
-            unit: str) -> RefineResult:
-    rows, raw, model = found.rows, question.raw, question.model
-    index = np.arange(len(raw))
-    after = held_out_residual(found, found.keys, index)
-    fit_after = raw.current - refined.predict(raw, same_recording=True)
-    if model:
-        start = model
-        before = fit_before = raw.current - model.predict(raw, same_recording=True)
+def _result(question: Question, found: Found, stability: Stability, unit: str) -> RefineResult:
+    rows, raw, given = found.rows, question.raw, question.model
+    joint = raw.joint or (given.joint if given else '')
+    model = model_of(found, question.drive, given, joint)
+    if given:
+        start = given
+        before = fit_before = given.measured(raw) - given.predict(raw, same_recording=True)
     else:
         plain = settled(replace(found, keys=[], given=0), [])
-        start = model_of(plain, question.drive, None, refined.joint)
-        before = held_out_residual(plain, [], index)
+        start = model_of(plain, question.drive, None, joint)
+        before = plain.residual()
         fit_before = rows.samples.current - start.current(rows.samples)
-    errors = [errors_of(rows, fit, held_out, index)
-              for fit, held_out in ((fit_before, before), (fit_after, after))]
-    trail = [('before', errors[0].held_out)]
-    report = report_of(Outcome(question, found, start, refined, errors[0], errors[1], before, after,
-                               stability, intervals(found.table, found.keys), unit))
-    for effect in report['effects']:
-        trail.append((effect['name'], effect['held_out_rmse']))
-    return RefineResult(report, refined, start, rows.samples, rows.usable, before, after,
+    after, fit_after = found.residual(), raw.current - model.predict(raw, same_recording=True)
+    # What is not better on parts that were not fitted is not taken.
+    kept = rms(after[rows.usable]) >= rms(before[rows.usable])
+    if kept:
+        model, after, fit_after = start, before, fit_before
+    report = report_of(Outcome(
+        question, found, start, model, fit_before, before, fit_after, after, stability,
+        intervals(found.table, found.keys), unit, kept))
+    trail = [('before', report['before']['held_out_rmse'])]
+    trail += [(effect['name'], effect['held_out_rmse']) for effect in report['effects']]
+    return RefineResult(report, model, start, rows.samples, rows.usable, before, after,
                         rows.scene, trail)
 
 

@@ -41,6 +41,16 @@ SEARCHES = Threshold(40, 'searches', 'on blocks drawn anew: a share of one half 
 NAMED = Threshold(0.6, 'of the searches', 'choose an effect before it is named')
 LAG = Threshold(0.8, 'of the squared error', 'a lag has to leave less: it blurs, as the '
                 'differentiation of positions does, so that it may stand in for other effects')
+GROWS = Threshold(1.3, 'times', 'as large errors in thirds that were not fitted, and the '
+                  'recording alone bears the model there')
+UNEXPLAINED = Threshold(0.4, 'of the residual variance', 'that depends on one variable: '
+                        'something is missing from the model')
+EXPLAINS = Threshold(0.4, 'of the current', 'that is left in motion: something decides on the '
+                     'current that was not recorded')
+EXPLAINS_NOTHING = Threshold(0.9, 'of the current', 'to be expected as error elsewhere: zero '
+                             'would be about as good')
+PUSHES = Threshold(0.5, 'of the squared error', 'is left where friction may push: the current is '
+                   "no drive's answer to its motion")
 
 
 def table() -> list[tuple[str, float, str, str]]:

@@ -137,21 +137,15 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
     """Return a row for every number that was found: effect, name, value, interval."""
     rows = []
     for effect in report['effects']:
-        parts = effect['parameters'].get('members')
-        bounds = effect['intervals'].get('members')
-        if parts is None:
-            parts, bounds = [effect['parameters']], [effect['intervals']]
-        for values, interval in zip(parts, bounds):
-            name = values.get('name', effect['name']).replace('_', ' ')
-            for key, value in values.items():
-                # What was not searched has no interval, or one without width.
-                if key == 'coefficients' or interval.get(key) in (None, [value, value],
-                                                                  [None, None]):
-                    continue
-                rows.append([name, key.replace('_', ' '), number(value), between(interval[key])])
-            for place, value in enumerate(values['coefficients']):
-                rows.append([name, f'coefficient {place + 1}', number(value),
-                             between(interval['coefficients'][place])])
+        name, bounds = effect['name'].replace('_', ' '), effect['intervals']
+        for key, value in effect['parameters'].items():
+            # What was not searched has no interval, or one without width.
+            if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
+                rows.append([name, key.replace('_', ' '), number(value), between(bounds[key])])
+        rows += [[name, f'coefficient {place + 1}', number(value), between(ends)]
+                 for place, (value, ends) in enumerate(zip(
+                     effect['parameters'].get('coefficients', ()),
+                     bounds.get('coefficients', ())))]
     return rows
 
 
