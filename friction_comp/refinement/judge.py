@@ -146,7 +146,8 @@ def thirds(found: Found) -> dict[str, float]:
     columns = table.indices(found.keys, derivatives=False)
     part = rows.at_rows
     ways = {'speed': np.abs(np.asarray(part.velocity)), 'position': part.position,
-            'time': np.arange(len(table.target)), 'acceleration': np.abs(np.asarray(part.acceleration))}
+            'time': np.arange(len(table.target)),
+            'acceleration': np.abs(np.asarray(part.acceleration))}
     cuts = {name: np.searchsorted(np.quantile(values, (1 / 3, 2 / 3)), values, side='right')
             for name, values in ways.items()}
     cuts['parts'] = rows.block

@@ -45,6 +45,7 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     page.numbers([
         (quantity(before['held_out_rmse'], unit), 'error before, on data not fitted'),
         (quantity(after['held_out_rmse'], unit), 'error after, on data not fitted'),
+        (quantity(after['elsewhere_rmse'], unit), 'to expect in another recording'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
     page.text('Why this verdict:\n\n' + verdict_words(report))
@@ -60,15 +61,18 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     page.heading('Errors')
     page.table(
         ['model', f'RMS, fitted ({unit})', f'RMS, held out ({unit})', f'worst part ({unit})',
-         f'at standstill ({unit})', f'with standstill ({unit})', f'largest, held out ({unit})',
-         'R², held out'],
+         f'at standstill ({unit})', f'with standstill ({unit})', f'elsewhere ({unit})',
+         f'largest, held out ({unit})', 'R², held out'],
         [[row['model'], row['fit_rmse'], row['held_out_rmse'], row['worst_part_rmse'],
-          row['standstill_rmse'], row['overall_rmse'], row['held_out_max'], row['held_out_r2']]
+          row['standstill_rmse'], row['overall_rmse'], row['elsewhere_rmse'],
+          row['held_out_max'], row['held_out_r2']]
          for row in (before, after)])
     page.text(f"Held out: {report['held_out']}. Of {report['samples']} samples "
               f"{report['samples_in_motion']} are fitted: those in which the joint moves and the "
               'current signal is not clipped. Where the joint sticks, current is not friction: '
-              'the error there is given by itself.')
+              'the error there is given by itself. Elsewhere: what to expect where the model was '
+              'not fitted, by how much errors grow in thirds of position, speed, time and '
+              'acceleration that are left out of the fit.')
     page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
                 'time. The dashed line is the noise from sample to sample.')
     page.heading('What is left, before and after')

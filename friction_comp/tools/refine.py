@@ -112,8 +112,8 @@ def print_summary(report: dict[str, Any]) -> None:
         print('  no effect beyond the model shows in the recordings')
     print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
           f"{quantity(report['noise_floor'], unit)}")
-    print(f"        {quantity(report['after']['worst_part_rmse'], unit)} in the worst part, "
-          f"{quantity(report['after']['overall_rmse'], unit)} with standstill")
+    print(f"        {quantity(report['after']['worst_part_rmse'], unit)} in the worst part; "
+          f"to expect elsewhere: {quantity(report['after']['elsewhere_rmse'], unit)}")
     for entry in report['unexplained']:
         print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
               'variance)')
