@@ -65,7 +65,7 @@ def test_what_mechanics_rules_out_is_not_tried(own):
             assert own in {*moving, *turned}
 
 
-@pytest.mark.parametrize('seed', (10, 11))
+@pytest.mark.parametrize('seed', [10, 11])
 def test_joints_that_move_independently_show_no_coupling(seed):
     rng = np.random.default_rng(seed)
     names = tuple('abcd')

@@ -25,7 +25,7 @@ SCENE = Scene(transition=0.02, speed=1.0, slowest=0.01, lowest=-1.0, highest=1.0
     ('hysteresis', {'distance': 0.05}), ('stribeck', {'velocity': 0.1})])
 def test_a_constant_is_kept_where_the_effect_is_what_its_name_says(name, constants):
     kind = EFFECTS[name]
-    full = {**{key: 1.0 for key in kind.constants}, 'transition': 0.02, **constants}
+    full = {**dict.fromkeys(kind.constants, 1.0), 'transition': 0.02, **constants}
     (key, value), = constants.items()
     kept = kind.limited(key, value, full, SCENE)
     assert (kept == value) == (value <= 0.1)
