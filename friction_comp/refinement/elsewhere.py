@@ -37,7 +37,8 @@ class Elsewhere:
         columns = table.indices(keys, derivatives=False)
         self._table, self._places = table, {column: k for k, column in enumerate(columns)}
         ways = {'speed': np.abs(np.asarray(part.velocity)), 'position': part.position,
-                'time': np.arange(len(table.target)), 'acceleration': np.abs(np.asarray(part.acceleration))}
+                'time': np.arange(len(table.target)),
+                'acceleration': np.abs(np.asarray(part.acceleration))}
         cuts = {name: np.searchsorted(np.quantile(values, (1 / 3, 2 / 3)), values, side='right')
                 for name, values in ways.items()}
         cuts[PARTS] = rows.block
