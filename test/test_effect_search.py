@@ -130,8 +130,9 @@ def test_intervals_hold_what_is_true_and_tell_what_is_not_there(rippled):
         low, high = found.coefficients[place]
         assert low <= true <= high
         assert high - low < 0.06
-    assert found.without_zero([cosine, sine])
-    assert not found.without_zero([inertia])
+    signs = rippled.sums.signs
+    assert found.without_zero([cosine, sine], signs[[cosine, sine]])
+    assert not found.without_zero([inertia], signs[[inertia]])
 
 
 def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(rippled, plain):

@@ -192,7 +192,7 @@ def noisy_ceiling(ceiling, seed=4):
     samples = swings(seed)
     rng = np.random.default_rng(seed)
     wanted = samples.current + 0.15 * samples.acceleration
-    read = np.clip(wanted, -ceiling, ceiling) + 0.005 * rng.standard_normal(len(wanted))
+    read = np.clip(wanted, -ceiling, ceiling) + 0.01 * rng.standard_normal(len(wanted))
     return samples.with_(current=read, acceleration=None), np.abs(wanted) > ceiling
 
 
