@@ -18,7 +18,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.columns import base_columns, DERIVATIVES, Key, proposals, Table, Term
 from friction_comp.refinement.constants import adjusted
-from friction_comp.refinement.other_joints import neighbourhood
+from friction_comp.refinement.joint_groups import neighbourhood
 from friction_comp.refinement.prepare import (
     blocks_of_samples,
     differentiations,
@@ -227,7 +227,8 @@ def search_at(question: Question, settings: dict[str, Any] | None = None,
         table.turn([])
     attempt = Attempt(table, given)
     starts = attempt.starts() if begin is None else [table.add(begin)]
-    ends, transition = [], (table.steepness, table.shift)
+    transition = table.steepness, table.shift
+    ends: list[tuple[float, int, list[Key], tuple[float, float], list[Key]]] = []
     for some in starts:
         table.turned(*transition)
         keys = attempt.from_start(some)
@@ -292,7 +293,7 @@ def _other_settings(question: Question, found: Found) -> list[dict[str, Any]]:
         lag, gain = _best_lag(rows, matrix, target, fine=bool(has))
         if gain > (SAME if has else 0.5 * (1.0 - LAG)):
             others.append({**settings, 'lag': has + lag})
-    errors = []
+    errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in differentiations(question.raw):
         if has:
             choice['lag'] = has

@@ -18,7 +18,7 @@ import numpy as np
 
 from friction_comp.model.arm.coupling import Group
 from friction_comp.model.effects import Effect, EFFECTS, Look
-from friction_comp.refinement.other_joints import groups_for
+from friction_comp.refinement.joint_groups import groups_for
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.sums import BlockSums
 
@@ -92,7 +92,7 @@ def base_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
     The last two are the derivatives of the transition by the logarithm of its steepness and by
     its shift: a fit with them knows how it would change.
     """
-    v = rows.samples.velocity
+    v = np.asarray(rows.samples.velocity)
     half = 0.5 * steepness * (v - shift)
     turn = np.tanh(half)
     slope = 1.0 - turn ** 2
@@ -294,8 +294,9 @@ class Table:
         """Return the residual of a fit with some terms as effects look at it."""
         part = self.rows.at_rows
         scene = self.rows.scene
-        return Look(scene, part.position, part.velocity,
-                    np.tanh(part.velocity / scene.transition), self.residual(keys),
+        velocity = np.asarray(part.velocity)
+        return Look(scene, part.position, velocity,
+                    np.tanh(velocity / scene.transition), self.residual(keys),
                     self.rows.length * self.rows.samples.sample_time, self.loads(keys))
 
 

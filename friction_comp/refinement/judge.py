@@ -185,7 +185,7 @@ def ambiguities(found: Found, stability: Stability) -> list[dict[str, Any]]:
     elif 'time' in variables and samples.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
-    alike = rank_correlation(samples.time, np.abs(samples.velocity))
+    alike = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
     if alike > 0.9 and len(np.unique(samples.recording)) == 1:
         add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
             f'correlation {alike:.2f}): drift over time cannot be told from the dependence on '

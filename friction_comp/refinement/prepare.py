@@ -86,8 +86,8 @@ class Rows:
     def at_rows(self) -> Samples:
         """The averages of position, velocity and load over each row."""
         names = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature')
-        known = {name: self.averaged(getattr(self.samples, name)) for name in names
-                 if getattr(self.samples, name) is not None}
+        known: Any = {name: self.averaged(getattr(self.samples, name)) for name in names
+                      if getattr(self.samples, name) is not None}
         return Samples(current=self.averaged(self.samples.current), joint=self.samples.joint,
                        recording=self.samples.recording[self.start], **known)
 
@@ -180,7 +180,7 @@ def standstill_speed(samples: Samples) -> float:
     That is a hundredth of the usual top speed, or more where the resolution of position does not
     let slower motion be told from rest.
     """
-    speed = np.abs(samples.velocity)
+    speed = np.abs(np.asarray(samples.velocity))
     top = float(np.percentile(speed, 95))
     quiet = speed[speed < 0.02 * top]
     noise = 3.0 * float(np.sqrt(np.mean(quiet ** 2))) if quiet.size > 50 else 0.0
@@ -219,7 +219,7 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     InputError
         If they are too few.
     """
-    speed = np.abs(samples.velocity)
+    speed = np.abs(np.asarray(samples.velocity))
     still = speed <= slowest
     moving = ~still & ~unusable
     ends = np.zeros(len(samples), dtype=bool)
@@ -298,7 +298,7 @@ def averaging(samples: Samples, usable: int) -> int:
 def plain_columns(samples: Samples, transitions: Sequence[float],
                   motion: tuple[np.ndarray, ...] | None = None, own: int = 0) -> np.ndarray:
     """Return what the current of any drive depends on: friction, inertia, weight and load."""
-    v, q = samples.velocity, samples.position
+    v, q = np.asarray(samples.velocity), samples.position
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
                samples.acceleration, np.cos(q), np.sin(q)]
     if np.ptp(q) < 2.0:
@@ -368,14 +368,15 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
     """
     samples, unusable = excerpt(samples, unusable)
     if load:
-        samples = samples.with_(current=samples.current - load * samples.load, load=None)
+        samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
+                                load=None)
     choices = differentiations(samples)
     _, start = smooth_motion(samples, unusable)
     block = blocks_of(samples, start)
-    errors = []
+    errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in choices:
         moved = differentiate(samples, choice)
-        top = float(np.percentile(np.abs(moved.velocity[start]), 95))
+        top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
         if not top > 0.0:
             # Unfiltered, a coarse encoder stands still in nearly all samples.
             continue
@@ -386,7 +387,7 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
         part = moved.take(start)
         columns = plain_columns(part, [share * top for share in _TURNS], motion,
                                 list(joints).index(samples.joint) if joints else 0)
-        errors.append((held_out(columns, part.current, block).sum(), len(errors), choice))
+        errors.append((float(held_out(columns, part.current, block).sum()), len(errors), choice))
     return min(errors)[-1]
 
 
@@ -435,7 +436,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     length = averaging(moved, int(usable.sum()))
     start = row_starts(moved, usable, length)
     block = blocks_of(moved, start)
-    target = moved.current - load * moved.load if load else moved.current
+    target = moved.current - load * np.asarray(moved.load) if load else moved.current
     scene = scene_of(moved, usable, drive, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, scene, start, length, block, region, load, motion,
@@ -470,9 +471,9 @@ def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> f
     mechanics = -1.0 / drive.torque_per_current
     moved, start = smooth_motion(*excerpt(samples, unusable))
     part = moved.take(start)
-    top = float(np.percentile(np.abs(part.velocity), 95))
+    top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
     columns = plain_columns(part.with_(load=None), [share * top for share in _TURNS])
-    columns = np.column_stack((columns, part.load))
+    columns = np.column_stack((columns, np.asarray(part.load)))
     found = sums_of(columns, part.current, blocks_of(moved, start)).fit(
         range(columns.shape[1]))[-1]
     return 0.0 if found / mechanics > 0.5 else mechanics
@@ -483,12 +484,12 @@ def choose_transition(rows: Rows) -> float:
     speed = rows.scene.speed
     part = rows.samples.take(rows.start)
     target = rows.averaged(rows.target)
-    best = None
+    best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
         columns = plain_columns(part.with_(load=None) if rows.load_by_mechanics else part, [width])
         error = held_out(columns, target, rows.block).sum()
-        if best is None or error < (1.0 - SAME) * best[0]:
-            best = (error, float(width))
+        if error < (1.0 - SAME) * best[0]:
+            best = (float(error), float(width))
     return best[1]
 
 
@@ -501,7 +502,8 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
     steps = np.abs(np.diff(samples.position[:20000]))
     steps = steps[steps > 1e-12]
     lowest, highest = np.percentile(moving.position, (1, 99))
-    moves = np.abs(moving.velocity)
+    velocity = np.asarray(moving.velocity)
+    moves = np.abs(velocity)
     slow, speed = np.percentile(moves, (5, 95))
     return Scene(
         transition=0.05 * float(speed), speed=float(speed),
@@ -511,9 +513,10 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
                      else float(np.median(samples.temperature))),
         gear_ratio=drive.gear_ratio,
         resolution=float(steps.min()) if steps.size else 0.0,
-        both_directions=0.02 < float(np.mean(moving.velocity > 0)) < 0.98,
-        slow=float(slow), reversals=float(np.count_nonzero(np.diff(np.sign(moving.velocity)))),
-        rested=float(np.sum(np.abs(samples.velocity) < slowest)) * samples.sample_time,
+        both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98,
+        slow=float(slow), reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
+        rested=float(np.sum(np.abs(np.asarray(samples.velocity)) < slowest))
+        * samples.sample_time,
         positions=distinct(moving.position),
         usual_speed=float(np.median(moves)),
         speed_spread=float(np.std(moves) / np.mean(moves)),

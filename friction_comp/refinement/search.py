@@ -132,7 +132,7 @@ def gains(sums: np.ndarray, chosen: Sequence[int], places: Sequence[Sequence[int
     sizes = np.array([len(own) for own in places])
     for size in np.unique(sizes[sizes > 0]):
         which = np.nonzero(sizes == size)[0]
-        own = np.array([places[k] for k in which])
+        own = np.array([places[int(k)] for k in which])
         left = scaled[own[:, :, None], own[:, None, :]] - np.einsum(
             'snm,snk->nmk', scaled[inner][:, own], had[:, own])
         goal = scaled[own, -1] - np.einsum('snm,s->nm', scaled[inner][:, own], had[:, -1])

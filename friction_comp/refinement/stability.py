@@ -116,7 +116,7 @@ class Intervals:
     coefficients: dict[int, tuple[float, float]]
     constants: dict[tuple[Key, str], tuple[float, float]]
 
-    def without_zero(self, places: Sequence[int], signs: Sequence[int]) -> bool:
+    def without_zero(self, places: Sequence[int], signs: np.ndarray) -> bool:
         """Tell whether the interval of any of a term's coefficients leaves zero out.
 
         Parameters
