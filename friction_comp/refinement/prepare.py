@@ -350,6 +350,10 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
                  key=lambda one: (one['bandwidth'], one['source']), default=choices[-1])
     moved = differentiate(samples, smooth)
     usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
+    speed = np.abs(np.asarray(moved.velocity))
+    fast = usable & (speed > _TURNS[1] * np.percentile(speed[usable], 95))
+    # Where friction changes its sign a smooth velocity hides what happens.
+    usable = fast if fast.sum() > 0.5 * usable.sum() else usable
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
 
 
