@@ -97,14 +97,19 @@ class Found:
         """The rows that were fitted."""
         return self.table.rows
 
-    def errors(self, keys: Sequence[Key] | None = None) -> np.ndarray:
+    def errors(self) -> np.ndarray:
         """Return the squared error of each block by a fit to all others, shape (K,)."""
-        own = self.keys if keys is None else keys
-        return self.table.left_out(self.table.indices(own))
+        return self.table.left_out(self.table.indices(self.keys))
 
-    def rmse(self, keys: Sequence[Key] | None = None) -> float:
+    def rmse(self) -> float:
         """Return the RMS error of blocks that were not fitted, A."""
-        return math.sqrt(float(self.errors(keys).sum()) / float(self.table.sums.rows.sum()))
+        return math.sqrt(float(self.errors().sum()) / float(self.table.sums.rows.sum()))
+
+    def rmse_with(self, keys: Sequence[Key]) -> float:
+        """Return the same of some of the terms, Eq. 6 keeping its transition."""
+        table = self.table
+        errors = table.left_out(table.indices(keys, derivatives=False))
+        return math.sqrt(float(errors.sum()) / float(table.sums.rows.sum()))
 
     def residual(self) -> np.ndarray:
         """Return the residual in A of all samples by fits to all blocks but their own, (N,)."""

@@ -26,8 +26,8 @@ from friction_comp.refinement.sums import BlockSums
 BASE, DERIVATIVES = 5, (3, 4)
 # Of the top speed: what is steeper or flatter the recordings cannot tell.
 _FLATTEST, _STEEPEST = 2.0, 6000.0
-# Steepness times shift at which Eq. 6 is a quarter of the way between its plateaus at rest.
-_MIDDLE_HALF = math.log(3.0)
+# Steepness times shift at which Eq. 6 is 15 % of Coulomb friction at rest, which is no motion.
+MOST_SHIFT = 0.3
 
 Key = tuple[Any, ...]
 
@@ -260,7 +260,7 @@ class Table:
             for share in (1.0, 0.5, 0.25):
                 steepness = float(np.clip(now[0] * math.exp(share * growth), _FLATTEST / speed,
                                           _STEEPEST / speed))
-                limit = _MIDDLE_HALF / steepness
+                limit = MOST_SHIFT / steepness
                 trial = steepness, float(np.clip(now[1] + share * step, -limit, limit))
                 error, other = sums_at(*trial)
                 if error < best:

@@ -15,6 +15,8 @@ from friction_comp.refinement.columns import Key, Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
+# Constants that make an effect what it is; others only say how it fades.
+_DEFINING = ('time_constant', 'width', 'distance')
 
 
 class Knob(NamedTuple):
@@ -38,6 +40,15 @@ class Knob(NamedTuple):
         if self.how.unit is None:
             return term.constants[self.name] * math.log(self.how.width)
         return 0.5 * self.how.width * self.how.unit(table.rows.scene, term.constants)
+
+
+def at_limit(term: Term, table: Table) -> bool:
+    """Tell whether a constant is where the effect would turn into another one.
+
+    A warm-up slower than the recording is a drift, a bump as wide as the range a spring.
+    """
+    return any(knob.moved(term, side * _STEP, table) == term.constants[knob.name]
+               for knob in knobs_of([term]) if knob.name in _DEFINING for side in (1.0, -1.0))
 
 
 def knobs_of(terms: Sequence[Term], only: Container[Key] | None = None) -> list[Knob]:

@@ -17,7 +17,7 @@ from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.attempt import Found
-from friction_comp.refinement.columns import base_columns, DERIVATIVES, Key, Table
+from friction_comp.refinement.columns import base_columns, DERIVATIVES, Key, MOST_SHIFT, Table
 from friction_comp.refinement.constants import adjusted
 from friction_comp.refinement.prepare import for_all, Rows
 
@@ -54,7 +54,7 @@ def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
                              or [np.empty((len(rows.samples), 0))])[index]
     trials = []
     for steepness, shift in grid:
-        limit = np.log(3.0) / steepness
+        limit = MOST_SHIFT / steepness
         table.turned(steepness, float(np.clip(shift, -limit, limit)))
         inner = table.indices(keys, derivatives=False)
         error = float(table.left_out(inner).sum())

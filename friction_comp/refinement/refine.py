@@ -15,6 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects import Scene
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.attempt import eq6_alone, Found, found_in, Question
+from friction_comp.refinement.constants import at_limit
 from friction_comp.refinement.elsewhere import Elsewhere
 from friction_comp.refinement.final import model_of, settled
 from friction_comp.refinement.judge import rms
@@ -101,8 +102,8 @@ def named_in(found: Found, say: Callable[[float, str], None]) -> tuple[Found, St
     """Return a fit of the terms that can be named alone, and how often each was chosen.
 
     A term is named where most repeated searches choose it, where it makes no third of the recording
-    that was not fitted harder to predict, and where the interval of any of its coefficients leaves
-    zero out.
+    that was not fitted harder to predict, where the interval of any of its coefficients leaves zero
+    out, and where no constant of it is at its limit.
     """
     say(0.6, 'repeating the search on drawn parts')
     stability = repeated(found.table, found.keys, found.given, found.candidates)
@@ -116,7 +117,8 @@ def named_in(found: Found, say: Callable[[float, str], None]) -> tuple[Found, St
         keys = fitted.keys
         ends = intervals(fitted.table, keys)
         sure = [*keys[:len(given)], *(key for key in keys[len(given):] if ends.without_zero(
-            fitted.table.places(key), fitted.table.sums.signs[fitted.table.places(key)]))]
+            fitted.table.places(key), fitted.table.sums.signs[fitted.table.places(key)])
+            and not at_limit(fitted.table.terms[key], fitted.table))]
         if len(sure) == len(keys):
             return fitted, stability
         keys = sure

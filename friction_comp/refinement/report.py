@@ -176,7 +176,7 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
     # Within a sample it is how two signals were sampled, and late motion is a sensor's filter.
     if lag >= found.rows.samples.sample_time:
         entries.append({
-            'name': 'actuation_lag', 'variable': 'history', 'held_out_rmse': found.rmse(chosen),
+            'name': 'actuation_lag', 'variable': 'history', 'held_out_rmse': found.rmse_with(chosen),
             'chosen': found.sure_of_lag, 'parameters': {'lag': lag}, 'intervals': {},
             'in_words': f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
             'formula': f'i(t + {lag:.4g} s)'})
@@ -185,7 +185,7 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
         groups = [key for key in rest if key[-1] is not None]
         if groups:
             together.append(groups)
-        trials = [(found.rmse([*chosen, *keys]), place) for place, keys in enumerate(together)]
+        trials = [(found.rmse_with([*chosen, *keys]), place) for place, keys in enumerate(together)]
         error, place = min(trials)
         chosen += together[place]
         rest = [key for key in rest if key not in together[place]]
