@@ -177,13 +177,19 @@ def loss_slope_bend(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
     return 0.5 * loss, slope, bend
 
 
-def predict(x: np.ndarray, bodies: Bodies, regressor: np.ndarray,
-            friction: np.ndarray) -> np.ndarray:
-    """Return every joint's current in A, shape (N, J), for unknowns x."""
-    joints = friction.shape[1]
-    unknowns = Unknowns(joints)
-    parameters = bodies.parameters(x[unknowns.links])[0].ravel()
-    current = (regressor @ parameters) * np.exp(x[unknowns.scales])
-    for joint in range(joints):
-        current[:, joint] += friction[:, joint] @ x[unknowns.friction(joint)]
-    return current
+def squares(matrices: np.ndarray, bodies: Bodies, x: np.ndarray) -> np.ndarray:
+    """Return each joint's sum of squared errors for unknowns x, shape (J,).
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
+        See `normal_matrices`.
+    bodies : Bodies
+    x : ndarray, shape (U,)
+    """
+    unknowns = Unknowns(len(matrices))
+    links = bodies.parameters(x[unknowns.links])[0].ravel()
+    mixes = [np.concatenate((np.exp(scale) * links, x[unknowns.friction(joint)], [-1.0]))
+             for joint, scale in enumerate(x[unknowns.scales])]
+    return np.array([max(float(mix @ matrix @ mix), 0.0)
+                     for mix, matrix in zip(mixes, matrices)])
