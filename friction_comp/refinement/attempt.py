@@ -29,7 +29,7 @@ from friction_comp.refinement.prepare import (
     shifted,
 )
 from friction_comp.refinement.search import Search, Split
-from friction_comp.refinement.thresholds import LAG, LEAST_SHARE, SAME
+from friction_comp.refinement.thresholds import LAG, LEAST_SHARE, NAMED, SAME
 from friction_comp.samples import Samples
 
 # A plain drive turns round within this share of its top speed.
@@ -121,6 +121,16 @@ class Found:
             'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
 
 
+def eq6_alone(question: Question, settings: dict[str, Any]) -> Found:
+    """Return Eq. 6 without any effect and without a lag, fitted to the recordings."""
+    settings = {name: value for name, value in settings.items() if name != 'lag'}
+    rows, settings = prepare(question.raw, question.drive, settings, question.declared,
+                             question.limited)
+    table = Table(rows, 2.0 / rows.scene.transition)
+    table.turn([])
+    return Found(table, [], 0, settings, [])
+
+
 def search_at(question: Question, settings: dict[str, Any] | None = None) -> Found:
     """Return what is found with one way of computing velocity from position.
 
@@ -157,7 +167,8 @@ def search_at(question: Question, settings: dict[str, Any] | None = None) -> Fou
     search.improve = improve
     offer(list(given))
     plain = [key for key in search.candidates if table.terms[key].kind.physics]
-    starts = [plain]
+    # From all of them at once, since what cancels helps together alone, and from none.
+    starts = [[], plain]
     if rows.joints:
         near = [Term(table.terms[key].kind, {}, group) for key in search.candidates[-1:]
                 for group in neighbourhood(rows.joints, rows.samples.joint)]
@@ -200,7 +211,8 @@ def found_in(question: Question) -> Found:
             fresh = bool(settings.get('lag')) and not best.settings.get('lag')
             if other.rmse() ** 2 < (LAG if fresh else 1.0 - SAME) * best.rmse() ** 2:
                 sure = _share_of_draws(other, best) if fresh else best.sure_of_lag
-                best = replace(other, sure_of_lag=sure)
+                if sure >= NAMED:
+                    best = replace(other, sure_of_lag=sure)
         if best is before:
             break
     return best

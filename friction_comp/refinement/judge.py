@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What to expect of a model elsewhere, and how far to trust it.
 
-The next recording differs from this one in speed, place, time or posture. So each third of each of
-these is predicted by a fit to the other thirds: the largest of these errors is what the model
-is said to have elsewhere, and how much it exceeds the error of interleaved parts says whether the
-recording bears the model.
+By how much errors grow in thirds of the recording that were not fitted says what to expect of
+another recording; see `elsewhere`. All else that a reader should know is a finding with a code.
 """
 
 from __future__ import annotations
@@ -82,7 +80,7 @@ class Errors:
     overall : float
         RMS of all samples of parts that were not fitted.
     elsewhere : float
-        What to expect on another recording, standstill included; see `thirds`.
+        What to expect on another recording, standstill included; see `Elsewhere`.
     parts : list of float
         RMS of each part, in motion.
     """
@@ -134,33 +132,6 @@ def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, growth: float =
         1.0 - float(np.mean(own ** 2)) / variance if variance > 0.0 else 0.0,
         max(parts), rms(held_out[~moving]), rms(held_out),
         growth * max(rms(own), rms(held_out)), parts)
-
-
-def thirds(found: Found) -> dict[str, float]:
-    """Return how many times as large errors are where a third of a variable was not fitted.
-
-    Beside the error of interleaved parts. Of position, speed, time, acceleration, and of regions
-    of posture where several joints moved.
-    """
-    table, rows = found.table, found.rows
-    columns = table.indices(found.keys, derivatives=False)
-    part = rows.at_rows
-    ways = {'speed': np.abs(part.velocity), 'position': part.position,
-            'time': np.arange(len(table.target)), 'acceleration': np.abs(part.acceleration)}
-    cuts = {name: np.searchsorted(np.quantile(values, (1 / 3, 2 / 3)), values, side='right')
-            for name, values in ways.items()}
-    cuts['parts'] = rows.block
-    if rows.joints:
-        cuts['posture'] = np.unique(rows.region, return_inverse=True)[1]
-    full = np.vstack((table.columns[columns], table.target))
-    errors = {}
-    for name, group in cuts.items():
-        members = [full[:, group == k] for k in range(int(group.max()) + 1)]
-        sums = BlockSums(np.array([own @ own.T for own in members]),
-                         np.array([own.shape[1] for own in members]), table.sums.signs[columns])
-        errors[name] = math.sqrt(max(sums.left_out(range(len(columns))).sum(), 0.0))
-    least = max(errors.pop('parts'), 1e-300)
-    return {name: error / least for name, error in errors.items()}
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:
@@ -268,7 +239,7 @@ def findings(found: Found, raw: Samples, after: Errors, grown: dict[str, float],
         As recorded.
     after : Errors
     grown : dict of str to float
-        As of `thirds`.
+        As of `Elsewhere.growth`.
     left : sequence of Dependence
     open_questions : sequence of dict
         As of `ambiguities`.

@@ -34,9 +34,8 @@ _EXCERPT = 150_000
 # Shares of the top speed over which friction may change sign.
 _TURNS = (0.3, 0.1, 0.03, 0.01, 0.003)
 _REGIONS = 3
-# Standard deviations of noise: half the width of a heap at a limit, and by how much more than
-# what was measured the model has to ask for there.
-_HEAP, _MORE = 4.0, 3.0
+# Beside a rest of this many s and for as long, motion slower than this share of the top speed.
+_START, _SLOW = 0.1, 0.05
 _SIGNALS = ('velocity', 'load', 'temperature')
 
 
@@ -153,32 +152,6 @@ def clipped(current: np.ndarray) -> np.ndarray:
     return mark
 
 
-def saturated(samples: Samples, residual: np.ndarray, noise: float) -> np.ndarray:
-    """Return which samples are at an end of the current though the motion asks for more, (N,).
-
-    A sensor with noise repeats no value where it saturates. What is seen is a heap of values as
-    wide as the noise at an end of the range, in which the model asks for more.
-
-    Parameters
-    ----------
-    samples : Samples
-    residual : ndarray, shape (N,)
-        Of a model, A.
-    noise : float
-        Standard deviation, A.
-    """
-    mark = np.zeros(len(samples), dtype=bool)
-    for side in (1.0, -1.0):
-        value = side * samples.current
-        level = float(np.median(value[value > value.max() - 2.0 * _HEAP * noise]))
-        heap = np.abs(value - level) < _HEAP * noise
-        below = (value <= level - _HEAP * noise) & (value > level - 3.0 * _HEAP * noise)
-        if heap.sum() > max(30, 1.5 * below.sum(), 0.005 * len(value)) and np.mean(
-                side * residual[heap] < -_MORE * noise) > 0.3:
-            mark |= value > level - 0.5 * _HEAP * noise
-    return mark
-
-
 def differentiations(samples: Samples) -> list[dict[str, Any]]:
     """Return the ways to differentiate that are compared."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
@@ -224,29 +197,41 @@ def beside(mark: np.ndarray, width: int) -> np.ndarray:
     return sums[high] > sums[low]
 
 
+def rests(still: np.ndarray, length: int) -> np.ndarray:
+    """Return which samples are in a run of standstill of at least so many samples, shape (N,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
+    result = np.zeros(len(still), dtype=bool)
+    for first, stop in zip(edges[::2], edges[1::2]):
+        result[first:stop] = stop - first >= length
+    return result
+
+
 def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
               bandwidth: float | None) -> np.ndarray:
     """Return which samples show friction: the joint moves, and filtering does not blur it.
 
     Beside standstill and beside gaps, the filter mixes in what is no motion over about the inverse
-    of its bandwidth. Those samples are left out, unless little else would remain.
+    of its bandwidth; slow motion beside a rest is presliding, where friction still builds up. Those
+    samples are left out, unless little else would remain.
 
     Raises
     ------
     InputError
         If they are too few.
     """
-    still = np.abs(samples.velocity) <= slowest
+    speed = np.abs(samples.velocity)
+    still = speed <= slowest
     moving = ~still & ~unusable
-    if bandwidth:
-        width = round(0.5 / (bandwidth * samples.sample_time))
-        ends = np.zeros(len(samples), dtype=bool)
-        for part in samples.segments():
-            ends[[part.start, part.stop - 1]] = True
-        for mark in (still, ends):
-            inner = moving & ~beside(mark, width)
-            if inner.sum() > 0.8 * moving.sum():
-                moving = inner
+    ends = np.zeros(len(samples), dtype=bool)
+    for part in samples.segments():
+        ends[[part.start, part.stop - 1]] = True
+    blurred = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
+    near = round(_START / max(samples.sample_time, 1e-9))
+    starts = beside(rests(still, near), near) & (speed < _SLOW * np.percentile(speed, 95))
+    for mark in (beside(still, blurred), beside(ends, blurred), starts):
+        inner = moving & ~mark
+        if inner.sum() > 0.8 * moving.sum():
+            moving = inner
     if moving.sum() < FEWEST:
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(moving.sum())} samples of motion are too few')

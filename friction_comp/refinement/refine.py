@@ -14,10 +14,12 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import Scene
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.attempt import Found, found_in, Question
+from friction_comp.refinement.attempt import eq6_alone, Found, found_in, Question
+from friction_comp.refinement.ceiling import saturated
+from friction_comp.refinement.elsewhere import Elsewhere
 from friction_comp.refinement.final import model_of, settled
-from friction_comp.refinement.judge import noise_floor, rms
-from friction_comp.refinement.prepare import join, saturated
+from friction_comp.refinement.judge import rms
+from friction_comp.refinement.prepare import join
 from friction_comp.refinement.report import Outcome, report_of
 from friction_comp.refinement.stability import intervals, repeated, Stability
 from friction_comp.samples import Samples
@@ -91,9 +93,8 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
     question = Question(join(list(recorded)), drive, declared, model, say)
     found = found_in(question)
-    rows = found.rows
-    at_limit = saturated(rows.samples, found.residual(), noise_floor(rows, found.residual()))
-    if np.any(at_limit & ~rows.clipped):
+    at_limit = saturated(found)
+    if np.any(at_limit & ~found.rows.clipped):
         question = replace(question, limited=at_limit)
         found = found_in(question)
     found, stability = named_in(found, say)
@@ -104,13 +105,15 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
 def named_in(found: Found, say: Callable[[float, str], None]) -> tuple[Found, Stability]:
     """Return a fit of the terms that can be named alone, and how often each was chosen.
 
-    A term is named where most repeated searches choose it, and where the interval of any of its
-    coefficients leaves zero out.
+    A term is named where most repeated searches choose it, where it makes no third of the recording
+    that was not fitted harder to predict, and where the interval of any of its coefficients leaves
+    zero out.
     """
     say(0.6, 'repeating the search on drawn parts')
     stability = repeated(found.table, found.keys, found.given, found.candidates)
     given = found.keys[:found.given]
     keys = [*given, *(key for key in found.keys[found.given:] if stability.named(key))]
+    keys = Elsewhere(found.table, keys).helpful(keys, found.given)
     while True:
         fitted = settled(found, keys)
         # Their constants were adjusted once more.
@@ -118,7 +121,7 @@ def named_in(found: Found, say: Callable[[float, str], None]) -> tuple[Found, St
         keys = fitted.keys
         ends = intervals(fitted.table, keys)
         sure = [*keys[:len(given)], *(key for key in keys[len(given):] if ends.without_zero(
-            fitted.table.places(key)))]
+            fitted.table.places(key), fitted.table.sums.signs[fitted.table.places(key)]))]
         if len(sure) == len(keys):
             return fitted, stability
         keys = sure
@@ -132,7 +135,7 @@ def _result(question: Question, found: Found, stability: Stability, unit: str) -
         start = given
         before = fit_before = given.measured(raw) - given.predict(raw, same_recording=True)
     else:
-        plain = settled(replace(found, keys=[], given=0), [])
+        plain = settled(eq6_alone(question, found.settings), [])
         start = model_of(plain, question.drive, None, joint)
         before = plain.residual()
         fit_before = rows.samples.current - start.current(rows.samples)

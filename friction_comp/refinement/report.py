@@ -15,6 +15,7 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.attempt import Found, Question
 from friction_comp.refinement.columns import Key
+from friction_comp.refinement.elsewhere import Elsewhere
 from friction_comp.refinement.judge import (
     ambiguities,
     Errors,
@@ -22,7 +23,6 @@ from friction_comp.refinement.judge import (
     findings,
     noise_floor,
     rms,
-    thirds,
 )
 from friction_comp.refinement.leftover import Dependence, leftover
 from friction_comp.refinement.prepare import Rows
@@ -74,7 +74,7 @@ def report_of(o: Outcome) -> dict[str, Any]:
     """Return the content of report.json."""
     rows, raw = o.found.rows, o.question.raw
     left = [*limits(rows), *leftover(rows.at_rows, rows.averaged(o.after), rows.scene.slowest)]
-    grown = thirds(o.found)
+    grown = Elsewhere(o.found.table, o.found.keys).growth(o.found.keys)
     growth = max(1.0, *grown.values())
     before = errors_of(rows, o.fit_before, o.before)
     after = errors_of(rows, o.fit_after, o.after, growth)
@@ -172,13 +172,13 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
     """
     found = o.found
     rest, chosen, entries = list(found.keys[found.given:]), list(found.keys[:found.given]), []
-    lag = found.settings.get('lag')
-    if lag:
+    lag = found.settings.get('lag', 0.0)
+    # Within a sample it is how two signals were sampled, and late motion is a sensor's filter.
+    if lag >= found.rows.samples.sample_time:
         entries.append({
             'name': 'actuation_lag', 'variable': 'history', 'held_out_rmse': found.rmse(chosen),
             'chosen': found.sure_of_lag, 'parameters': {'lag': lag}, 'intervals': {},
-            'in_words': f'Lag: the current is {1e3 * abs(lag):.3g} ms '
-                        f'{"later" if lag > 0 else "earlier"} than the motion that it belongs to',
+            'in_words': f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
             'formula': f'i(t + {lag:.4g} s)'})
     while rest:
         together = [[key] for key in rest if key[-1] is None]

@@ -115,10 +115,19 @@ class Intervals:
     coefficients: dict[int, tuple[float, float]]
     constants: dict[tuple[Key, str], tuple[float, float]]
 
-    def without_zero(self, places: Sequence[int]) -> bool:
-        """Tell whether the interval of any of some coefficients leaves zero out."""
+    def without_zero(self, places: Sequence[int], signs: Sequence[int]) -> bool:
+        """Tell whether the interval of any of a term's coefficients leaves zero out.
+
+        Parameters
+        ----------
+        places : sequence of int
+            Columns of the term.
+        signs : sequence of int
+            Of these; where physics asks for a sign, one such coefficient has to be beyond zero.
+        """
+        bounded = [place for place, sign in zip(places, signs) if sign] or places
         return any(low > 0.0 or high < 0.0 for low, high in (
-            self.coefficients[place] for place in places))
+            self.coefficients[place] for place in bounded))
 
 
 def intervals(table: Table, keys: Sequence[Key]) -> Intervals:

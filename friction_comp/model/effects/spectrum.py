@@ -13,7 +13,7 @@ _MOST_BINS = 1 << 17
 
 
 def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.ndarray,
-                      highest: float, periods: float = 2.5) -> tuple[np.ndarray, np.ndarray]:
+                      highest: float, periods: float = 1.5) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of squares that cos and sin over position explain, by spatial frequency.
 
     Parameters
