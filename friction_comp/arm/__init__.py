@@ -2,5 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rigid bodies of a URDF, fitted to recordings of an arm: all that is done offline and once.
 
-What comes of it, a `friction_comp.model.arm.tree.Tree` with fitted parameters, belongs to the model.
+What comes of it, a `friction_comp.model.arm.tree.Tree` with fitted parameters, belongs to the
+model.
 """

@@ -22,9 +22,10 @@ from typing import Any, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from friction_comp.arm.columns import FOLDS, FRICTION, stretches_of, Sums, sums_of
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.link_intervals import link_intervals, LinkIntervals
-from friction_comp.arm.solver import FRICTION, normal_matrices, Prior, solve, squares, Unknowns
+from friction_comp.arm.solver import Prior, solve, squares, Unknowns
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
@@ -40,11 +41,8 @@ STRENGTHS = tuple(float(value) for value in np.geomspace(1.0, 1e6, 13))
 _FIRST_STRENGTH = 100.0
 # Held-out errors that differ by less are as good as each other; the URDF is believed then.
 _AS_GOOD = 0.01
-_STRETCHES, _FOLDS = 12, 3
 # Another direction of gravity than the URDF's has to lower errors by this share.
 _CLEARLY_BETTER = 0.15
-# Friction of an arm's joint turns round within this share of its usual top speed.
-_TRANSITION, _STILL = 0.03, 0.01
 _SAY = 0.1  # of a joint's current that friction explains, before it tells the efforts' sign
 _ROUNDS = 3
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
@@ -130,42 +128,6 @@ class ArmFit:
         return total
 
 
-@dataclass
-class _Problem:
-    """Sums of products of all columns over stretches of the recordings.
-
-    Parameters
-    ----------
-    sums : ndarray, shape (S, J, 10·J + 5, 10·J + 5)
-        See `normal_matrices`; in units of the variance of each joint's current.
-    variance : ndarray, shape (J,)
-        Of the current, A².
-    counts : ndarray, shape (J,)
-        Number of samples.
-    """
-
-    sums: np.ndarray
-    variance: np.ndarray
-    counts: np.ndarray
-
-    @property
-    def total(self) -> np.ndarray:
-        """The sums over everything."""
-        return np.asarray(self.sums.sum(axis=0))
-
-    @property
-    def folds(self) -> np.ndarray:
-        """The sums over the stretches of each fold, shape (F, J, 10·J + 5, 10·J + 5)."""
-        fold = np.arange(len(self.sums)) % _FOLDS
-        return np.array([self.sums[fold == number].sum(axis=0) for number in range(_FOLDS)])
-
-    def weighed(self, prior: Prior, x: np.ndarray) -> _Problem:
-        """Return the same in units of the variance that unknowns x leave."""
-        left = np.maximum(squares(self.total, prior.bodies, x) / np.maximum(self.counts, 1.0),
-                          1e-24)
-        return _Problem(self.sums / left[:, None, None], self.variance * left, self.counts)
-
-
 def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = None,
             progress: Callable[..., Any] | None = None) -> ArmFit:
     """Fit an arm to recordings.
@@ -209,7 +171,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     still = problem.sums.copy()
     still[..., :links, :] = still[..., :links] = 0.0
     without = _held_out(replace(problem, sums=still), prior, x)
-    whole = _problem(chain, joints, settings, _MOST_ROWS['final'])
+    whole = sums_of(chain, joints, settings, _MOST_ROWS['final'])
     whole, x = _settled(whole, prior, x)
     report(1.0)
     unknowns = Unknowns(len(joints))
@@ -219,7 +181,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
                 np.exp(numbers[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
     unseen = [Unseen(int(joints[0].recording[row]), float(joints[0].time[row]),
-                     *found(parts[number % _FOLDS])) for number, row in enumerate(first)]
+                     *found(parts[number % FOLDS])) for number, row in enumerate(first)]
     tree, scales = found(x)
     return ArmFit(
         tree, chain.tree, scales,
@@ -229,7 +191,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         link_intervals(whole.sums, prior, x))
 
 
-_Trial: TypeAlias = 'tuple[float, dict[str, Any], _Problem, Prior, np.ndarray]'
+_Trial: TypeAlias = 'tuple[float, dict[str, Any], Sums, Prior, np.ndarray]'
 
 
 def _best_settings(
@@ -250,7 +212,7 @@ def _trial(
 
     None is for an arm that asks of no joint what its current shows.
     """
-    problem = _problem(chain, joints, settings, _MOST_ROWS['choice'])
+    problem = sums_of(chain, joints, settings, _MOST_ROWS['choice'])
     usual = _usual_scale(problem, bodies)
     if usual is None:
         return None
@@ -326,43 +288,7 @@ def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
             for source in sources for value in [*narrow, None]]
 
 
-def _problem(chain: Chain, joints: list[Samples], settings: dict[str, Any],
-             most_rows: int) -> _Problem:
-    q, v, a = moving_states(joints[0], chain.tree.joints, settings)
-    every = max(1, len(q) // most_rows)
-    rows = slice(None, None, every)
-    q, v, a = q[rows], v[rows], a[rows]
-    current = np.column_stack([one.current[rows] for one in joints])
-    top = np.maximum(np.percentile(np.abs(v), 95, axis=0), 1e-9)
-    friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
-    # Stiction takes any value at rest; a joint that hardly ever moves has nothing else to show.
-    moving = np.abs(v) > _STILL * top
-    counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
-    # A gripper's effort that is never anything but zero tells nothing.
-    counts &= np.ptp(current, axis=0) > 0.0
-    variance = np.maximum(np.var(current, axis=0), 1e-12)
-    stretch = stretches_of(joints[0].recording)[rows]
-    sums = np.array([
-        normal_matrices(chain.regressor(q[own], v[own], a[own]), friction[own], current[own],
-                        counts[own] / variance)
-        for own in (stretch == number for number in range(int(stretch.max()) + 1))])
-    return _Problem(sums, variance, counts.sum(axis=0).astype(float))
-
-
-def stretches_of(recording: np.ndarray) -> np.ndarray:
-    """Return which stretch each sample belongs to, shape (N,), counted from 0.
-
-    Parameters
-    ----------
-    recording : ndarray of int, shape (N,)
-        Recording of each sample; no stretch goes over the edge of one.
-    """
-    place = np.arange(len(recording)) * _STRETCHES // max(len(recording), 1)
-    run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
-    return np.unique(place + (_STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
-
-
-def _usual_scale(problem: _Problem, bodies: Bodies) -> float | None:
+def _usual_scale(problem: Sums, bodies: Bodies) -> float | None:
     """Return the current per torque, A per N·m, by which the URDF's figures fit the whole arm.
 
     None where they fit no joint.
@@ -397,15 +323,18 @@ def _usual_scale(problem: _Problem, bodies: Bodies) -> float | None:
     return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))
 
 
-def _settled(problem: _Problem, prior: Prior, x: np.ndarray) -> tuple[_Problem, np.ndarray]:
+def _settled(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
     """Return the unknowns, and the problem in units of the variance that each joint leaves."""
     for _ in range(_ROUNDS):
         x = solve(problem.total, prior, x)
-        problem = problem.weighed(prior, x)
+        left = squares(problem.total, prior.bodies, x) / np.maximum(problem.counts, 1.0)
+        left = np.maximum(left, 1e-24)
+        problem = Sums(problem.sums / left[:, None, None], problem.variance * left,
+                       problem.counts)
     return problem, x
 
 
-def _held_out(problem: _Problem, prior: Prior, x: np.ndarray) -> np.ndarray:
+def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
     """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
     total, sums = problem.total, np.zeros(len(problem.counts))
     for own in problem.folds:
@@ -413,7 +342,7 @@ def _held_out(problem: _Problem, prior: Prior, x: np.ndarray) -> np.ndarray:
     return np.sqrt(sums * problem.variance / np.maximum(problem.counts, 1.0)) + 1e-12
 
 
-def _choose_strength(problem: _Problem, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
+def _choose_strength(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
     """Return the prior with the largest strength that predicts as well as the best."""
     found = []
     for strength in STRENGTHS:

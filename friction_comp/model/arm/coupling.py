@@ -3,7 +3,7 @@
 """What other joints ask of a joint's motor, as a sum of terms found without a URDF.
 
 Each group of terms is an energy of the arm, and what it asks of the joint follows by Lagrange's
-equations: of a potential energy, a harmonic of a sum of angles; of a kinetic energy, such a harmonic
+equations: a potential energy is a harmonic of a sum of angles, a kinetic energy such a harmonic
 times two velocities.
 """
 
