@@ -43,7 +43,6 @@ FED_BACK = {
 # Effect of the library that describes it.
 LEFT_OUT = {
     'inertia': ({'inertia': 0.2}, 'inertia'),
-    'actuation_lag': ({'lag': 0.025}, 'actuation_lag'),
     'torque_constant': ({'factor': 0.8}, 'load_torque'),
 }
 # Those with a say in what a resting joint bears, or seems to.
@@ -52,8 +51,7 @@ CASE = {'viscous_shape': 'sub_linear'}
 # Recorded under the servo, whose joint has inertia and stiction for refinement to tell apart as
 # well; the others follow their path exactly.
 UNDER_SERVO = ('stribeck', 'direction', 'gravity', 'friction_ripple')
-# s of recording: what delays the current is only found in longer ones.
-ENOUGH, MORE = 60.0, {'actuation_lag': 75.0}
+ENOUGH = 60.0  # s of recording
 
 
 @pytest.fixture
@@ -69,7 +67,7 @@ def recordings(declared, name, parameters, seed):
         presliding=2e-4, thermal=THERMAL)
     servo = name in UNDER_SERVO
     excitation = excitation_for((CASE.get(name, name),), rate=250.0 if servo else 125.0,
-                                servo=servo, duration=MORE.get(name, ENOUGH))
+                                servo=servo, duration=ENOUGH)
     return [trial.samples for trial in record(drive, seed, excitation)]
 
 

@@ -87,7 +87,7 @@ def test_a_name_that_no_terminal_can_show_ends_nothing(recording, tmp_path, tool
 
 def test_texts_with_names_that_are_not_utf_8_can_be_written(tmp_path):
     name = os.fsdecode(b'gr\xfc\xdfe')
-    assert json.loads(to_json({name: name})) == {name: name}
+    assert json.loads(to_json({name: name}))[name] == name
     write_atomically(tmp_path / 'text', f'{name} grüße')
     assert (tmp_path / 'text').read_text(encoding='utf-8') == r'gr\udcfc\udcdfe grüße'
 

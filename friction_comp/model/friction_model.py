@@ -265,9 +265,11 @@ class FrictionModel:
             optional['presliding'] = _presliding(_section(document, 'presliding'))
         if document.get('position_limits') is not None:
             optional['position_limits'] = _range(_list(document, 'position_limits'))
-        for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
+        for name in ('lookup_table', 'simulation', 'notes'):
             if document.get(name) is not None:
                 optional[name] = _section(document, name)
+        entries = _list(document, 'effects')
+        optional['differentiation'], entries = _differentiation(document, entries)
         if document.get('arm') is not None:
             optional['arm'] = Arm.from_dict(_section(document, 'arm'))
         return cls(
@@ -275,8 +277,30 @@ class FrictionModel:
             sigmoid=Sigmoid.from_coefficients(
                 sigmoid['coefficients'], sigmoid.get('velocity_unit', 'rad/s')),
             breakaway=_breakaway(document),
-            effects=[_effect(entry) for entry in _list(document, 'effects')],
+            effects=[_effect(entry) for entry in entries],
             joint=str(document.get('joint') or ''), **optional)
+
+
+def _differentiation(document: dict[str, Any], entries: list[Any]
+                     ) -> tuple[dict[str, Any], list[Any]]:
+    """Return how motion is computed, and the effects.
+
+    In earlier model files the lag between current and motion was an effect.
+    """
+    section: dict[str, Any] = {}
+    if document.get('differentiation') is not None:
+        section = dict(_section(document, 'differentiation'))
+    for name in ('bandwidth', 'lag'):
+        if section.get(name) is not None:
+            section[name] = _number(section, name, 'differentiation')
+    kept = []
+    for entry in entries:
+        if isinstance(entry, dict) and entry.get('name') == 'actuation_lag':
+            lag = _number(_section(entry, 'parameters'), 'lag', "effect 'actuation_lag'")
+            section = {**(section or DEFAULT_SETTINGS), 'lag': section.get('lag', 0.0) + lag}
+        else:
+            kept.append(entry)
+    return section, kept
 
 
 def _presliding(section: dict[str, Any]) -> Presliding:

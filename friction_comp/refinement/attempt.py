@@ -13,11 +13,12 @@ import numpy as np
 from scipy import optimize
 
 from friction_comp.drive import Drive
+from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.columns import base_columns, DERIVATIVES, Key, proposals, Table, Term
 from friction_comp.refinement.constants import adjusted
-from friction_comp.refinement.other_joints import neighbourhood
+from friction_comp.refinement.joint_groups import neighbourhood
 from friction_comp.refinement.prepare import (
     blocks_of_samples,
     differentiations,
@@ -56,8 +57,6 @@ class Question:
         Where to start.
     progress : callable
         Called with a share of the work done and a word on it.
-    limited : ndarray of bool, shape (N,), optional
-        Samples at a limit of the current.
     """
 
     raw: Samples
@@ -65,7 +64,6 @@ class Question:
     declared: bool
     model: FrictionModel | None
     progress: Callable[[float, str], None]
-    limited: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -124,22 +122,100 @@ class Found:
 def eq6_alone(question: Question, settings: dict[str, Any]) -> Found:
     """Return Eq. 6 without any effect and without a lag, fitted to the recordings."""
     settings = {name: value for name, value in settings.items() if name != 'lag'}
-    rows, settings = prepare(question.raw, question.drive, settings, question.declared,
-                             question.limited)
+    rows, settings = prepare(question.raw, question.drive, settings, question.declared)
     table = Table(rows, 2.0 / rows.scene.transition)
     table.turn([])
     return Found(table, [], 0, settings, [])
 
 
-def search_at(question: Question, settings: dict[str, Any] | None = None) -> Found:
+class Attempt:
+    """A search among all terms that the residual makes worth trying, in one table.
+
+    Parameters
+    ----------
+    table : Table
+    given : list of Key
+        Terms that stay.
+    """
+
+    def __init__(self, table: Table, given: list[Key]) -> None:
+        self.table, self.given = table, given
+        self.search = Search(table, Split(table), [], given, self._improve)
+        self._held = set(given)
+        self._clock = False
+        self.offer(given)
+
+    def offer(self, keys: Sequence[Key]) -> None:
+        """Make the terms worth trying beside those of a fit the candidates."""
+        table = self.table
+        wanted = proposals(table, keys)
+        self._held.update(keys)
+        table.keep(self._held.union(term.key for term in wanted))
+        kinds = {key[0] for key in self.given if table.terms[key].kind.most == 1}
+        self.search.candidates = [key for key in table.add(wanted) if key[0] not in kinds and (
+            (table.terms[key].kind.variable == 'time') == self._clock)]
+
+    def starts(self) -> list[list[Key]]:
+        """Return where to start: nothing, all of plain physics, and the links beside a joint.
+
+        Weight, spring and inertia may cancel in a motion, so that each helps with the others alone.
+        """
+        table, rows = self.table, self.table.rows
+        plain = [key for key in self.search.candidates if table.terms[key].kind.physics]
+        found: list[list[Key]] = [[], plain]
+        if rows.joints:
+            kind = EFFECTS['other_joints']
+            found.append([*plain, *table.add([Term(kind, {}, group) for group in neighbourhood(
+                rows.joints, rows.samples.joint)])])
+        for some in found:
+            self._held.update(some)
+        return found
+
+    def from_start(self, some: Sequence[Key]) -> list[Key]:
+        """Return what a search from some terms ends with.
+
+        Time comes last: what a cause that was recorded explains is not left to the clock.
+        """
+        search = self.search
+        self._clock = False
+        keys = search.backward(search.told_apart(list(dict.fromkeys([*self.given, *some]))))
+        self.table.turn(keys)
+        self.offer(keys)
+        keys = search.forward(search.backward(keys))
+        for self._clock in (False, True):
+            if self._clock:
+                self.offer(keys)
+                keys = search.forward(keys)
+            keys = adjusted(self.table, keys, 5)
+            self.table.turn(keys)
+            self.offer(keys)
+            keys = search.backward(keys if self._clock else search.exchange(keys))
+        self._held.update(keys)
+        return keys
+
+    def _improve(self, keys: list[Key]) -> list[Key]:
+        keys = adjusted(self.table, keys, only=keys[-1:])
+        self.table.turn(keys)
+        self.offer(keys)
+        return keys
+
+
+def search_at(question: Question, settings: dict[str, Any] | None = None,
+              begin: Sequence[Term] | None = None) -> Found:
     """Return what is found with one way of computing velocity from position.
 
-    The search starts from physics (inertia, weight, spring, load) and takes away what is not borne
-    out; then it adds other effects. Time comes last: what a cause that was recorded explains is
-    not left to the clock.
+    Of the ends of several searches the one with the least error counts, a term being worth
+    `LEAST_SHARE` of it.
+
+    Parameters
+    ----------
+    question : Question
+    settings : dict, optional
+        How to differentiate; chosen when omitted.
+    begin : sequence of Term, optional
+        The only start, beside the terms that were given.
     """
-    rows, settings = prepare(question.raw, question.drive, settings, question.declared,
-                             question.limited)
+    rows, settings = prepare(question.raw, question.drive, settings, question.declared)
     model = question.model
     start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.scene.transition)
     table = Table(rows, start.steepness, start.shift)
@@ -149,48 +225,19 @@ def search_at(question: Question, settings: dict[str, Any] | None = None) -> Fou
                        ] if model else [])
     if not model:
         table.turn([])
-    split = Split(table)
-    search = Search(table, split, [], given)
-    clock = False
-
-    def offer(keys: list[Key]) -> None:
-        found = table.add(proposals(table, keys))
-        kinds = {key[0] for key in given if table.terms[key].kind.most == 1}
-        search.candidates = [key for key in found if key[0] not in kinds and (
-            (table.terms[key].kind.variable == 'time') == clock)]
-
-    def improve(keys: list[Key]) -> list[Key]:
-        keys = adjusted(table, keys, only=keys[-1:])
-        table.turn(keys)
-        offer(keys)
-        return keys
-    search.improve = improve
-    offer(list(given))
-    plain = [key for key in search.candidates if table.terms[key].kind.physics]
-    # From all of them at once, since what cancels helps together alone, and from none.
-    starts = [[], plain]
-    if rows.joints:
-        near = [Term(table.terms[key].kind, {}, group) for key in search.candidates[-1:]
-                for group in neighbourhood(rows.joints, rows.samples.joint)]
-        starts.append([*plain, *table.add(near)])
-    grown = []
+    attempt = Attempt(table, given)
+    starts = attempt.starts() if begin is None else [table.add(begin)]
+    transition = table.steepness, table.shift
+    ends: list[tuple[float, int, list[Key], tuple[float, float], list[Key]]] = []
     for some in starts:
-        keys = search.backward([*given, *some])
-        table.turn(keys)
-        offer(keys)
-        keys = search.forward(search.backward(keys))
-        # Each term has to earn its share.
-        grown.append((search.error(keys) * (1.0 + LEAST_SHARE) ** len(keys), keys))
-    keys = min(grown, key=lambda entry: entry[0])[1]
-    for clock in (False, True):
-        if clock:
-            offer(keys)
-            keys = search.forward(keys)
-        keys = adjusted(table, keys, 5)
-        table.turn(keys)
-        offer(keys)
-        keys = search.backward(keys if clock else search.exchange(keys))
-    return Found(table, keys, len(given), settings, search.candidates)
+        table.turned(*transition)
+        keys = attempt.from_start(some)
+        ends.append((attempt.search.error(keys) * (1.0 + LEAST_SHARE) ** len(keys), len(ends),
+                     keys, (table.steepness, table.shift), attempt.search.candidates))
+    _, _, keys, transition, candidates = min(ends)
+    table.turned(*transition)
+    return Found(table, keys, len(given), settings,
+                 [key for key in candidates if key in table.terms])
 
 
 def found_in(question: Question) -> Found:
@@ -207,8 +254,10 @@ def found_in(question: Question) -> Found:
             if settings in tried:
                 continue
             tried.append(settings)
-            other = search_at(question, settings)
             fresh = bool(settings.get('lag')) and not best.settings.get('lag')
+            # What a lag was blurred into makes a poor start; another bandwidth changes little.
+            other = search_at(question, settings, None if fresh else [
+                best.table.terms[key] for key in best.keys[best.given:]])
             if other.rmse() ** 2 < (LAG if fresh else 1.0 - SAME) * best.rmse() ** 2:
                 sure = _share_of_draws(other, best) if fresh else best.sure_of_lag
                 if sure >= NAMED:
@@ -244,7 +293,7 @@ def _other_settings(question: Question, found: Found) -> list[dict[str, Any]]:
         lag, gain = _best_lag(rows, matrix, target, fine=bool(has))
         if gain > (SAME if has else 0.5 * (1.0 - LAG)):
             others.append({**settings, 'lag': has + lag})
-    errors = []
+    errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in differentiations(question.raw):
         if has:
             choice['lag'] = has

@@ -9,7 +9,7 @@ derivatives.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any
@@ -18,7 +18,7 @@ import numpy as np
 
 from friction_comp.model.arm.coupling import Group
 from friction_comp.model.effects import Effect, EFFECTS, Look
-from friction_comp.refinement.other_joints import groups_for
+from friction_comp.refinement.joint_groups import groups_for
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.sums import BlockSums
 
@@ -92,7 +92,7 @@ def base_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
     The last two are the derivatives of the transition by the logarithm of its steepness and by
     its shift: a fit with them knows how it would change.
     """
-    v = rows.samples.velocity
+    v = np.asarray(rows.samples.velocity)
     half = 0.5 * steepness * (v - shift)
     turn = np.tanh(half)
     slope = 1.0 - turn ** 2
@@ -130,6 +130,7 @@ class Table:
             rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
         order = np.argsort(cell, kind='stable')
         self._cells = np.split(order, np.searchsorted(cell[order], np.arange(1, len(cells))))
+        self._blocks = [np.nonzero(rows.block == k)[0] for k in range(int(rows.block.max()) + 1)]
         first = [own[0] for own in self._cells]
         self.block, self.region = rows.block[first], rows.region[first]
         gram = np.array([self.target[own] @ self.target[own] for own in self._cells])
@@ -152,11 +153,27 @@ class Table:
             self._places[term.key] = list(range(first, first + len(own)))
             self.terms[term.key] = term
             fresh += list(own)
-            wanted = list(term.kind.signs[:len(own)]) if term.group is None else []
-            signs += wanted + [0] * (len(own) - len(wanted))
+            signs += _signs_of(term, len(own))
         if fresh:
             self._append(np.array(fresh), signs)
         return [term.key for term in terms if term.key in self.terms]
+
+    def keep(self, keys: Container[Key]) -> None:
+        """Drop all terms but some."""
+        left = [key for key in self.terms if key in keys]
+        if len(left) == len(self.terms):
+            return
+        columns = self.indices(left)
+        places, first = {}, BASE
+        for key in left:
+            size = len(self._places[key])
+            places[key] = list(range(first, first + size))
+            first += size
+        inner = [*columns, len(self.columns)]
+        self.sums = BlockSums(self.sums.gram[:, inner][:, :, inner], self.sums.rows,
+                              self.sums.signs[columns])
+        self.columns = self.columns[columns]
+        self.terms, self._places = {key: self.terms[key] for key in left}, places
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
         old = len(self.columns)
@@ -190,6 +207,23 @@ class Table:
         indices = self.indices(keys, derivatives)
         return np.asarray(self.target - self.sums.fit(indices) @ self.columns[indices])
 
+    def error_with(self, terms: Sequence[Term]) -> float:
+        """Return the sum of squared errors of a fit of terms that need not be in the table."""
+        parts, signs = [np.delete(self.columns[:BASE], DERIVATIVES, axis=0)], [0, 1, 1]
+        for term in terms:
+            if term.key in self.terms:
+                own = self.columns[self._places[term.key]]
+            else:
+                own = self.rows.averaged(term.columns(self.rows)).T
+                if not np.isfinite(own).all():
+                    return math.inf
+            parts.append(own)
+            signs += _signs_of(term, len(own))
+        full = np.vstack((*parts, self.target))
+        sums = BlockSums((full @ full.T)[None], np.array([full.shape[1]]), np.array(signs))
+        columns = range(len(signs))
+        return float(sums.squares(columns, sums.fit(columns)[None])[0])
+
     def coefficients(self, keys: Sequence[Key], derivatives: bool = False) -> dict[int, float]:
         """Return the coefficient of each column of a fit to all blocks."""
         indices = self.indices(keys, derivatives)
@@ -205,31 +239,37 @@ class Table:
         By the Gauss-Newton method: the coefficients of the derivatives say how far.
         """
         speed = self.rows.scene.speed
+        others = self.columns[[place for key in keys for place in self._places[key]]]
+        signs = self.sums.signs[self.indices(keys)]
+        plain = [k for k in range(BASE + len(others)) if k not in DERIVATIVES]
 
-        def error() -> float:
-            return float(self.left_out(self.indices(keys, derivatives=False)).sum())
-        best = error()
+        def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
+            base = self.rows.averaged(base_columns(self.rows, steepness, shift)).T
+            full = np.vstack((base, others, self.target))
+            sums = BlockSums(np.array([full[:, own] @ full[:, own].T for own in self._blocks]),
+                             np.array([len(own) for own in self._blocks]), signs)
+            return float(sums.left_out(plain).sum()), sums
+        now = self.steepness, self.shift
+        best, sums = sums_at(*now)
         for _ in range(rounds):
-            found = self.coefficients(keys, derivatives=True)
+            before, found = best, sums.fit(range(BASE + len(others)))
             if not found[1] > 0.0:
-                return
-            old, before = (self.steepness, self.shift), best
+                break
             growth = float(np.clip(found[3] / found[1], -1.0, 1.0))
-            step = float(np.clip(found[4] / found[1], -1.0 / old[0], 1.0 / old[0]))
+            step = float(np.clip(found[4] / found[1], -1.0 / now[0], 1.0 / now[0]))
             for share in (1.0, 0.5, 0.25):
-                steepness = float(np.clip(old[0] * math.exp(share * growth), _FLATTEST / speed,
+                steepness = float(np.clip(now[0] * math.exp(share * growth), _FLATTEST / speed,
                                           _STEEPEST / speed))
                 limit = _MIDDLE_HALF / steepness
-                self.turned(steepness, float(np.clip(old[1] + share * step, -limit, limit)))
-                now = error()
-                if now < best:
-                    best = now
+                trial = steepness, float(np.clip(now[1] + share * step, -limit, limit))
+                error, other = sums_at(*trial)
+                if error < best:
+                    best, sums, now = error, other, trial
                     break
-            else:
-                self.turned(*old)
-                return
             if best > (1.0 - 1e-4) * before:
-                return
+                break
+        if now != (self.steepness, self.shift):
+            self.turned(*now)
 
     def turned(self, steepness: float, shift: float) -> None:
         """Give Eq. 6 another steepness and shift."""
@@ -254,9 +294,16 @@ class Table:
         """Return the residual of a fit with some terms as effects look at it."""
         part = self.rows.at_rows
         scene = self.rows.scene
-        return Look(scene, part.position, part.velocity,
-                    np.tanh(part.velocity / scene.transition), self.residual(keys),
+        velocity = np.asarray(part.velocity)
+        return Look(scene, part.position, velocity,
+                    np.tanh(velocity / scene.transition), self.residual(keys),
                     self.rows.length * self.rows.samples.sample_time, self.loads(keys))
+
+
+def _signs_of(term: Term, number: int) -> list[int]:
+    """Return the sign that physics asks of each of a term's coefficients, 0 where it is free."""
+    wanted = list(term.kind.signs[:number]) if term.group is None else []
+    return wanted + [0] * (number - len(wanted))
 
 
 def kinds_for(rows: Rows) -> list[type[Effect]]:

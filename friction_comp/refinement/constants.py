@@ -99,15 +99,15 @@ def adjusted(table: Table, keys: Sequence[Key], rounds: int = 3,
                 term = changed[knob.place]
                 changed[knob.place] = term.with_constants(
                     **{knob.name: knob.moved(term, float(size), table)})
-            trial = table.add(changed)
-            if len(trial) < len(keys) or len(set(trial)) < len(trial):
+            if len({term.key for term in changed}) < len(changed):
                 continue
-            error = float(np.sum(table.residual(trial, derivatives=False) ** 2))
+            error = table.error_with(changed)
             if error < now:
                 better = error
                 break
         if better is None:
             break
+        trial = table.add(changed)
         only = only and [*trial]
         keys = _loaded(table, trial)
         if better > (1.0 - 1e-3) * now:

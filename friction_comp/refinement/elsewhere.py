@@ -36,8 +36,9 @@ class Elsewhere:
         rows, part = table.rows, table.rows.at_rows
         columns = table.indices(keys, derivatives=False)
         self._table, self._places = table, {column: k for k, column in enumerate(columns)}
-        ways = {'speed': np.abs(part.velocity), 'position': part.position,
-                'time': np.arange(len(table.target)), 'acceleration': np.abs(part.acceleration)}
+        ways = {'speed': np.abs(np.asarray(part.velocity)), 'position': part.position,
+                'time': np.arange(len(table.target)),
+                'acceleration': np.abs(np.asarray(part.acceleration))}
         cuts = {name: np.searchsorted(np.quantile(values, (1 / 3, 2 / 3)), values, side='right')
                 for name, values in ways.items()}
         cuts[PARTS] = rows.block

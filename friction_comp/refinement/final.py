@@ -97,7 +97,8 @@ def model_of(found: Found, drive: Drive, before: FrictionModel | None, joint: st
     if groups:
         effects.append(EFFECTS['other_joints']({'coefficients': [1.0]}))
         arm = Arm(coupling=Coupling(tuple(groups), tuple(gains)),
-                  differentiation=for_all(rows.samples, settings))
+                  # The lag is applied to what they ask, as to all else, by the model.
+                  differentiation=for_all(rows.samples, {**settings, 'lag': 0.0}))
     if rows.load_by_mechanics:
         effects.append(EFFECTS['load_torque']({'coefficients': [rows.load_by_mechanics]}))
     return FrictionModel(

@@ -127,11 +127,12 @@ def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, growth: float =
     own = held_out[moving]
     parts = [rms(own[block == k]) for k in np.unique(block)]
     variance = float(np.var(current))
+    more = (growth ** 2 - 1.0) * rms(own) ** 2 * float(np.mean(moving))
     return Errors(
         rms(fit[moving]), rms(own), float(np.max(np.abs(own))),
         1.0 - float(np.mean(own ** 2)) / variance if variance > 0.0 else 0.0,
         max(parts), rms(held_out[~moving]), rms(held_out),
-        growth * max(rms(own), rms(held_out)), parts)
+        max(math.sqrt(rms(held_out) ** 2 + more), growth * rms(own)), parts)
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:
@@ -184,7 +185,7 @@ def ambiguities(found: Found, stability: Stability) -> list[dict[str, Any]]:
     elif 'time' in variables and samples.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
-    alike = rank_correlation(samples.time, np.abs(samples.velocity))
+    alike = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
     if alike > 0.9 and len(np.unique(samples.recording)) == 1:
         add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
             f'correlation {alike:.2f}): drift over time cannot be told from the dependence on '
@@ -263,16 +264,17 @@ def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Findin
             'position is reversed.', AGAIN,
             'check the signs of effort and position, and that effort is measured; follow a '
             'trajectory with a softer or a position controller'))
-    if after.elsewhere > EXPLAINS_NOTHING * signal:
+    way, most = max(grown.items(), key=lambda entry: entry[1])
+    if max(most, 1.0) * after.held_out > EXPLAINS_NOTHING * signal:
         notes.append(Finding(
-            'explains_nothing', f'Where it was not fitted the model may be {after.elsewhere:.2g} A '
-            f'off, of {signal:.2g} A: what decides on the current is not in the recording.', AGAIN,
+            'explains_nothing', f'Where it was not fitted the model may be '
+            f'{max(most, 1.0) * after.held_out:.2g} A off in motion, of {signal:.2g} A: what '
+            'decides on the current is not in the recording.', AGAIN,
             'record what loads the joint (torque sensor, other joints), or move it without load'))
     elif after.held_out > EXPLAINS * signal:
         notes.append(Finding(
             'explains_part', f'{after.held_out:.2g} A of {signal:.2g} A are not explained.',
             IN_PART, 'record what loads the joint (torque sensor, other joints)'))
-    way, most = max(grown.items(), key=lambda entry: entry[1])
     if most > GROWS:
         notes.append(Finding(
             'extrapolates', f'A third of {way} that was not fitted is predicted with '

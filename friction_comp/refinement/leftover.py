@@ -72,7 +72,7 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
     values = values - values.mean()
     power = float(values @ values)
     signals = _signals(samples, slowest)
-    side = (samples.velocity > 0).astype(int)
+    side = (np.asarray(samples.velocity) > 0).astype(int)
     found: list[Dependence] = []
     if not power > 0.0:
         return found
@@ -142,7 +142,8 @@ def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
 def _signals(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
     found: dict[str, Any] = {name: getattr(samples, name) for name in (
         'velocity', 'position', 'acceleration', 'time', 'load', 'temperature')}
-    moving = np.where(np.abs(samples.velocity) > slowest, np.sign(samples.velocity), 0.0)
+    velocity = np.asarray(samples.velocity)
+    moving = np.where(np.abs(velocity) > slowest, np.sign(velocity), 0.0)
     start = segment_starts(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
     first = np.maximum.accumulate(np.where(start, np.arange(len(samples)), 0))
     # Distance since the motion last changed direction or stood still.

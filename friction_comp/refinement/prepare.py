@@ -86,8 +86,8 @@ class Rows:
     def at_rows(self) -> Samples:
         """The averages of position, velocity and load over each row."""
         names = ('time', 'position', 'velocity', 'acceleration', 'load', 'temperature')
-        known = {name: self.averaged(getattr(self.samples, name)) for name in names
-                 if getattr(self.samples, name) is not None}
+        known: Any = {name: self.averaged(getattr(self.samples, name)) for name in names
+                      if getattr(self.samples, name) is not None}
         return Samples(current=self.averaged(self.samples.current), joint=self.samples.joint,
                        recording=self.samples.recording[self.start], **known)
 
@@ -180,7 +180,7 @@ def standstill_speed(samples: Samples) -> float:
     That is a hundredth of the usual top speed, or more where the resolution of position does not
     let slower motion be told from rest.
     """
-    speed = np.abs(samples.velocity)
+    speed = np.abs(np.asarray(samples.velocity))
     top = float(np.percentile(speed, 95))
     quiet = speed[speed < 0.02 * top]
     noise = 3.0 * float(np.sqrt(np.mean(quiet ** 2))) if quiet.size > 50 else 0.0
@@ -219,7 +219,7 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     InputError
         If they are too few.
     """
-    speed = np.abs(samples.velocity)
+    speed = np.abs(np.asarray(samples.velocity))
     still = speed <= slowest
     moving = ~still & ~unusable
     ends = np.zeros(len(samples), dtype=bool)
@@ -298,7 +298,7 @@ def averaging(samples: Samples, usable: int) -> int:
 def plain_columns(samples: Samples, transitions: Sequence[float],
                   motion: tuple[np.ndarray, ...] | None = None, own: int = 0) -> np.ndarray:
     """Return what the current of any drive depends on: friction, inertia, weight and load."""
-    v, q = samples.velocity, samples.position
+    v, q = np.asarray(samples.velocity), samples.position
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
                samples.acceleration, np.cos(q), np.sin(q)]
     if np.ptp(q) < 2.0:
@@ -339,7 +339,25 @@ def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray,
     return BlockSums(gram, np.diff(edges), signs)
 
 
-def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str]
+def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.ndarray]:
+    """Return samples with smooth velocity, and the samples in motion by it, (some of) them.
+
+    What moves is decided by a smooth velocity: unfiltered, an encoder's steps are standstill and
+    bursts.
+    """
+    choices = differentiations(samples)
+    smooth = max((one for one in choices if (one['bandwidth'] or np.inf) <= 20.0),
+                 key=lambda one: (one['bandwidth'], one['source']), default=choices[-1])
+    moved = differentiate(samples, smooth)
+    usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
+    speed = np.abs(np.asarray(moved.velocity))
+    fast = usable & (speed > _TURNS[1] * np.percentile(speed[usable], 95))
+    # Where friction changes its sign a smooth velocity hides what happens.
+    usable = fast if fast.sum() > 0.5 * usable.sum() else usable
+    return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
+
+
+def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str], load: float
                   ) -> dict[str, Any]:
     """Return the way to differentiate by which a plain drive predicts other blocks best.
 
@@ -349,21 +367,20 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str]
     unusable : ndarray of bool, shape (N,)
     joints : sequence of str
         Joints that moved beside it, its own among them; empty where there are none.
+    load : float
+        A per N·m, where the load is part of what is predicted.
     """
     samples, unusable = excerpt(samples, unusable)
+    if load:
+        samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
+                                load=None)
     choices = differentiations(samples)
-    # What moves is decided by a smooth velocity: unfiltered, an encoder's steps are standstill
-    # and bursts.
-    smooth = max((one for one in choices if (one['bandwidth'] or np.inf) <= 20.0),
-                 key=lambda one: (one['bandwidth'], one['source']), default=choices[-1])
-    moved = differentiate(samples, smooth)
-    usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
-    start = row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
+    _, start = smooth_motion(samples, unusable)
     block = blocks_of(samples, start)
-    best = None
-    for choice in reversed(choices):
+    errors: list[tuple[float, int, dict[str, Any]]] = []
+    for choice in choices:
         moved = differentiate(samples, choice)
-        top = float(np.percentile(np.abs(moved.velocity[start]), 95))
+        top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
         if not top > 0.0:
             # Unfiltered, a coarse encoder stands still in nearly all samples.
             continue
@@ -374,11 +391,8 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str]
         part = moved.take(start)
         columns = plain_columns(part, [share * top for share in _TURNS], motion,
                                 list(joints).index(samples.joint) if joints else 0)
-        error = math.sqrt(held_out(columns, part.current, block).sum() / len(start))
-        # Narrower than needed blunts reversals: a wider one wins where it is as good.
-        if best is None or error < (1.0 - SAME) * best[0]:
-            best = (error, choice)
-    return best[1] if best else smooth
+        errors.append((float(held_out(columns, part.current, block).sum()), len(errors), choice))
+    return min(errors)[-1]
 
 
 def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
@@ -400,8 +414,7 @@ def moved_beside(samples: Samples) -> list[str]:
 
 
 def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
-            declared: bool = True, limited: np.ndarray | None = None
-            ) -> tuple[Rows, dict[str, Any]]:
+            declared: bool = True) -> tuple[Rows, dict[str, Any]]:
     """Return the rows that effects are fitted to, and how motion was computed.
 
     Parameters
@@ -413,14 +426,11 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
         How to differentiate; chosen when omitted.
     declared : bool
         Whether the drive's torque constant and gear ratio are known.
-    limited : ndarray of bool, shape (N,), optional
-        Samples known to be at a limit of the current, beside those that `clipped` finds.
     """
     unusable = clipped(samples.current)
-    if limited is not None:
-        unusable |= limited
     joints = moved_beside(samples)
-    settings = settings or choose_motion(samples, unusable, joints)
+    load = load_by_mechanics(samples, unusable, drive) if declared else 0.0
+    settings = settings or choose_motion(samples, unusable, joints, load)
     moved = differentiate(samples, settings)
     slowest = standstill_speed(moved)
     usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
@@ -430,8 +440,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     length = averaging(moved, int(usable.sum()))
     start = row_starts(moved, usable, length)
     block = blocks_of(moved, start)
-    load = load_by_mechanics(moved.take(start), block, drive) if declared else 0.0
-    target = moved.current - load * moved.load if load else moved.current
+    target = moved.current - load * np.asarray(moved.load) if load else moved.current
     scene = scene_of(moved, usable, drive, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, scene, start, length, block, region, load, motion,
@@ -453,7 +462,7 @@ def shifted(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     return earlier(values, samples, lag) if lag else values
 
 
-def load_by_mechanics(samples: Samples, block: np.ndarray, drive: Drive) -> float:
+def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
     """Return A per N·m of load where the person, and not the motor, carries it; else 0.
 
     By J·a = k_t·n·i + τ_b - F, friction shows in i + τ_b/(k_t·n). Where the motor carries the load,
@@ -464,10 +473,13 @@ def load_by_mechanics(samples: Samples, block: np.ndarray, drive: Drive) -> floa
     if samples.load is None or not np.any(samples.load):
         return 0.0
     mechanics = -1.0 / drive.torque_per_current
-    top = float(np.percentile(np.abs(samples.velocity), 95))
-    columns = plain_columns(samples.with_(load=None), [share * top for share in _TURNS])
-    columns = np.column_stack((columns, samples.load))
-    found = sums_of(columns, samples.current, block).fit(range(columns.shape[1]))[-1]
+    moved, start = smooth_motion(*excerpt(samples, unusable))
+    part = moved.take(start)
+    top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
+    columns = plain_columns(part.with_(load=None), [share * top for share in _TURNS])
+    columns = np.column_stack((columns, np.asarray(part.load)))
+    found = sums_of(columns, part.current, blocks_of(moved, start)).fit(
+        range(columns.shape[1]))[-1]
     return 0.0 if found / mechanics > 0.5 else mechanics
 
 
@@ -476,12 +488,12 @@ def choose_transition(rows: Rows) -> float:
     speed = rows.scene.speed
     part = rows.samples.take(rows.start)
     target = rows.averaged(rows.target)
-    best = None
+    best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
         columns = plain_columns(part.with_(load=None) if rows.load_by_mechanics else part, [width])
         error = held_out(columns, target, rows.block).sum()
-        if best is None or error < (1.0 - SAME) * best[0]:
-            best = (error, float(width))
+        if error < (1.0 - SAME) * best[0]:
+            best = (float(error), float(width))
     return best[1]
 
 
@@ -494,7 +506,8 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
     steps = np.abs(np.diff(samples.position[:20000]))
     steps = steps[steps > 1e-12]
     lowest, highest = np.percentile(moving.position, (1, 99))
-    moves = np.abs(moving.velocity)
+    velocity = np.asarray(moving.velocity)
+    moves = np.abs(velocity)
     slow, speed = np.percentile(moves, (5, 95))
     return Scene(
         transition=0.05 * float(speed), speed=float(speed),
@@ -504,9 +517,10 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
                      else float(np.median(samples.temperature))),
         gear_ratio=drive.gear_ratio,
         resolution=float(steps.min()) if steps.size else 0.0,
-        both_directions=0.02 < float(np.mean(moving.velocity > 0)) < 0.98,
-        slow=float(slow), reversals=float(np.count_nonzero(np.diff(np.sign(moving.velocity)))),
-        rested=float(np.sum(np.abs(samples.velocity) < slowest)) * samples.sample_time,
+        both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98,
+        slow=float(slow), reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
+        rested=float(np.sum(np.abs(np.asarray(samples.velocity)) < slowest))
+        * samples.sample_time,
         positions=distinct(moving.position),
         usual_speed=float(np.median(moves)),
         speed_spread=float(np.std(moves) / np.mean(moves)),

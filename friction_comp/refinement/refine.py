@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from friction_comp.errors import InputError
 from friction_comp.model.effects import Scene
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.attempt import eq6_alone, Found, found_in, Question
-from friction_comp.refinement.ceiling import saturated
 from friction_comp.refinement.elsewhere import Elsewhere
 from friction_comp.refinement.final import model_of, settled
 from friction_comp.refinement.judge import rms
@@ -93,10 +92,6 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
     question = Question(join(list(recorded)), drive, declared, model, say)
     found = found_in(question)
-    at_limit = saturated(found)
-    if np.any(at_limit & ~found.rows.clipped):
-        question = replace(question, limited=at_limit)
-        found = found_in(question)
     found, stability = named_in(found, say)
     say(0.9, 'writing')
     return _result(question, found, stability, unit or ('A' if declared else 'N·m'))

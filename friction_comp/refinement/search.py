@@ -17,8 +17,14 @@ import math
 import numpy as np
 
 from friction_comp.refinement.columns import Key, Table
-from friction_comp.refinement.other_joints import plain_name
-from friction_comp.refinement.thresholds import AGREE, LEAST_SHARE, MOST_EFFECTS, STANDARD_ERRORS
+from friction_comp.refinement.joint_groups import plain_name
+from friction_comp.refinement.thresholds import (
+    AGREE,
+    LEAST_SHARE,
+    MOST_EFFECTS,
+    OWN,
+    STANDARD_ERRORS,
+)
 
 # An effect stays in a fit where half of what it takes to come in speaks for it.
 _STAYS = 0.5
@@ -127,7 +133,7 @@ def gains(sums: np.ndarray, chosen: Sequence[int], places: Sequence[Sequence[int
     sizes = np.array([len(own) for own in places])
     for size in np.unique(sizes[sizes > 0]):
         which = np.nonzero(sizes == size)[0]
-        own = np.array([places[k] for k in which])
+        own = np.array([places[int(k)] for k in which])
         left = scaled[own[:, :, None], own[:, None, :]] - np.einsum(
             'snm,snk->nmk', scaled[inner][:, own], had[:, own])
         goal = scaled[own, -1] - np.einsum('snm,s->nm', scaled[inner][:, own], had[:, -1])
@@ -181,6 +187,23 @@ class Search:
         own -= {key[0] for key in keys if key[-1] is None}
         return [*keys, *(key for key in self.table.terms if key[-1] is None and key[0] in own)]
 
+    def told_apart(self, keys: Sequence[Key]) -> list[Key]:
+        """Return the terms without those that the others repeat, the last first.
+
+        Over a short range a spring is a weight, and at one speed curvature is an offset: large
+        coefficients that cancel would take part in every fit, and mislead wherever the joint
+        has not been.
+        """
+        keys = list(keys)
+        while True:
+            places = self.table.indices(keys, derivatives=False)
+            share = dict(zip(places, self.table.sums.own_share(places)))
+            repeated = [key for key in keys if key not in self.fixed and max(
+                share[place] for place in self.table.places(key)) < OWN]
+            if not repeated:
+                return keys
+            keys.remove(repeated[-1])
+
     def likeliest(self, keys: Sequence[Key], number: int = SHORT_LIST) -> list[Key]:
         """Return the best candidate of each kind by what it explains where it is fitted."""
         counts = Counter(key[0] for key in keys)
@@ -206,7 +229,8 @@ class Search:
             trials = []
             for key in self.likeliest(keys):
                 after = self.errors(self.complete([*keys, key]))
-                if self.split.borne_out(before, after):
+                if (self.split.borne_out(before, after)
+                        and len(self.told_apart([*keys, key])) > len(keys)):
                     trials.append((total(after), key))
             if not trials:
                 break
@@ -252,7 +276,8 @@ class Search:
             most = self.error(keys) * (1.0 - _STAYS * LEAST_SHARE)
             trials = [(self.error([*rest, other]), other)
                       for other in self.likeliest(rest)
-                      if (other[0], other[-1]) != (key[0], key[-1])]
+                      if (other[0], other[-1]) != (key[0], key[-1])
+                      and len(self.told_apart([*rest, other])) > len(rest)]
             error, other = min(trials, default=(math.inf, key), key=lambda trial: trial[0])
             if error < most:
                 keys[keys.index(key)] = other

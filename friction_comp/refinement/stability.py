@@ -82,7 +82,8 @@ def repeated(table: Table, keys: Sequence[Key], given: int, candidates: Sequence
     searches = []
     for _ in range(int(SEARCHES)):
         search = Search(table, Split.drawn(table, rng), early, fixed)
-        found = search.forward(search.backward([*fixed, *dict.fromkeys([*physics, *groups])]))
+        start = search.told_apart([*fixed, *dict.fromkeys([*physics, *groups])])
+        found = search.forward(search.backward(start))
         search.candidates = late
         searches.append([table.terms[key] for key in search.forward(found)])
 
@@ -115,7 +116,7 @@ class Intervals:
     coefficients: dict[int, tuple[float, float]]
     constants: dict[tuple[Key, str], tuple[float, float]]
 
-    def without_zero(self, places: Sequence[int], signs: Sequence[int]) -> bool:
+    def without_zero(self, places: Sequence[int], signs: np.ndarray) -> bool:
         """Tell whether the interval of any of a term's coefficients leaves zero out.
 
         Parameters

@@ -112,6 +112,18 @@ class BlockSums:
         norms = np.sqrt(np.einsum('kii->i', self.gram)[columns])
         return np.where(norms > 0.0, norms, 1.0)
 
+    def own_share(self, columns: Sequence[int]) -> np.ndarray:
+        """Return the share of each column's size that no combination of the others repeats, (S,).
+
+        Parameters
+        ----------
+        columns : sequence of int, length S
+        """
+        norms = self._norms(np.asarray(columns, dtype=int))
+        scaled = self.gram.sum(axis=0)[np.ix_(columns, columns)] / norms / norms[:, None]
+        scaled[np.diag_indices(len(scaled))] += 1e-12
+        return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
+
     def fit(self, columns: Sequence[int]) -> np.ndarray:
         """Return the coefficients fitted to all blocks, shape (S,)."""
         return self.fits(columns, np.ones((1, self.blocks)))[0]

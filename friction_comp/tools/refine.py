@@ -106,12 +106,14 @@ def print_summary(report: dict[str, Any]) -> None:
     print(f"before: {quantity(before, unit)} RMS on data not fitted ({report['before']['model']})")
     for effect in report['effects']:
         print(f"  + {effect['name']} ({effect['variable']}): "
-              f"{quantity(effect['held_out_rmse'], unit)}   {effect['in_words']}")
+              f"{quantity(effect['held_out_rmse'], unit)}   {effect['in_words']} (chosen in "
+              f"{100 * effect['chosen']:.0f} % of the searches)")
     if not report['effects']:
         print('  no effect beyond the model shows in the recordings')
     print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
           f"{quantity(report['noise_floor'], unit)}")
-    print(f"stopped because {report['stopped_because']}")
+    print(f"        {quantity(report['after']['worst_part_rmse'], unit)} in the worst part; "
+          f"to expect elsewhere: {quantity(report['after']['elsewhere_rmse'], unit)}")
     for entry in report['unexplained']:
         print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
               'variance)')

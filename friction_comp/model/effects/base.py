@@ -55,6 +55,8 @@ class Effect(ABC):
         Every nonlinear constant and how it is searched around a point of the grid; None where it
         is not. A constant named ``transition`` is the velocity over which friction changes sign,
         which all effects of a fit share.
+    older : dict of str to float
+        Constants that model files did not always hold, and what they amounted to then.
     signs : tuple of int
         Sign that physics asks of the first coefficients: 1, -1, or 0 where it may be either.
     most : int
@@ -86,6 +88,7 @@ class Effect(ABC):
     role = RESISTS
     needs: tuple[str, ...] = ()
     constants: dict[str, Search | None] = {}
+    older: dict[str, float] = {}
     signs: tuple[int, ...] = ()
     most = 1
     physics = False
@@ -111,7 +114,7 @@ class Effect(ABC):
 
     def __init__(self, parameters: dict[str, Any],
                  valid_range: dict[str, Any] | None = None) -> None:
-        parameters = dict(parameters)
+        parameters = {**self.older, **parameters}
         self.valid_range = checked_range(valid_range, self.held)
         coefficients = parameters.pop('coefficients', None)
         if coefficients is None:

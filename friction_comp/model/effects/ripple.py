@@ -11,7 +11,12 @@ import numpy as np
 
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.scene import CARRIES, Search, Signals
-from friction_comp.model.effects.spectrum import peaks, position_spectrum
+from friction_comp.model.effects.spectrum import (
+    FEWEST_PERIODS,
+    highest_frequency,
+    peaks,
+    position_spectrum,
+)
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Look, Scene
@@ -40,12 +45,7 @@ class _Ripple(Effect):
     def propose(cls, look: Look) -> list[dict[str, float]]:
         """Return the frequencies at which the residual swings most over position."""
         scene, found = look.scene, []
-        # Motion at the slowest quarter of the speeds takes three rows for a period, and a period
-        # four steps of the recorded position.
-        slow = float(np.percentile(np.abs(look.velocity), 25))
-        highest = 2.0 * math.pi / max(3.0 * slow * look.row_time, 1e-12)
-        if scene.resolution > 0:
-            highest = min(highest, 2.0 * math.pi / (4.0 * scene.resolution))
+        highest = highest_frequency(look.velocity, look.row_time, scene.resolution)
         separation = 2.0 * math.pi / max(scene.span, 1e-9)
         for constants in cls.grid(scene):
             c = cls.Constants(frequency=0.0, **constants)
@@ -56,6 +56,13 @@ class _Ripple(Effect):
             found += [{'frequency': frequency, **constants}
                       for frequency in peaks(k, power, _PEAKS, separation)]
         return found
+
+    @classmethod
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
+        """With fewer periods over the range it is no ripple."""
+        if name == 'frequency':
+            return max(value, 2.0 * math.pi * FEWEST_PERIODS / max(scene.span, 1e-9))
+        return value
 
     def describe(self) -> str:
         """Return the effect in words."""

@@ -10,10 +10,33 @@ import numpy as np
 
 _BINS_A_PERIOD = 4
 _MOST_BINS = 1 << 17
+# Over the range of position, for a wave to be told from a slope.
+FEWEST_PERIODS = 1.5
+
+
+def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: float) -> float:
+    """Return the highest spatial frequency in rad/rad that a recording can show.
+
+    Motion at the slowest quarter of the speeds takes three samples for a period, and a period four
+    steps of the recorded position.
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (N,)
+        In motion, rad/s.
+    sample_time : float
+        s.
+    resolution : float
+        Step of the recorded position, rad; 0 where it has none.
+    """
+    slow = float(np.percentile(np.abs(velocity), 25))
+    highest = 2.0 * math.pi / max(3.0 * slow * sample_time, 1e-12)
+    return min(highest, 2.0 * math.pi / (4.0 * resolution)) if resolution > 0 else highest
 
 
 def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.ndarray,
-                      highest: float, periods: float = 1.5) -> tuple[np.ndarray, np.ndarray]:
+                      highest: float, periods: float = FEWEST_PERIODS
+                      ) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of squares that cos and sin over position explain, by spatial frequency.
 
     Parameters

@@ -26,6 +26,8 @@ class ViscousShape(Effect):
     variable = 'velocity'
     held = {'velocity': 0.25}
     constants = {'exponent': Search(1.3), 'reference': None, 'linear': None, 'transition': None}
+    # The power alone.
+    older = {'linear': 0.0}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
