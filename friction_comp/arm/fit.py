@@ -22,9 +22,9 @@ from typing import Any, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from friction_comp.arm.columns import FOLDS, FRICTION, stretches_of, Sums, sums_of
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.link_intervals import link_intervals, LinkIntervals
+from friction_comp.arm.products import FOLDS, FRICTION, stretches_of, Sums, sums_of
 from friction_comp.arm.solver import Prior, solve, squares, Unknowns
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_comp.arm.columns import FRICTION
 from friction_comp.arm.link_inertia import Bodies
+from friction_comp.arm.products import FRICTION
 from friction_comp.model.arm.tree import PARAMETERS
 
 # A step that gains less than this, in squared standard deviations of one sample, is the last.
