@@ -50,6 +50,11 @@ def groups_for(names: Sequence[str], own: str) -> list[Group]:
     return groups
 
 
+def plain_name(group: Group) -> str:
+    """Return the effect by which a joint alone has what a group says of several."""
+    return 'gravity' if group.kind == 'weight' else 'inertia'
+
+
 def neighbourhood(names: Sequence[str], own: str) -> list[Group]:
     """Return the groups of a joint and its neighbours, and the weight of the links behind it.
 

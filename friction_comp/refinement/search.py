@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from friction_comp.refinement.columns import Key, Table
+from friction_comp.refinement.joint_groups import plain_name
 from friction_comp.refinement.thresholds import (
     AGREE,
     LEAST_SHARE,
@@ -176,6 +177,16 @@ class Search:
         """Return the sum of these errors."""
         return total(self.errors(keys))
 
+    def complete(self, keys: Sequence[Key]) -> list[Key]:
+        """Return terms with those of the joint itself that groups of other joints stand beside.
+
+        An inertia that other joints change, or a weight that they share, is one of the joint to
+        begin with: the group alone would have to stand in for both, and fail in other postures.
+        """
+        own = {plain_name(key[-1]) for key in keys if key[-1] is not None}
+        own -= {key[0] for key in keys if key[-1] is None}
+        return [*keys, *(key for key in self.table.terms if key[-1] is None and key[0] in own)]
+
     def told_apart(self, keys: Sequence[Key]) -> list[Key]:
         """Return the terms without those that the others repeat, the last first.
 
@@ -217,13 +228,13 @@ class Search:
         while len(keys) < MOST_EFFECTS:
             trials = []
             for key in self.likeliest(keys):
-                after = self.errors([*keys, key])
+                after = self.errors(self.complete([*keys, key]))
                 if (self.split.borne_out(before, after)
                         and len(self.told_apart([*keys, key])) > len(keys)):
                     trials.append((total(after), key))
             if not trials:
                 break
-            grown = [*keys, min(trials, key=lambda trial: trial[0])[1]]
+            grown = self.complete([*keys, min(trials, key=lambda trial: trial[0])[1]])
             transition = self.table.steepness, self.table.shift
             if self.improve:
                 grown = self.improve(grown)
@@ -238,14 +249,15 @@ class Search:
 
     def backward(self, keys: Sequence[Key]) -> list[Key]:
         """Remove terms, those first that are missed least, as long as one is not borne out."""
-        keys = list(keys)
+        keys = self.complete(keys)
         while True:
             full = self.errors(keys)
             least: tuple[float, Key] | None = None
             for key in keys:
-                if key in self.fixed:
+                rest = [other for other in keys if other != key]
+                if key in self.fixed or key in self.complete(rest):
                     continue
-                without = self.errors([other for other in keys if other != key])
+                without = self.errors(rest)
                 stays = 1.0 if key[-1] is not None else _STAYS
                 if not self.split.borne_out(without, full, stays) and (
                         least is None or total(without) < least[0]):
