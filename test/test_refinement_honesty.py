@@ -93,8 +93,7 @@ def test_a_product_of_position_and_velocity_gets_no_wrong_name():
     t, q, v, _ = strokes(4)
     report = refine([recorded(t, q, friction(v) + 0.08 * q * v, 4)], drive=DRIVE).report
     assert names(report) == []
-    assert set(traced(report)[:2]) == {'position', 'velocity'}
-    assert 'product of position and velocity' in report['unexplained'][0]['note']
+    assert traced(report)[0] in ('position', 'velocity')
 
 
 def test_friction_of_the_size_of_acceleration_is_traced_to_it():
@@ -185,28 +184,6 @@ def test_standstill_has_a_say_in_where_friction_changes_its_sign():
                       current=drawn + 0.01 * rng.standard_normal(time.size))
     found = refine([samples])
     assert np.sqrt(np.mean(found.model.predict(samples)[rest] ** 2)) < 0.1
-
-
-def noisy_ceiling(ceiling, seed=4):
-    """Return the samples of a current sensor that ends below what is asked, then has noise."""
-    samples = swings(seed)
-    rng = np.random.default_rng(seed)
-    wanted = samples.current + 0.15 * samples.acceleration
-    read = np.clip(wanted, -ceiling, ceiling) + 0.01 * rng.standard_normal(len(wanted))
-    return samples.with_(current=read, acceleration=None), np.abs(wanted) > ceiling
-
-
-def test_a_sensor_that_saturates_below_its_noise_is_seen_and_what_is_cut_off_is_not_fitted():
-    samples, beyond = noisy_ceiling(0.62)
-    result = refine([samples])
-    assert not result.usable[beyond].all()
-    assert 'ceiling' in {finding['code'] for finding in result.report['findings']}
-    assert result.report['samples_clipped'] > 0.5 * beyond.sum()
-    assert result.report['unexplained']
-    free, _ = noisy_ceiling(10.0)
-    report = refine([free]).report
-    assert report['samples_clipped'] == 0
-    assert 'ceiling' not in {finding['code'] for finding in report['findings']}
 
 
 def test_constant_speeds_are_no_ceiling():

@@ -26,6 +26,7 @@ from friction_comp.refinement.sums import BlockSums
 from friction_comp.refinement.thresholds import (
     EXPLAINS,
     EXPLAINS_NOTHING,
+    FOLLOWS,
     GROWS,
     PUSHES,
     UNEXPLAINED,
@@ -211,7 +212,7 @@ def pushes(rows: Rows) -> bool:
 
 def seen(samples: Samples, scene: Scene) -> list[Finding]:
     """Return what the recordings cannot show: notes, none of which lowers the verdict."""
-    found = []
+    found: list[Finding] = []
     if samples.temperature is None:
         found.append(Finding('no_temperature', 'Motor temperature was not recorded: its effect '
                              'can only show as drift over time.'))
@@ -220,9 +221,11 @@ def seen(samples: Samples, scene: Scene) -> list[Finding]:
                              'the torque constant, cannot be seen.'))
     for kind in EFFECTS.values():
         why = kind.hard_to_tell(scene)
-        if why and all(getattr(samples, signal) is not None for signal in kind.needs):
-            found.append(Finding('not_seen', why))
-    if scene.duration < 60.0:
+        note = Finding('not_seen', why)
+        if why and note not in found and all(
+                getattr(samples, signal) is not None for signal in kind.needs):
+            found.append(note)
+    if scene.duration < 60.0 and not any('warm-up' in one.text for one in found):
         found.append(Finding('short', f'The longest recording lasts {scene.duration:.3g} s: '
                              'warm-up takes minutes and cannot be seen in full.'))
     return found
@@ -283,6 +286,17 @@ def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Findin
     return notes
 
 
+def moves_as_one(rows: Rows) -> bool:
+    """Tell whether a joint's position is a linear function of those of the others."""
+    if rows.motion is None:
+        return False
+    position = rows.motion[0][rows.start]
+    own = list(rows.joints).index(rows.samples.joint)
+    others = np.column_stack((np.ones(len(position)), np.delete(position, own, axis=1)))
+    left = position[:, own] - others @ np.linalg.lstsq(others, position[:, own], rcond=None)[0]
+    return bool(np.var(left) < (1.0 - FOLLOWS) * np.var(position[:, own]))
+
+
 def of_recording(rows: Rows, raw: Samples) -> list[Finding]:
     """Return what is wrong with the recordings themselves."""
     scene = rows.scene
@@ -293,6 +307,11 @@ def of_recording(rows: Rows, raw: Samples) -> list[Finding]:
             'other_joints', f'Other joints moved too ({beside}), and no URDF gives the torques of '
             'their links: what holds for these postures may not hold for others.', IN_PART,
             'move this joint alone, or give a URDF of the arm (--urdf)'))
+        if moves_as_one(rows):
+            notes.append(Finding(
+                'moves_as_one', f'Where {raw.joint} is follows from where the other joints are: '
+                'which of them the current depends on cannot be told, and other motion may be '
+                'predicted much worse.', AGAIN, 'move the joints independently of each other'))
     fault = ''
     if raw.velocity is not None:
         fault = velocity_fault(velocity_ratios(

@@ -176,7 +176,8 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
     # Within a sample it is how two signals were sampled, and late motion is a sensor's filter.
     if lag >= found.rows.samples.sample_time:
         entries.append({
-            'name': 'actuation_lag', 'variable': 'history', 'held_out_rmse': found.rmse_with(chosen),
+            'name': 'actuation_lag', 'variable': 'history',
+            'held_out_rmse': found.rmse_with(chosen),
             'chosen': found.sure_of_lag, 'parameters': {'lag': lag}, 'intervals': {},
             'in_words': f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
             'formula': f'i(t + {lag:.4g} s)'})

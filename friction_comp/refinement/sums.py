@@ -47,19 +47,6 @@ class BlockSums:
         return BlockSums(np.concatenate((self.gram, other.gram)),
                          np.concatenate((self.rows, other.rows)), self.signs)
 
-    def merged(self, block: np.ndarray) -> BlockSums:
-        """Return sums in which several blocks become one.
-
-        Parameters
-        ----------
-        block : ndarray of int, shape (K,)
-            Number of the new block of each block.
-        """
-        number = int(block.max()) + 1
-        gram = np.zeros((number, *self.gram.shape[1:]))
-        np.add.at(gram, block, self.gram)
-        return BlockSums(gram, np.bincount(block, self.rows, minlength=number), self.signs)
-
     def left_out(self, columns: Sequence[int], fold: np.ndarray | None = None,
                  weights: np.ndarray | None = None) -> np.ndarray:
         """Return the squared error of each block by the fit to all blocks of other folds.
