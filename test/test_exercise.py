@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from friction_comp.errors import InputError
+from friction_comp.exercise.exercise_script import exercise_of, load_exercise
 from friction_comp.package_files import package_file
-from friction_comp.simulation.exercise_script import exercise_of, load_exercise
 
 EXAMPLE = package_file('config', 'exercises', 'two_joints.yaml')
 DOCUMENT = yaml.safe_load(EXAMPLE.read_text(encoding='utf-8'))

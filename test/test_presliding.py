@@ -13,9 +13,9 @@ from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.friction_model import FrictionModel, Presliding
 from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
 from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
-from friction_comp.simulation.random_gears import random_gear
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import COLUMNS
+from simulated_recordings.random_gears import random_gear
 
 
 def identified(gear, seed):

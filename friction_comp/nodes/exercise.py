@@ -18,13 +18,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
 from friction_comp.errors import InputError
+from friction_comp.exercise.exercise_script import load_exercise
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
 from friction_comp.nodes.joint_io import input_qos, RELIABLE
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints
-from friction_comp.simulation.exercise_script import load_exercise
-from friction_comp.simulation.reference_movement import ReferenceMovement
 
 # Each end of a connection finds the other in its own time; real s.
 _MOMENT = 0.5
