@@ -24,9 +24,9 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.dated_topics import stamp_of
 from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.joint_watch import frame_of
-from friction_comp.nodes.recorder import stamp_of
 from friction_comp.nodes.ros_start import start_ros
 from friction_comp.recordings.activity import compensator_says
 from friction_comp.samples import Samples

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 import math
 import threading
 import time
@@ -18,6 +18,7 @@ from rclpy.parameter_service import ParameterService
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.loaded_models import turn
 
 # s that files may take to be read and checked.
 PATIENCE = 10.0
@@ -107,13 +108,6 @@ def warm_up(law: CompensationLaw, joints: int) -> None:
     law.reset()
 
 
-class _Turn:
-    """Awaited, gives the executor its turn."""
-
-    def __await__(self) -> Generator[None, None, None]:
-        yield
-
-
 class PatientParameterService(ParameterService):
     """The parameter services of a node that wait for models to be loaded, and the node does not.
 
@@ -146,4 +140,4 @@ class PatientParameterService(ParameterService):
         loading = self._get_node().prepare(
             [Parameter.from_parameter_msg(message) for message in request.parameters])
         while loading is not None and not loading.done:
-            await _Turn()
+            await turn()
