@@ -144,6 +144,7 @@ def test_files_that_a_page_names_are_there(page):
     assert [name for name in named if 'NAME' not in name and not (ROOT / name).exists()] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('command', commands())
 def test_commands(command, workplace, monkeypatch):
     words = shlex.split(command, comments=True)
