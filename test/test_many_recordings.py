@@ -160,17 +160,17 @@ def test_processes_are_started_only_where_they_save_time(tmp_path, monkeypatch):
         raise AssertionError('a process was started')
     monkeypatch.setattr(tool, '_client', no_cluster)
     open_end = Namespace(jobs=None, scheduler=None)
-    for count, worth_it in ((tool.WORTH_IT - 1, None), (500, False)):
-        with tool.workers(open_end, count, worth_it) as how:
+    for count, share in ((tool.MIN_SHARED - 1, None), (500, False)):
+        with tool.workers(open_end, count, share) as how:
             assert how is in_turn
-    room = trials(tmp_path / 'r', tool.WORTH_IT)
+    room = trials(tmp_path / 'r', tool.MIN_SHARED)
     # Small recordings are evaluated faster than a process starts.
     assert run('evaluate', [str(room), '--output', str(tmp_path / 'out')]) == 0
     monkeypatch.setattr(tool, 'installed', lambda: True)
     monkeypatch.setattr('os.cpu_count', lambda: 2)
-    for count, worth_it in ((tool.WORTH_IT, None), (2, True)):
+    for count, share in ((tool.MIN_SHARED, None), (2, True)):
         with pytest.raises(AssertionError, match='was started'), \
-                tool.workers(open_end, count, worth_it):
+                tool.workers(open_end, count, share):
             pass
 
 

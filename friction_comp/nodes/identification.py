@@ -24,7 +24,7 @@ from friction_comp.nodes import joint_states
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
 from friction_comp.nodes.goals import compile_ahead, declare_defaults, fill_result, make_goal
 from friction_comp.nodes.joint_io import CommandPort, input_qos, rivals
-from friction_comp.nodes.joint_states import JointStates, NANO, nanoseconds
+from friction_comp.nodes.joint_states import JointStateInput, NANO, nanoseconds
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.slow_inputs import MotorTemperature
@@ -66,7 +66,7 @@ class IdentificationNode(Node):
             read_only=True)
         self._defaults = declare_defaults(self)
         qos = input_qos(self)
-        self._states = JointStates(self._joints, round(NANO * timeout))
+        self._states = JointStateInput(self._joints, round(NANO * timeout))
         self._temperature = MotorTemperature(self._joints)
         self._port = CommandPort(self, [drive.current_limit for drive in self._drives])
         self._watchdog = Watchdog(timeout, self._on_silence).start()

@@ -84,7 +84,7 @@ class JointColumns:
         return np.array([values[k] if k >= 0 else np.nan for k in self._columns])
 
 
-class JointStates:
+class JointStateInput:
     """The stream of joint states of a node: what is new in it, and what it says.
 
     A state is new when its stamp is later than that of the one before from the same joints, and

@@ -25,7 +25,7 @@ _PATIENCE = 2.0
 
 
 @dataclass(frozen=True)
-class Refined:
+class JobResult:
     """What a refinement left behind.
 
     Parameters
@@ -170,7 +170,7 @@ class RefineJob:
                 self._process.kill()
                 self._process.wait()
 
-    def result(self) -> Refined:
+    def result(self) -> JobResult:
         """Return what came of it.
 
         Raises
@@ -190,5 +190,5 @@ class RefineJob:
                              f'refine ended with status {self._process.returncode}')
         model_file = (self._output / 'model.yaml').absolute()
         report = json.loads((self._output / 'report.json').read_text(encoding='utf-8'))
-        return Refined(report, FrictionModel.load(model_file), model_file,
+        return JobResult(report, FrictionModel.load(model_file), model_file,
                        (self._output / 'report.html').absolute())

@@ -22,7 +22,7 @@ from friction_comp.nodes.loaded_models import LoadedModels, turn
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.recent_past import Message, RecentPast
-from friction_comp.nodes.refine_job import Refined, RefineJob
+from friction_comp.nodes.refine_job import JobResult, RefineJob
 
 # Real s between looks at a running refinement and at the residual.
 _LOOK, _WATCH = 0.2, 1.0
@@ -295,7 +295,7 @@ def _new_folder(parent, joint):
     raise InputError(f'{parent}: too many folders named {stem}')
 
 
-def _fill(result: RefineModel.Result, refined: Refined) -> None:
+def _fill(result: RefineModel.Result, refined: JobResult) -> None:
     result.success = True
     result.verdict = refined.verdict
     result.error_before, result.error_after = refined.before, refined.after

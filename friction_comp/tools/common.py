@@ -225,11 +225,11 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
 
 
 def _progress_lines(first: str) -> Callable[..., None]:
-    told = [first]
+    shown = [first]
 
     def report(share: float, description: str | None = None) -> None:
-        told[0] = description or told[0]
-        print(f'progress {min(max(float(share), 0.0), 1.0):.4f} {told[0]}', file=sys.stderr,
+        shown[0] = description or shown[0]
+        print(f'progress {min(max(float(share), 0.0), 1.0):.4f} {shown[0]}', file=sys.stderr,
               flush=True)
     return report
 
