@@ -193,55 +193,6 @@ def with_states(signals: Sequence[str]) -> tuple[str, ...]:
     return ('joint_states', *(name for name in signals if name != 'joint_states'))
 
 
-def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
-                drives: dict[str, tuple[float, float]] | None = None,
-                signals: Sequence[str] = tuple(SIGNALS),
-                progress: Progress | None = None) -> list[Samples]:
-    """Read several joints of one recording on one time base.
-
-    Parameters
-    ----------
-    path : path-like
-        One recording.
-    joints : sequence of str, optional
-        In this order; all that the joint states name when omitted.
-    drives : dict, optional
-        Joint to (k_t in N·m/A, n); (1, 1) where it is not in it.
-    signals : sequence of str
-        Topics to read besides ``joint_states``.
-    progress : callable, optional
-        Called with the share 0..1 that has been read.
-
-    Returns
-    -------
-    list of Samples
-        One per joint, all with the same `time`: the joint states in which every joint is whole.
-
-    Raises
-    ------
-    InputError
-        If the recording or a joint cannot be used.
-    """
-    found = find_recordings(path)
-    if len(found) != 1:
-        raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scan = scan_recording(found[0], with_states(signals), progress)
-    if joints is None:
-        joints = list(dict.fromkeys(n for track in scan.of('joint_states') for n in track.names))
-    if not joints:
-        raise InputError(f'{path}: joint_states names no joint')
-    read = []
-    for joint in joints:
-        constants = (drives or {}).get(joint, (1.0, 1.0))
-        read.append(to_samples(scan, joint, effort_per_ampere(*constants))[0])
-    common = read[0].time
-    for samples in read[1:]:
-        common = np.intersect1d(common, samples.time, assume_unique=True)
-    if not len(common):
-        raise InputError(f'{path}: the joints {", ".join(joints)} never have values together')
-    return [samples.take(np.searchsorted(samples.time, common)) for samples in read]
-
-
 def to_samples(scan: Scan, joint: str | None,
                torque_per_current: float) -> tuple[Samples, RecordingInfo]:
     """Bring one joint's signals onto the time base of its joint states.

@@ -30,14 +30,16 @@ from friction_comp.samples import Samples
 _MARGIN = 2.0
 
 
-def stream_recording(path: AnyPath, joint: str | None = None, torque_constant: float = 1.0,
-                     gear_ratio: float = 1.0, seconds: float = 60.0,
-                     signals: Sequence[str] = tuple(SIGNALS),
-                     notes: list[str] | None = None) -> Iterator[Samples]:
-    """Read one joint of one recording stretch by stretch.
+def stream_recording_with_info(path: AnyPath, joint: str | None = None,
+                               torque_constant: float = 1.0, gear_ratio: float = 1.0,
+                               seconds: float = 60.0, signals: Sequence[str] = tuple(SIGNALS)
+                               ) -> Iterator[tuple[Samples, RecordingInfo]]:
+    """Read one joint of one recording stretch by stretch, each with its `RecordingInfo`.
 
     The stretches together are what `read_recording` returns, except that a signal is interpolated
-    and judged within each stretch: one that covers less than half of it is None there.
+    and judged within each stretch: one that covers less than half of it is None there. All count
+    time from the recording's first joint state. What concerns the whole recording, such as gaps or
+    a file that breaks off, is known at its end: the last has no samples, but the notes.
 
     Parameters
     ----------
@@ -51,44 +53,15 @@ def stream_recording(path: AnyPath, joint: str | None = None, torque_constant: f
         Length of a stretch.
     signals : sequence of str
         Topics to read besides ``joint_states``.
-    notes : list of str, optional
-        Gets what a reader of the results should know, each line once.
 
     Yields
     ------
-    Samples
-        Time goes on through all stretches, from the recording's first joint state.
+    Samples, RecordingInfo
 
     Raises
     ------
     InputError
         If the recording, the joint or a value cannot be used.
-    """
-    for samples, info in stream_recording_with_info(
-            path, joint, torque_constant, gear_ratio, seconds, signals):
-        if notes is not None:
-            notes.extend(note for note in info.notes if note not in notes)
-        if len(samples):
-            yield samples
-
-
-def stream_recording_with_info(path: AnyPath, joint: str | None = None,
-                               torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                               seconds: float = 60.0, signals: Sequence[str] = tuple(SIGNALS)
-                               ) -> Iterator[tuple[Samples, RecordingInfo]]:
-    """Read a recording as `stream_recording` does, each stretch with its `RecordingInfo`.
-
-    All count time from the recording's first joint state. What concerns the whole recording, such
-    as gaps or a file that breaks off, is known at its end: the last has no samples, but the notes.
-
-    Parameters
-    ----------
-    path, joint, torque_constant, gear_ratio, seconds, signals
-        As for `stream_recording`.
-
-    Yields
-    ------
-    Samples, RecordingInfo
     """
     gain = effort_per_ampere(torque_constant, gear_ratio)
     if not seconds > 0:
