@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with a running system: who talks to whom, how, when, and in which clock."""
+"""Finds what is wrong with a running system: connections, rates, clocks and values."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The residual of a running joint: measured rows in, what the model leaves over out."""
+"""Computes the residual of a running joint from rows of measurements."""
 
 from __future__ import annotations
 

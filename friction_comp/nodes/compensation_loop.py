@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the compensator does with each joint state, apart from ROS's machinery around it."""
+"""Computes a current command from each joint state, without the ROS 2 node around it."""
 
 from __future__ import annotations
 

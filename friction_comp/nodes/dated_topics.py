@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The package's topics as they come over the wire, each message with a time, every loss counted."""
+"""Subscribes to the package's topics, gives each message a time and counts losses."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motor currents out: what the nodes that drive a motor share."""
+"""Publishes motor currents: shared by the nodes that drive a motor."""
 
 from __future__ import annotations
 

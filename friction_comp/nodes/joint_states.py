@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Joint states as the nodes trust them: picked by name, put together, and judged by their age."""
+"""Validates joint states: selects by name, merges publishers, and checks age and order."""
 
 from __future__ import annotations
 

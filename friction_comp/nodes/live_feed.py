@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What runs, as the live page takes it: heard in a thread of its own, some samples a second."""
+"""Feeds the live page from the running system, in a thread of its own."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads and tries models while the control loop goes on, in a thread of their own."""
+"""Loads and validates models in a thread of their own while the control loop runs."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One topic of the recorder: heard from the first message on, every loss counted."""
+"""Subscribes to one topic without losing its first messages, and counts what is lost."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One refinement in a process of its own, so that the node that asked for it stays awake."""
+"""Runs one refinement in a process of its own, so that the node stays responsive."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Watches whether the models still fit, and refines them on request as an action server."""
+"""Monitors whether the models still fit, and refines them on request as an action server."""
 
 from __future__ import annotations
 

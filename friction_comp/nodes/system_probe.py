@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Looks at a running system for some seconds, and touches nothing in it."""
+"""Observes a running system for some seconds without changing anything in it."""
 
 from __future__ import annotations
 

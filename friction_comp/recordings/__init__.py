@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in and out: rosbag2 folders and mcap files as samples, and the other way round."""
+"""Reads rosbag2 folders and mcap files as samples, and writes samples as recordings."""
 
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import (

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What was active while a recording was made: what the compensator said of itself."""
+"""Which law and model a compensator reported while a recording was made."""
 
 from __future__ import annotations
 

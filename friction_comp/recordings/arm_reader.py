@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of several joints: each joint's samples, with the motion of the others beside them."""
+"""Reads recordings of several joints: each joint's samples with the motion of the others."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings as samples: one joint's signals on the time base of its joint states."""
+"""Reads recordings as samples: one joint's signals at the times of its joint states."""
 
 from __future__ import annotations
 

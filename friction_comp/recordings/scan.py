@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finding recordings on disk and getting their raw signals into arrays."""
+"""Finds recordings on disk and reads their raw signals into arrays."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings stretch by stretch, in memory that does not grow with their length."""
+"""Reads long recordings piece by piece, in memory that does not grow with their length."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated joint's parameters, from its model file and what no model file knows."""
+"""Derives a simulated joint's parameters from its model file, with defaults."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the command-line tools share: arguments, progress, and output that is whole or absent.
+"""Arguments, progress, and output written whole or not at all: shared by all tools.
 
 A tool imports what it computes with only after it has read its arguments, so that ``--help`` and
 a mistake in an argument are answered at once.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``evaluate``: what recorded trials say of the help a person gets."""
+"""The tool ``evaluate``: how much compensation helped the person in recorded trials."""
 
 from __future__ import annotations
 

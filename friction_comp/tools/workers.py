@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many recordings at once: processes of this machine, or a cluster, by Dask.
+"""Works on many recordings in parallel, on this machine or on a cluster, with Dask.
 
 Dask is an extra. Without it, work is done in the tool's own process, one recording after the other.
 A process that is killed, for want of memory say, is replaced, and costs the recording it had.
