@@ -59,16 +59,17 @@ def check_system(seen: Observation) -> list[Finding]:
 
 def _quality(seen: Observation) -> Iterator[Finding]:
     for name, topic in seen.topics.items():
-        for heard in topic.subscribers:
-            for speaker in topic.publishers:
+        for subscriber in topic.subscribers:
+            for publisher in topic.publishers:
                 what = ''
-                if heard.reliable and not speaker.reliable:
+                if subscriber.reliable and not publisher.reliable:
                     what = 'reliable, but it is published best effort'
-                elif heard.lasting and not speaker.lasting:
+                elif subscriber.lasting and not publisher.lasting:
                     what = 'transient local, but it is published volatile'
                 if what:
                     yield Finding(
-                        PROBLEM, 'QoS', f'{heard.node} asks for {name} {what} by {speaker.node}: '
+                        PROBLEM, 'QoS', f'{subscriber.node} asks for {name} {what} by '
+                        f'{publisher.node}: '
                         'nothing arrives', 'set input_reliability:=best_effort there, or publish '
                         'reliably')
 

@@ -22,7 +22,7 @@ from friction_comp.nodes.loaded_models import turn
 
 # s that files may take to be read and checked.
 PATIENCE = 10.0
-# Samples for which a model is tried before it is taken over.
+# Samples for which a model is run before it is activated.
 _TRIAL = 300
 
 

@@ -22,7 +22,7 @@ _REMEMBERED = 2 * DEPTH
 # The same while there is one subscription: a second one may bring what a new publisher has said
 # before it was found.
 _RECENT = 2_000
-# Looks after which what one subscription heard must have come by the other.
+# Looks after which what one subscription received must have come by the other.
 _CONFIRMED = 5
 
 Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
@@ -85,11 +85,11 @@ class RecordedTopic:
 
     @property
     def publishers(self) -> int:
-        """Number of publishers that are heard."""
+        """Number of publishers that are received."""
         return max(one.get_publisher_count() for one in self._subscriptions.values())
 
     def look(self) -> None:
-        """Look who publishes, and hear them as they are heard best."""
+        """Look who publishes, and subscribe with the quality of service that fits them."""
         self._looks += 1
         publishers = frozenset(
             (bytes(info.endpoint_gid),
@@ -113,7 +113,7 @@ class RecordedTopic:
         return _LASTING if lasting else _RELIABLE
 
     def _settle(self) -> None:
-        """Give up the other subscriptions once the best one hears whatever they hear."""
+        """End the other subscriptions once the best one receives all that they do."""
         best = self._best(self._publishers)
         if self._subscriptions[best].get_publisher_count() < len(self._publishers):
             return

@@ -74,16 +74,16 @@ class RecorderNode(Node):
         if self._failed or self._over:
             # The node is about to leave; what comes until then has no place any more.
             return
-        heard = self._topics[topic]
+        source = self._topics[topic]
         if not self._counts[topic]:
             # Now its publishers are known.
-            self._writer.add_topic(heard.name, name, heard.offered())
+            self._writer.add_topic(source.name, name, source.offered())
         self._counts[topic] += 1
         self._rate.tick()
         try:
             # As it is called here, so that a recording from a namespace or with remapped topics
             # plays back as it was.
-            self._writer.write(heard.name, name, stamp, cdr)
+            self._writer.write(source.name, name, stamp, cdr)
         except InputError as error:
             self._failed = str(error)
             raise

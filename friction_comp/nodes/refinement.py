@@ -34,8 +34,8 @@ _SIGNALS = ('interaction_wrench', 'motor_temperature')
 class RefinementNode(Node):
     """Serves one goal at a time; commands nothing and moves nothing.
 
-    It hears what the recorder hears, keeps the last minutes of it, and compares the motor's
-    current with what the model of each joint asks for.
+    It subscribes to what the recorder records, keeps the last minutes of it, and compares the
+    motor's current with what the model of each joint predicts.
     """
 
     finished = False
