@@ -54,8 +54,7 @@ class JobResult:
     @property
     def verdict(self) -> str:
         """How far to believe it, in the words of report.json."""
-        found = self.report.get('verdict') or ''
-        return str(found.get('verdict', '') if isinstance(found, dict) else found)
+        return str(self.report.get('verdict', ''))
 
     @property
     def reasons(self) -> str:
@@ -191,4 +190,4 @@ class RefineJob:
         model_file = (self._output / 'model.yaml').absolute()
         report = json.loads((self._output / 'report.json').read_text(encoding='utf-8'))
         return JobResult(report, FrictionModel.load(model_file), model_file,
-                       (self._output / 'report.html').absolute())
+                         (self._output / 'report.html').absolute())
