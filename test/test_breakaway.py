@@ -117,6 +117,7 @@ def test_known_levels_are_measured_ramp_by_ramp(number, knows_command):
     assert records.cycle.tolist() == [k // 2 for k in range(30)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', SLOPES)
 def test_two_hundred_cycles_meet_the_note(number):
     model, time, command, position, current = ramp_recording(number, 200, seed=3)

@@ -189,6 +189,7 @@ def report_of(workplace, start):
     return json.loads((folder / 'report.json').read_text(encoding='utf-8'))
 
 
+@pytest.mark.slow
 def test_the_examples_show_what_the_tools_are_for(workplace):
     evaluated = report_of(workplace, 'evaluate examples')
     assert_documented(evaluated, 'evaluate')

@@ -58,6 +58,7 @@ def everything():
     return model, compiled_effects(model)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('continuous', [True, False])
 def test_compiled_effects_ask_for_what_the_live_ones_do(everything, continuous):
     """All effects at once, over a motion with rests, reversals and a clock that stands still."""
@@ -84,6 +85,7 @@ def test_compiled_effects_ask_for_what_the_live_ones_do(everything, continuous):
     assert np.all(largest[:2] > 0.01) == continuous
 
 
+@pytest.mark.slow
 def test_a_batch_of_refined_joints_is_the_plain_loop():
     """The same refined model, laws, plant and person in compiled code and in Python."""
     model = refined(['gravity', 'bump', 'hysteresis', 'temperature'], 0.05)

@@ -49,6 +49,7 @@ def level(gears):
     return (gears['static'] + gears['link_coulomb']) / gears['torque_per_current']
 
 
+@pytest.mark.slow
 def test_breakaway_is_what_was_set():
     gears = plain_gears()
     found = breakaway_currents(gears, EVEN, repetitions=2)

@@ -152,6 +152,7 @@ def test_no_line_across_a_gap_and_no_residual_at_rest(feed):
     assert np.isfinite(shown['residual'][moving]).all()
 
 
+@pytest.mark.slow
 def test_served_to_this_machine_alone_without_anything_from_elsewhere(recording):
     process = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'watch', str(recording), '--port', '0'],
