@@ -98,6 +98,7 @@ NOTE_LIKE = {
         'deflection': 4e-3, 'count': 3.6e-6}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', NOTE_LIKE)
 @pytest.mark.parametrize('knows_command', [True, False])
 def test_known_levels_are_measured_ramp_by_ramp(number, knows_command):

@@ -38,6 +38,7 @@ def identified(gear, seed):
     raise AssertionError('never finished')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('kind', 'seed'), [
     ('clamp', 2), ('maxwell_slip', 2), ('maxwell_slip', 5), ('lugre', 1), ('lugre', 4)])
 def test_identification_finds_breakaway_and_presliding(kind, seed, tmp_path):

@@ -92,6 +92,7 @@ def test_least_absolute_deviations_agree_with_linear_programming():
         assert found == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(12))
 def test_fit_is_as_good_as_a_brute_force_global_search(seed):
     speeds, currents = random_drive(seed)

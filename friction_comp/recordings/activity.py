@@ -13,7 +13,7 @@ from rosbags.typesys import get_typestore, Stores
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 # Nodes that command, in whose diagnostics activity is.
-REPORTING_NODES = (b'compensator', b'identification')
+SOURCES = (b'compensator', b'identification')
 # ns of a recording within which a compensator that runs has said so: it does every second, in
 # which a simulation may have gone on for several.
 _FIRST_WORD = 10_000_000_000

@@ -14,12 +14,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.recordings import cdr
-from friction_comp.recordings.activity import (
-    Activity,
-    DIAGNOSTICS,
-    from_diagnostics,
-    REPORTING_NODES,
-)
+from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics, SOURCES
 from friction_comp.recordings.storage import (
     belongs_to_folder,
     is_storage,
@@ -258,7 +253,7 @@ class Scanner:
                 if not number:
                     self._begin = receive
                 if kind == DIAGNOSTICS:
-                    if any(node in raw for node in REPORTING_NODES):
+                    if any(node in raw for node in SOURCES):
                         self._diagnostics.append((receive, raw))
                     continue
                 store = self.stores.get(topic)
