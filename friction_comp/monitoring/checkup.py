@@ -19,16 +19,8 @@ from friction_comp.monitoring.observation import (
     WARNING,
 )
 from friction_comp.signal_checks import beyond, LIMITS, velocity_fault, velocity_ratios
+from friction_comp.topics import TOPICS
 
-TYPES = {
-    'joint_states': 'sensor_msgs/msg/JointState',
-    'current_command': 'std_msgs/msg/Float64MultiArray',
-    'direction': 'std_msgs/msg/Int8MultiArray',
-    'direction_stamped': 'sensor_msgs/msg/JointState',
-    'reference': 'sensor_msgs/msg/JointState',
-    'interaction_wrench': 'geometry_msgs/msg/WrenchStamped',
-    'motor_temperature': 'sensor_msgs/msg/Temperature',
-}
 _LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}
 # Where nobody says otherwise: the compensator's own defaults, s.
 _STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
@@ -97,7 +89,7 @@ def _states(seen: Observation) -> Iterator[Finding]:
 
 def _elsewhere(seen: Observation, name: str) -> str:
     others = [topic for topic, found in seen.topics.items()
-              if TYPES[name] in found.types and topic != seen.names.get(name, name)]
+              if TOPICS[name] in found.types and topic != seen.names.get(name, name)]
     hint = f'; {", ".join(others)} has that type' if others else ''
     return f'nobody publishes {seen.names.get(name, name)}{hint}'
 

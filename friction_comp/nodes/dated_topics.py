@@ -21,22 +21,25 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.nodes.joint_states import NANO
 from friction_comp.nodes.recorded_topic import RecordedTopic
+from friction_comp.topics import TOPICS
 
 STATES = 'joint_states'
-# Topic, message class, its name in recordings, and whether its stamp dates it. Others find the
-# subscriptions of a node in the order in which it made them: who has found the last, as a plant
-# that waits for its listeners, has found them all.
-TOPICS = (
-    ('current_command', Float64MultiArray, 'std_msgs/msg/Float64MultiArray', False),
-    ('direction', Int8MultiArray, 'std_msgs/msg/Int8MultiArray', False),
-    ('direction_stamped', JointState, 'sensor_msgs/msg/JointState', True),
-    ('reference', JointState, 'sensor_msgs/msg/JointState', True),
-    ('interaction_wrench', WrenchStamped, 'geometry_msgs/msg/WrenchStamped', True),
-    ('motor_temperature', Temperature, 'sensor_msgs/msg/Temperature', True),
+# Topic, message class, and whether its stamp dates it. Others find the subscriptions of a node in
+# the order in which it made them: who has found the last, as a plant that waits for its listeners,
+# has found them all.
+_SUBSCRIBED = (
+    ('current_command', Float64MultiArray, False),
+    ('direction', Int8MultiArray, False),
+    ('direction_stamped', JointState, True),
+    ('reference', JointState, True),
+    ('interaction_wrench', WrenchStamped, True),
+    ('motor_temperature', Temperature, True),
     # Stamped by the clock of its node, which need not be that of the joint states.
-    ('/diagnostics', DiagnosticArray, 'diagnostic_msgs/msg/DiagnosticArray', False),
-    (STATES, JointState, 'sensor_msgs/msg/JointState', True),
+    ('/diagnostics', DiagnosticArray, False),
+    (STATES, JointState, True),
 )
+RECORDED = {**TOPICS, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
+"""Topic to message type of all that is recorded."""
 # Joint states that are remembered to date messages without stamp.
 _MEMORY = 20_000
 # Real s between looks at who publishes.
@@ -82,7 +85,7 @@ class DatedTopics:
     ----------
     node : rclpy.node.Node
     take : callable
-        Called with topic, type name, time in ns and the serialised message.
+        Called with topic, time in ns and the serialised message.
     left_out : collection of str
         Topics that are not subscribed to.
 
@@ -91,21 +94,20 @@ class DatedTopics:
     topics : dict of str to RecordedTopic
     waiting : deque
         Messages without stamp whose joint states have not come yet: system time in ns at which
-        they were sent, topic, type name and content.
+        they were sent, topic and content.
     """
 
-    def __init__(self, node: Node, take: Callable[[str, str, int, bytes], None],
+    def __init__(self, node: Node, take: Callable[[str, int, bytes], None],
                  left_out: Collection[str] = ()) -> None:
         self._take = take
         self._stamped = False
         self._sent: deque[int] = deque(maxlen=_MEMORY)
         self._stamps: deque[int] = deque(maxlen=_MEMORY)
-        self.waiting: deque[tuple[int, str, str, bytes]] = deque()
+        self.waiting: deque[tuple[int, str, bytes]] = deque()
         self.topics = {topic: RecordedTopic(
-            node, kind, topic, partial(self._on_stamped if stamped else self._on_unstamped, topic,
-                                       name),
+            node, kind, topic, partial(self._on_stamped if stamped else self._on_unstamped, topic),
             diagnosed_nodes if kind is DiagnosticArray else None)
-            for topic, kind, name, stamped in TOPICS if topic not in left_out}
+            for topic, kind, stamped in _SUBSCRIBED if topic not in left_out}
         node.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _look(self) -> None:
@@ -118,7 +120,7 @@ class DatedTopics:
             topic.drain()
         self._date(all_of_them=True)
 
-    def _on_stamped(self, topic: str, name: str, cdr: bytes, info: dict[str, Any]) -> None:
+    def _on_stamped(self, topic: str, cdr: bytes, info: dict[str, Any]) -> None:
         stamp, sent = stamp_of(cdr), info['source_timestamp']
         if not stamp:
             # Where joint states carry no stamp either, both clocks agree.
@@ -130,19 +132,19 @@ class DatedTopics:
                 self._sent.append(sent)
                 self._stamps.append(stamp)
             self._date()
-        self._take(topic, name, stamp, cdr)
+        self._take(topic, stamp, cdr)
 
-    def _on_unstamped(self, topic: str, name: str, cdr: bytes, info: dict[str, Any]) -> None:
-        self.waiting.append((info['source_timestamp'], topic, name, cdr))
+    def _on_unstamped(self, topic: str, cdr: bytes, info: dict[str, Any]) -> None:
+        self.waiting.append((info['source_timestamp'], topic, cdr))
         self._date()
 
     def _date(self, all_of_them: bool = False) -> None:
         """Hand on the messages without stamp for which the joint states around them have come."""
         while self.waiting and (all_of_them or (
                 self._sent and self._sent[-1] >= self.waiting[0][0])):
-            sent, topic, name, cdr = self.waiting.popleft()
+            sent, topic, cdr = self.waiting.popleft()
             date = self._date_of(sent)
-            self._take(topic, name, sent if date is None else date, cdr)
+            self._take(topic, sent if date is None else date, cdr)
 
     def _date_of(self, sent: int) -> int | None:
         """Return the stamp in ns of the joint state sent last before; None without any."""

@@ -12,7 +12,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
-from friction_comp.nodes.dated_topics import DatedTopics, STATES, TOPICS
+from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare
@@ -45,7 +45,7 @@ class RecorderNode(Node):
             self, 'max_file_duration', 0.0, 's after which the next file begins, 0.1 at least; 0: '
             'never', low=0.0, read_only=True)
         self._rate = Rate()
-        self._counts = dict.fromkeys((topic for topic, *_ in TOPICS), 0)
+        self._counts = dict.fromkeys(RECORDED, 0)
         self._failed = ''
         # Nothing more is taken: a driver does not fall silent because nobody records it.
         self._over = False
@@ -70,20 +70,20 @@ class RecorderNode(Node):
             self._failed = str(error)
             raise
 
-    def _write(self, topic: str, name: str, stamp: int, cdr: bytes) -> None:
+    def _write(self, topic: str, stamp: int, cdr: bytes) -> None:
         if self._failed or self._over:
             # The node is about to leave; what comes until then has no place any more.
             return
-        source = self._topics[topic]
+        source, kind = self._topics[topic], RECORDED[topic]
         if not self._counts[topic]:
             # Now its publishers are known.
-            self._writer.add_topic(source.name, name, source.offered())
+            self._writer.add_topic(source.name, kind, source.offered())
         self._counts[topic] += 1
         self._rate.tick()
         try:
             # As it is called here, so that a recording from a namespace or with remapped topics
             # plays back as it was.
-            self._writer.write(source.name, name, stamp, cdr)
+            self._writer.write(source.name, kind, stamp, cdr)
         except InputError as error:
             self._failed = str(error)
             raise
@@ -121,8 +121,8 @@ class RecorderNode(Node):
             return
         try:
             self._dated.finish()
-            for key, _, name, _ in TOPICS:
-                self._writer.add_topic(self._topics[key].name, name)
+            for topic, kind in RECORDED.items():
+                self._writer.add_topic(self._topics[topic].name, kind)
             if self._lost():
                 self._writer.custom_data['messages_lost'] = self._lost()
             self._over = True

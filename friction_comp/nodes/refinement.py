@@ -15,7 +15,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
-from friction_comp.nodes.dated_topics import DatedTopics, STATES
+from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
 from friction_comp.nodes.loaded_models import LoadedModels, turn
@@ -92,9 +92,9 @@ class RefinementNode(Node):
 
     # Topics.
 
-    def _keep(self, topic, name, stamp, cdr):
+    def _keep(self, topic, stamp, cdr):
         cdr = bytes(cdr)
-        self._past.add(Message(stamp, self._topics[topic].name, name, cdr))
+        self._past.add(Message(stamp, self._topics[topic].name, RECORDED[topic], cdr))
         if topic == STATES:
             self._rate.tick()
             self._signals.see(stamp, cdr)

@@ -22,11 +22,11 @@ from friction_comp.recordings.scan import (
     Scan,
     scan_recording,
     signal_of,
-    SIGNALS,
     Track,
 )
 from friction_comp.recordings.time_base import further_signals, TimeBase
 from friction_comp.samples import Samples
+from friction_comp.topics import TOPICS
 
 # Between two messages within this time an angle that jumps by nearly a turn has wrapped around.
 _WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
@@ -109,7 +109,7 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
 
 def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                              torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                             signals: Sequence[str] = tuple(SIGNALS),
+                             signals: Sequence[str] = tuple(TOPICS),
                              progress: Progress | None = None, others: bool = True
                              ) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings as `read_recording` does, each with its `RecordingInfo`.

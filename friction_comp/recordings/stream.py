@@ -21,10 +21,10 @@ from friction_comp.recordings.scan import (
     find_recordings,
     Scan,
     Scanner,
-    SIGNALS,
     Track,
 )
 from friction_comp.samples import Samples
+from friction_comp.topics import TOPICS
 
 # s of other topics that are waited for behind a stretch's end: a recorder may write them later.
 _MARGIN = 2.0
@@ -32,7 +32,7 @@ _MARGIN = 2.0
 
 def stream_recording_with_info(path: AnyPath, joint: str | None = None,
                                torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                               seconds: float = 60.0, signals: Sequence[str] = tuple(SIGNALS)
+                               seconds: float = 60.0, signals: Sequence[str] = tuple(TOPICS)
                                ) -> Iterator[tuple[Samples, RecordingInfo]]:
     """Read one joint of one recording stretch by stretch, each with its `RecordingInfo`.
 
