@@ -197,6 +197,7 @@ def test_intervals_hold_the_truth_and_say_what_the_urdf_alone_tells(pinocchio, t
     assert (found.scales[:, 1] > found.scales[:, 0]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('turn, fall', [
     ('0 0 0', (0, 0, -1)), ('0 1.5707963267948966 0', (1, 0, 0)),
     ('3.141592653589793 0 0', (0, 0, 1))])

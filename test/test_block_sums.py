@@ -46,19 +46,6 @@ def test_sums_of_two_recordings_are_those_of_both_together(seed, one, two, colum
 
 
 @FEW
-@given(SEED, BLOCKS, COLUMNS, st.data())
-def test_blocks_that_become_one_are_left_out_together(seed, blocks, columns, data):
-    matrix, target, block = made(seed, blocks, columns)
-    new = np.arange(blocks) // 2
-    if new[-1] == 0:
-        return
-    sums = sums_of(matrix, target, block)
-    own = data.draw(st.lists(st.sampled_from(range(columns)), min_size=1, unique=True))
-    together = sums.left_out(own, new)
-    assert sums.merged(new).left_out(own) == pytest.approx(np.bincount(new, together))
-
-
-@FEW
 @given(SEED, BLOCKS, st.integers(1, 5), st.data())
 def test_a_coefficient_never_has_the_sign_that_physics_rules_out(seed, blocks, columns, data):
     matrix, target, block = made(seed, blocks, columns)

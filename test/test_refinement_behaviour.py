@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.note.standstill import with_breakaway_error
 from friction_comp.refinement import refine
 from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.loop import closed_loop
-from friction_comp.simulation.reference_movement import ReferenceMovement
 from friction_comp.simulation.undeclared import Undeclared
+from simulated_recordings.closed_loop import closed_loop
 from simulated_recordings.drives import excitation_for, record, SimulatedDrive
 
 pytestmark = pytest.mark.slow

@@ -14,6 +14,7 @@ from scipy import stats
 
 from friction_comp.evaluation.intervals import Interval, mean_interval
 from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
+from friction_comp.statistics import holm
 
 # What is compared, as far as known. The first two need a torque sensor; smoothness is compared
 # wherever there is motion.
@@ -115,9 +116,6 @@ def _compared(figure: str, first: Help, second: Help, values: np.ndarray) -> Com
 
 def _correct(comparisons: list[Comparison]) -> None:
     """Correct probabilities for their number, by Holm's step-down method."""
-    tested = sorted((c for c in comparisons if c.probability is not None),
-                    key=lambda c: c.probability or 0.0)
-    largest = 0.0
-    for k, comparison in enumerate(tested):
-        largest = max(largest, min(1.0, (len(tested) - k) * (comparison.probability or 0.0)))
-        comparison.probability = largest
+    tested = [one for one in comparisons if one.probability is not None]
+    for one, probability in zip(tested, holm([one.probability or 0.0 for one in tested])):
+        one.probability = float(probability)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_number
+from friction_comp.checks import check_document, check_list, check_mapping, check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import plain, read_yaml, write_yaml
@@ -19,7 +19,7 @@ from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm_document import one_joint_of
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.schema import check_keys
+from friction_comp.model.schema import check_keys, ENTRIES
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
@@ -250,12 +250,7 @@ class FrictionModel:
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
         """Make a model of the plain values of its file."""
-        if not isinstance(document, dict):
-            raise InputError('not a model file: a mapping is expected')
-        if document.get('format') != FORMAT:
-            raise InputError(f"not a model file: 'format: {FORMAT}' is missing")
-        if document.get('version') != VERSION:
-            raise InputError(f"model version {document.get('version')!r} is not {VERSION}")
+        check_document(document, 'a model file', FORMAT, VERSION, ENTRIES)
         check_keys(document)
         sigmoid = _section(document, 'sigmoid')
         if 'coefficients' not in sigmoid or not isinstance(sigmoid['coefficients'], list):
@@ -304,9 +299,6 @@ def _differentiation(document: dict[str, Any], entries: list[Any]
 
 
 def _presliding(section: dict[str, Any]) -> Presliding:
-    unknown = set(section) - {'distance', 'stiffness'}
-    if unknown:
-        raise InputError(f'presliding has unknown entries: {sorted(map(str, unknown))}')
     values = {name: _number(section, name, 'presliding') for name in section}
     if 'distance' not in values:
         raise InputError('presliding.distance is missing')
@@ -324,9 +316,6 @@ def _range(values: list[Any]) -> tuple[float, float]:
 
 
 def _drive(section: dict[str, Any]) -> Drive:
-    unknown = set(section) - {'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'}
-    if unknown:
-        raise InputError(f'drive has unknown entries: {sorted(map(str, unknown))}')
     for name in ('torque_constant', 'gear_ratio'):
         if name not in section:
             raise InputError(f'drive.{name} is missing')
@@ -364,17 +353,11 @@ def _effect(entry: dict[str, Any]) -> Effect:
 
 
 def _section(document: dict[str, Any], name: str) -> dict[str, Any]:
-    value = document.get(name)
-    if not isinstance(value, dict):
-        raise InputError(f'{name} is missing or not a mapping')
-    return value
+    return check_mapping(document.get(name), name)
 
 
 def _list(document: dict[str, Any], name: str) -> list[Any]:
-    value = document.get(name) or []
-    if not isinstance(value, list):
-        raise InputError(f'{name} is not a list')
-    return value
+    return check_list(document.get(name) or None, name)
 
 
 def _number(entry: dict[str, Any], name: str, where: str, default: float | None = None) -> float:

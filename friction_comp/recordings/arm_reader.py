@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of several joints: each joint's samples, with the motion of the others beside them."""
+"""Reads recordings of several joints: each joint's samples with the motion of the others."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from friction_comp.recordings.reader import (
     usable_joints,
     with_states,
 )
-from friction_comp.recordings.scan import AnyPath, find_recordings, scan_recording, SIGNALS
+from friction_comp.recordings.scan import AnyPath, find_recordings, scan_recording
 from friction_comp.samples import Samples
+from friction_comp.topics import TOPICS
 
 
 def read_arm(paths: AnyPath | Sequence[AnyPath],
@@ -51,7 +52,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
         def report(share: float, number: int = number) -> None:
             if progress:
                 progress((number + share) / len(found))
-        scan = scan_recording(path, with_states(tuple(SIGNALS)), report)
+        scan = scan_recording(path, with_states(tuple(TOPICS)), report)
         everyone = usable_joints(scan, torque_per_current)
         if result and set(everyone) != set(result):
             odd = sorted(set(everyone) ^ set(result))[0]

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of all joints of a recording at the times of one of them."""
+"""Interpolates the motion of all joints of a recording at the times of one of them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings as samples: one joint's signals on the time base of its joint states."""
+"""Reads recordings as samples: one joint's signals at the times of its joint states."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from friction_comp.recordings.scan import (
     Scan,
     scan_recording,
     signal_of,
-    SIGNALS,
     Track,
 )
 from friction_comp.recordings.time_base import further_signals, TimeBase
 from friction_comp.samples import Samples
+from friction_comp.topics import TOPICS
 
 # Between two messages within this time an angle that jumps by nearly a turn has wrapped around.
 _WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
@@ -109,7 +109,7 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
 
 def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                              torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                             signals: Sequence[str] = tuple(SIGNALS),
+                             signals: Sequence[str] = tuple(TOPICS),
                              progress: Progress | None = None, others: bool = True
                              ) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings as `read_recording` does, each with its `RecordingInfo`.
@@ -191,55 +191,6 @@ def effort_per_ampere(torque_constant: float, gear_ratio: float) -> float:
 def with_states(signals: Sequence[str]) -> tuple[str, ...]:
     """Return the names of signals, joint states among them."""
     return ('joint_states', *(name for name in signals if name != 'joint_states'))
-
-
-def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
-                drives: dict[str, tuple[float, float]] | None = None,
-                signals: Sequence[str] = tuple(SIGNALS),
-                progress: Progress | None = None) -> list[Samples]:
-    """Read several joints of one recording on one time base.
-
-    Parameters
-    ----------
-    path : path-like
-        One recording.
-    joints : sequence of str, optional
-        In this order; all that the joint states name when omitted.
-    drives : dict, optional
-        Joint to (k_t in N·m/A, n); (1, 1) where it is not in it.
-    signals : sequence of str
-        Topics to read besides ``joint_states``.
-    progress : callable, optional
-        Called with the share 0..1 that has been read.
-
-    Returns
-    -------
-    list of Samples
-        One per joint, all with the same `time`: the joint states in which every joint is whole.
-
-    Raises
-    ------
-    InputError
-        If the recording or a joint cannot be used.
-    """
-    found = find_recordings(path)
-    if len(found) != 1:
-        raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scan = scan_recording(found[0], with_states(signals), progress)
-    if joints is None:
-        joints = list(dict.fromkeys(n for track in scan.of('joint_states') for n in track.names))
-    if not joints:
-        raise InputError(f'{path}: joint_states names no joint')
-    read = []
-    for joint in joints:
-        constants = (drives or {}).get(joint, (1.0, 1.0))
-        read.append(to_samples(scan, joint, effort_per_ampere(*constants))[0])
-    common = read[0].time
-    for samples in read[1:]:
-        common = np.intersect1d(common, samples.time, assume_unique=True)
-    if not len(common):
-        raise InputError(f'{path}: the joints {", ".join(joints)} never have values together')
-    return [samples.take(np.searchsorted(samples.time, common)) for samples in read]
 
 
 def to_samples(scan: Scan, joint: str | None,

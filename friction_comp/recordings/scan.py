@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finding recordings on disk and getting their raw signals into arrays."""
+"""Finds recordings on disk and reads their raw signals into arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.recordings import cdr
-from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics, HEARD
+from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics, SOURCES
 from friction_comp.recordings.storage import (
     belongs_to_folder,
     is_storage,
@@ -23,20 +23,11 @@ from friction_comp.recordings.storage import (
     unpack,
     unreadable,
 )
+from friction_comp.topics import TOPICS
 
 AnyPath = str | PathLike[str]
 Progress = Callable[[float], None]
 
-# Signal name and topic ending to message type.
-SIGNALS = {
-    'joint_states': cdr.JOINT_STATE,
-    'current_command': cdr.FLOAT_ARRAY,
-    'direction': cdr.INT8_ARRAY,
-    'direction_stamped': cdr.JOINT_STATE,
-    'reference': cdr.JOINT_STATE,
-    'interaction_wrench': cdr.WRENCH,
-    'motor_temperature': cdr.TEMPERATURE,
-}
 _BATCH = 20_000
 # Messages after which all joints have been named, where several publishers share a topic.
 _FIRST = 200
@@ -150,13 +141,13 @@ class Scan:
 
 def signal_of(topic: str, type_name: str) -> str | None:
     """Return the signal that a topic carries by its type and the ending of its name, or None."""
-    for signal, wanted in SIGNALS.items():
+    for signal, wanted in TOPICS.items():
         if type_name == wanted and topic.endswith(signal):
             return signal
     return None
 
 
-def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(SIGNALS),
+def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(TOPICS),
                    progress: Progress | None = None, joint: str | None = None) -> Scan:
     """Read the signals of one recording.
 
@@ -228,7 +219,7 @@ class Scanner:
         Messages that are decoded at once.
     """
 
-    def __init__(self, path: Path, signals: Sequence[str] = tuple(SIGNALS),
+    def __init__(self, path: Path, signals: Sequence[str] = tuple(TOPICS),
                  joint: str | None = None, batch: int = _BATCH) -> None:
         self._batch = batch
         self.path = path
@@ -253,7 +244,7 @@ class Scanner:
                 if not number:
                     self._begin = receive
                 if kind == DIAGNOSTICS:
-                    if any(node in raw for node in HEARD):
+                    if any(node in raw for node in SOURCES):
                         self._diagnostics.append((receive, raw))
                     continue
                 store = self.stores.get(topic)
@@ -339,7 +330,7 @@ class Store:
         batch: dict[str, np.ndarray] = {}
         broken: list[int] = []
         for index, names, fields in cdr.decode(
-                SIGNALS[self.signal], [unpack(raw) for raw in self._raw], broken):
+                TOPICS[self.signal], [unpack(raw) for raw in self._raw], broken):
             if 'stamp' in fields:
                 stamps[index] = fields['stamp']
             for key, value in self._columns(names, fields):

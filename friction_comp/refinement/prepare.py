@@ -392,10 +392,12 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
         columns = plain_columns(part, [share * top for share in _TURNS], motion,
                                 list(joints).index(samples.joint) if joints else 0)
         errors.append((float(held_out(columns, part.current, block).sum()), len(errors), choice))
-    # Narrower than needed blunts reversals: the widest of those that are as good.
     least = min(error for error, *_ in errors)
+    # Narrower than needed blunts reversals: the widest of those that are as good. What explains
+    # little of the current says little of a bandwidth.
+    open_share = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
     return max(((choice['bandwidth'] or math.inf, place, choice) for error, place, choice in errors
-                if error <= (1.0 + SAME) ** 2 * least))[-1]
+                if error <= ((1.0 + SAME) ** 2 + 0.4 * open_share) * least))[-1]
 
 
 def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:

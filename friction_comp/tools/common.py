@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the command-line tools share: arguments, progress, and output that is whole or absent.
+"""Arguments, progress, and output written whole or not at all: shared by all tools.
 
 A tool imports what it computes with only after it has read its arguments, so that ``--help`` and
 a mistake in an argument are answered at once.
@@ -225,11 +225,11 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
 
 
 def _progress_lines(first: str) -> Callable[..., None]:
-    told = [first]
+    shown = [first]
 
     def report(share: float, description: str | None = None) -> None:
-        told[0] = description or told[0]
-        print(f'progress {min(max(float(share), 0.0), 1.0):.4f} {told[0]}', file=sys.stderr,
+        shown[0] = description or shown[0]
+        print(f'progress {min(max(float(share), 0.0), 1.0):.4f} {shown[0]}', file=sys.stderr,
               flush=True)
     return report
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``evaluate``: what recorded trials say of the help a person gets."""
+"""The tool ``evaluate``: how much compensation helped the person in recorded trials."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from friction_comp.tools.workers import add_workers, for_workers, workers
 # and evaluated in a second, a process starts in about 6 s of processor time and takes 150 MB of
 # memory. A recording is read once for each of its joints (bench/many_recordings.py). With a smaller
 # number two processes are slower than one, with a larger one a core stays idle.
-_WORTH_IT = 2_000_000_000
+_MIN_SHARED = 2_000_000_000
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -46,7 +46,7 @@ def main(argv: list[str] | None = None) -> int:
     with progress('reading') as report:
         pieces, failures = pieces_of(arguments.recordings, arguments.joint)
         with workers(arguments, len(pieces), sum(
-                size_of(piece.path) for piece in pieces) >= _WORTH_IT) as run:
+                size_of(piece.path) for piece in pieces) >= _MIN_SHARED) as run:
             evaluations = evaluate_pieces(
                 pieces, failures, friction, progress=lambda share: report(
                     0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'), run=run)

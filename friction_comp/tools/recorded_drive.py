@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a tool's arguments and a recording say together of the drive that was recorded."""
+"""Derives the recorded drive's constants and units from a tool's arguments."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
         model = FrictionModel.load(arguments.model)
         joint = arguments.joint or model.joint
         if not joint:
-            raise InputError(f'{arguments.model}: says of no joint: name it with --joint')
+            raise InputError(f'{arguments.model}: names no joint: give it with --joint')
         return {joint: model}
     return {name: FrictionModel.load(arguments.model, name) for name in joints
             if arguments.joint in (None, name)}

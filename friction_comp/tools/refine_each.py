@@ -34,7 +34,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Refined:
+class RefinedPart:
     """What was found: the report, the files by their names, and what it took."""
 
     report: dict[str, Any]
@@ -133,7 +133,7 @@ def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
     return parts, failures
 
 
-def _refined(arguments: Namespace, part: Part) -> Refined:
+def _refined(arguments: Namespace, part: Part) -> RefinedPart:
     """Refine one part, in whichever process this runs."""
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import read_recording_with_info
@@ -154,12 +154,12 @@ def _refined(arguments: Namespace, part: Part) -> Refined:
     result.report['warnings'].extend(f'{info.path}: {note}' for note in info.notes)
     name = str(part.path)
     result.model.notes = {**result.model.notes, 'refined_from': [name], 'unit': unit, **limit}
-    return Refined(result.report, {
+    return RefinedPart(result.report, {
         'report.json': to_json(result.report), 'model.yaml': to_yaml(result.model.to_dict()),
         'report.html': refinement_report(result, [name]).html()}, time.monotonic() - begin)
 
 
-def _kept(output: Path, part: Part, refined: Refined) -> dict[str, Any]:
+def _kept(output: Path, part: Part, refined: RefinedPart) -> dict[str, Any]:
     """Write what was found of a part, and return its row of the page on all."""
     with output_folder(output / part.folder) as folder:
         for name, text in refined.files.items():

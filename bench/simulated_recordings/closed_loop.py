@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from friction_comp.compensation.law import CompensationLaw
+    from friction_comp.exercise.reference_movement import ReferenceMovement
     from friction_comp.simulation.joint import Plant
-    from friction_comp.simulation.reference_movement import ReferenceMovement
 
 SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature')
 

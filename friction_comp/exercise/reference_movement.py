@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The note's reference movement (section 2.6) with the direction that its planner announces."""
+"""The note's reference movement (section 2.6) with the direction announced for it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Exercises of several joints that turn round on the way, read from YAML."""
+"""Exercises of several joints with reversals on the way, read from YAML."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_number, check_whole_number
+from friction_comp.checks import (
+    check_document,
+    check_list,
+    check_mapping,
+    check_number,
+    check_whole_number,
+)
 from friction_comp.errors import InputError
 from friction_comp.files import read_yaml
 
@@ -113,13 +119,7 @@ def load_exercise(path: str | Path) -> ExerciseScript:
 
 def exercise_of(document: Any) -> ExerciseScript:
     """Make an exercise of the plain values of its file."""
-    if not isinstance(document, dict) or document.get('format') != FORMAT:
-        raise InputError(f"not an exercise: 'format: {FORMAT}' is missing")
-    if document.get('version') != VERSION:
-        raise InputError(f'exercise version {document.get("version")!r} is not {VERSION}')
-    unknown = set(document) - _KEYS
-    if unknown:
-        raise InputError(f'unknown entries: {", ".join(sorted(map(str, unknown)))}')
+    document = check_document(document, 'an exercise', FORMAT, VERSION, _KEYS)
     unit = document.get('unit')
     if unit not in _UNITS:
         raise InputError(f'unit must be deg or rad, not {unit!r}')
@@ -129,8 +129,8 @@ def exercise_of(document: Any) -> ExerciseScript:
         raise InputError('joints must be a list of different names')
     announcement = check_number(document.get('announcement', 1.0), 'announcement', least=0.0)
     count = check_whole_number(document.get('repetitions', 1), 'repetitions', least=1)
-    steps = document.get('steps')
-    if not isinstance(steps, list) or not steps:
+    steps = check_list(document.get('steps'), 'steps')
+    if not steps:
         raise InputError('steps must be a list of holds and movements')
     return ExerciseScript(joints, *_waypoints(steps, joints, _UNITS[unit], count), announcement)
 
@@ -162,13 +162,8 @@ def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
         return check_number(step['hold'], f'{name}.hold', above=0.0), before
     if not isinstance(step, dict) or set(step) not in ({'to', 'time'}, {'to', 'speed'}):
         raise InputError(f'{name} must have a hold (s), or to with either time (s) or speed')
-    goals = step['to']
-    if not isinstance(goals, dict) or not goals:
-        raise InputError(f'{name}.to must give angles by joint')
     position = before.copy()
-    for joint, angle in goals.items():
-        if joint not in joints:
-            raise InputError(f'{name}.to: {joint!r} is not in joints')
+    for joint, angle in check_mapping(step['to'], f'{name}.to', joints).items():
         position[joints.index(joint)] = unit * check_number(angle, f'{name}.to.{joint}')
     way = float(np.abs(position - before).max())
     if way < _SAME:
