@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.recordings.clocks import gap_length, GAPS
 from friction_comp.recordings.reader import (
@@ -24,6 +25,8 @@ from friction_comp.recordings.scan import (
     SIGNALS,
     Track,
 )
+from friction_comp.recordings.sources import open_scanner
+from friction_comp.recordings.tables import TableScanner
 from friction_comp.samples import Samples
 
 # s of other topics that are waited for behind a stretch's end: a recorder may write them later.
@@ -74,7 +77,8 @@ def stream_recording(path: AnyPath, joint: str | None = None, torque_constant: f
 
 def stream_recording_with_info(path: AnyPath, joint: str | None = None,
                                torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                               seconds: float = 60.0, signals: Sequence[str] = tuple(SIGNALS)
+                               seconds: float = 60.0, signals: Sequence[str] = tuple(SIGNALS),
+                               layout: Layout | None = None
                                ) -> Iterator[tuple[Samples, RecordingInfo]]:
     """Read a recording as `stream_recording` does, each stretch with its `RecordingInfo`.
 
@@ -85,6 +89,8 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     ----------
     path, joint, torque_constant, gear_ratio, seconds, signals
         As for `stream_recording`.
+    layout : Layout, optional
+        What is known of a table's columns.
 
     Yields
     ------
@@ -96,7 +102,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     found = find_recordings(path)
     if len(found) != 1:
         raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scanner = Scanner(found[0], with_states(signals), joint)
+    scanner = open_scanner(found[0], with_states(signals), joint, layout)
     cutter = _Cutter(seconds)
     clock = _OneClock()
     info, samples = None, None
@@ -115,7 +121,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         yield samples.take(slice(0, 0)), info
 
 
-def _scans(scanner: Scanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
+def _scans(scanner: Scanner | TableScanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
     """Yield what was read for each stretch, and whether it is the last."""
     for store in scanner.batches():
         if store.signal != 'joint_states':

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from friction_comp.files import encodable
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json
+from friction_comp.tools.recorded_drive import layout_of
 from friction_comp.tools.workers import add_workers, for_workers, workers
 
 # Bytes to read from which on processes save more time than it takes to start them: 40 MB are read
@@ -44,7 +45,8 @@ def main(argv: list[str] | None = None) -> int:
 
     friction = FrictionModel.load(arguments.model) if arguments.model else None
     with progress('reading') as report:
-        pieces, failures = pieces_of(arguments.recordings, arguments.joint)
+        pieces, failures = pieces_of(
+            arguments.recordings, arguments.joint, layout_of(arguments))
         with workers(arguments, len(pieces), sum(
                 size_of(piece.path) for piece in pieces) >= _WORTH_IT) as run:
             evaluations = evaluate_pieces(
