@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 import json
 import os
 from pathlib import Path
+import shlex
 import shutil
 import sys
 import tempfile
@@ -116,6 +117,12 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument('--output', metavar='DIR', type=Path, required=True, help=what)
         self._check_output = check_folder
         return self
+
+
+def command_line(name: str, argv: Sequence[str] | None) -> str:
+    """Return the command that made a page, for its foot, marked as code."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    return f'`friction_comp {shlex.join([name, *given])}`'
 
 
 def positive(text: str) -> float:
