@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.columns import TABLES
 from friction_comp.errors import InputError
 from friction_comp.recordings import cdr
 from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics, SOURCES
@@ -29,8 +30,6 @@ AnyPath = str | PathLike[str]
 Progress = Callable[[float], None]
 
 _BATCH = 20_000
-# Messages after which all joints have been named, where several publishers share a topic.
-_FIRST = 200
 
 
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
@@ -39,8 +38,8 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     Parameters
     ----------
     paths : path-like or list of path-like
-        Rosbag2 folders, single .mcap (or .db3) files, or folders that hold such things at any
-        depth, taken in the order of their names.
+        Rosbag2 folders, single .mcap (or .db3) files, tables (.csv, .parquet, .npz), or folders
+        that hold recordings at any depth, taken in the order of their names.
 
     Returns
     -------
@@ -61,7 +60,8 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
             raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
         if not recordings:
             kind = 'no recording in this folder' if path.is_dir() else \
-                'not a recording (a rosbag2 folder or an .mcap file is needed)'
+                'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' + (
+                    ', '.join(TABLES) + ')')
             raise InputError(f'{path}: {kind}')
         found.extend(recordings)
     if not found:
@@ -74,14 +74,15 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
 
 def _expand(path: Path) -> Iterator[Path]:
     if path.is_file():
-        if is_storage(path):
+        if is_storage(path) or path.name.lower().endswith(TABLES):
             yield path
     elif (path / METADATA).is_file() or belongs_to_folder(path):
         yield path
     else:
         for child in sorted(path.iterdir()):
-            # A hidden folder may be a recording in the making.
-            if not child.name.startswith('.'):
+            # A hidden folder may be a recording in the making. Tables in folders are rather results
+            # than recordings.
+            if not child.name.startswith('.') and (child.is_dir() or is_storage(child)):
                 yield from _expand(child)
 
 
@@ -122,6 +123,7 @@ class Scan:
     notes: list[str] = field(default_factory=list)
     custom: dict[str, str] = field(default_factory=dict)
     activity: list[Activity] = field(default_factory=list)
+    effort_is_current: bool = False     # in A already, as tables may say
 
     def of(self, signal: str) -> list[Track]:
         """Return the tracks of a signal; an exact last name goes before a mere ending."""
@@ -145,65 +147,6 @@ def signal_of(topic: str, type_name: str) -> str | None:
         if type_name == wanted and topic.endswith(signal):
             return signal
     return None
-
-
-def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(TOPICS),
-                   progress: Progress | None = None, joint: str | None = None) -> Scan:
-    """Read the signals of one recording.
-
-    Parameters
-    ----------
-    path : path-like
-        One recording, as `find_recordings` returns it.
-    signals : sequence of str
-        Which to read.
-    progress : callable, optional
-        Called with the share 0..1 that has been read.
-    joint : str, optional
-        Keep this joint's values only.
-
-    Returns
-    -------
-    Scan
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read; the reason is named.
-    """
-    path = Path(path)
-    scanner = Scanner(path, signals, joint)
-    for _ in scanner.batches():
-        if progress:
-            progress(scanner.progress)
-    return scanner.finish()
-
-
-def recorded_joints(path: AnyPath) -> list[str]:
-    """Return the joints that a recording's first joint states name.
-
-    Parameters
-    ----------
-    path : path-like
-        One recording, as `find_recordings` returns it.
-
-    Returns
-    -------
-    list of str
-        '' for a joint without a name.
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read.
-    """
-    scanner = Scanner(Path(path), ('joint_states',), batch=_FIRST)
-    for _ in scanner.batches():
-        break
-    for store in scanner.stores.values():
-        store.flush()
-    return list(dict.fromkeys(
-        name for track in scanner.finish().of('joint_states') for name in track.names))
 
 
 class Scanner:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.recordings.clocks import gap_length, GAPS
 from friction_comp.recordings.reader import (
@@ -23,6 +24,8 @@ from friction_comp.recordings.scan import (
     Scanner,
     Track,
 )
+from friction_comp.recordings.sources import open_scanner
+from friction_comp.recordings.tables import TableScanner
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS
 
@@ -32,7 +35,8 @@ _MARGIN = 2.0
 
 def stream_recording_with_info(path: AnyPath, joint: str | None = None,
                                torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                               seconds: float = 60.0, signals: Sequence[str] = tuple(TOPICS)
+                               seconds: float = 60.0, signals: Sequence[str] = tuple(TOPICS),
+                               layout: Layout | None = None
                                ) -> Iterator[tuple[Samples, RecordingInfo]]:
     """Read one joint of one recording stretch by stretch, each with its `RecordingInfo`.
 
@@ -53,6 +57,8 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         Length of a stretch.
     signals : sequence of str
         Topics to read besides ``joint_states``.
+    layout : Layout, optional
+        What is known of a table's columns.
 
     Yields
     ------
@@ -69,7 +75,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     found = find_recordings(path)
     if len(found) != 1:
         raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scanner = Scanner(found[0], with_states(signals), joint)
+    scanner = open_scanner(found[0], with_states(signals), joint, layout)
     cutter = _Cutter(seconds)
     clock = _OneClock()
     info, samples = None, None
@@ -88,7 +94,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         yield samples.take(slice(0, 0)), info
 
 
-def _scans(scanner: Scanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
+def _scans(scanner: Scanner | TableScanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
     """Yield what was read for each stretch, and whether it is the last."""
     for store in scanner.batches():
         if store.signal != 'joint_states':

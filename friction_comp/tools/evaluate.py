@@ -9,7 +9,8 @@ import io
 from pathlib import Path
 
 from friction_comp.files import encodable
-from friction_comp.tools.common import Arguments, output_folder, progress, to_json
+from friction_comp.tools.common import Arguments, command_line, output_folder, progress, to_json
+from friction_comp.tools.recorded_drive import layout_of
 from friction_comp.tools.workers import add_workers, for_workers, workers
 
 # Bytes to read from which on processes save more time than it takes to start them: 40 MB are read
@@ -44,7 +45,8 @@ def main(argv: list[str] | None = None) -> int:
 
     friction = FrictionModel.load(arguments.model) if arguments.model else None
     with progress('reading') as report:
-        pieces, failures = pieces_of(arguments.recordings, arguments.joint)
+        pieces, failures = pieces_of(
+            arguments.recordings, arguments.joint, layout_of(arguments))
         with workers(arguments, len(pieces), sum(
                 size_of(piece.path) for piece in pieces) >= _MIN_SHARED) as run:
             evaluations = evaluate_pieces(
@@ -62,7 +64,9 @@ def main(argv: list[str] | None = None) -> int:
             (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
             (folder / 'repetitions.csv').write_text(
                 encodable(table.getvalue()), encoding='utf-8')
-            evaluation_report(evaluations).save(folder / 'report.html')
+            page = evaluation_report(evaluations)
+            page.made_by(command_line('evaluate', argv))
+            page.save(folder / 'report.html')
     if arguments.json:
         print(to_json(content), end='')
         return 0

@@ -17,7 +17,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import encodable, to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
 from friction_comp.tools.processes import interrupts_deferred
-from friction_comp.tools.recorded_drive import drive_of, folder_name, limited, unit_of
+from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, limited, unit_of
 from friction_comp.tools.workers import for_workers, workers
 
 
@@ -119,7 +119,7 @@ def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
     for path in found:
         try:
             joints: list[str | None] = [arguments.joint] if arguments.joint else [
-                *recorded_joints(path)]
+                *recorded_joints(path, layout_of(arguments))]
         except InputError as error:
             failures.append(str(error))
             continue
@@ -143,9 +143,10 @@ def _refined(arguments: Namespace, part: Part) -> RefinedPart:
     begin = time.monotonic()
     model = FrictionModel.load(arguments.model, part.joint) if arguments.model else None
     drive = drive_of(arguments, model)
-    unit = arguments.unit or unit_of(arguments, model)
     (samples, info), = read_recording_with_info(
-        part.path, part.joint, drive.torque_constant, drive.gear_ratio)
+        part.path, part.joint, drive.torque_constant, drive.gear_ratio,
+        layout=layout_of(arguments))
+    unit = unit_of(arguments, model, [info])
     drive, limit = limited(arguments, drive, [samples])
     try:
         result = refine([samples], model, drive, unit=unit)
