@@ -1,9 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Draws the first picture of the README, docs/moving.svg, from the recordings in examples/.
-
-    python3 docs/moving_picture.py
-"""
+"""Draws the README's first picture: ``python3 docs/moving_picture.py`` writes docs/moving.svg."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ class Report:
             Value with its unit, and what it is.
         """
         cells = ''.join(
-            f'<div class="tile"><b>{escape(str(value))}</b><span>{_inline(label)}</span></div>'
+            f'<div class="tile"><b>{_held(str(value))}</b><span>{_inline(label)}</span></div>'
             for value, label in tiles)
         self._parts.append(f'<div class="tiles">{cells}</div>')
 
@@ -366,6 +366,11 @@ def _inline(text: object) -> str:
         piece = re.sub(r'\*\*(.+?)\*\*', r'<b>\1</b>', piece)
         pieces[k] = re.sub(r'(?<![\w*])\*(?!\s)([^*]+?)(?<!\s)\*(?![\w*])', r'<em>\1</em>', piece)
     return ''.join(pieces)
+
+
+def _held(value: str) -> str:
+    """Return an escaped value whose number and unit stay on one line."""
+    return escape(re.sub(r'(?<=\d) (?=\S+$)', '\u00a0', value))
 
 
 def _plain(text: object) -> str:
