@@ -3,6 +3,8 @@
 """Who has no rosbag comes in with a table, and what was guessed of it is said."""
 
 import gzip
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from friction_comp.recordings.table_writer import table_of, write_table
 
 SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
            'reference_position', 'reference_velocity')
-SPEED = 0.5
+ROOT = Path(__file__).resolve().parent.parent
 
 
 def moving(count=2000, **changes):
@@ -234,3 +236,18 @@ def test_own_names_are_those_that_are_guessed():
     assert use.joints == ['elbow']
     assert not use.notes
     assert read_pairs('time=t, effort=tau_2', '--columns') == {'time': 't', 'effort': 'tau_2'}
+
+
+def test_the_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
+    pytest.importorskip('pandas')
+    book = json.loads((ROOT / 'docs' / 'without_ros.ipynb').read_text(encoding='utf-8'))
+    (tmp_path / 'examples').symlink_to(ROOT / 'examples')
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for cell in book['cells']:
+        if cell['cell_type'] == 'code':
+            exec(''.join(cell['source']), names)
+    said = capsys.readouterr().out
+    assert 'position=q_deg in deg' in said
+    assert 'verdict:' in said
+    assert (tmp_path / 'output' / 'current.csv').exists()
