@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from friction_comp.recordings import stream_recording
+from friction_comp.recordings import stream_recording_with_info
 
 
 def write(path, rows, block=100_000):
@@ -34,7 +34,7 @@ def main():
         path = Path(folder) / 'log.csv'
         write(path, rows)
         begin = time.monotonic()
-        read = sum(map(len, stream_recording(path)))
+        read = sum(len(part) for part, _ in stream_recording_with_info(path))
         seconds = time.monotonic() - begin
         assert read == rows, read
         most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
