@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 #   make demo    the whole loop over ROS 2 on this machine, with a report at the end
+#   make check   while you work: the checks of style and the quick tests, in a minute or so
 #   make test    the checks of style and types, and every test
 #   make setup   only the environment in .venv/, which the others make by themselves
 #   make lint    only the checks of style and types
@@ -45,7 +46,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport LD_LIBRARY_PATH
 endif
 
-.PHONY: demo test setup lint docs bench bench-full clean
+.PHONY: demo check test setup lint docs bench bench-full clean
 .DELETE_ON_ERROR:
 
 setup: $(VENV)/installed
@@ -58,12 +59,16 @@ lint: setup
 	@$(BIN)/python -m mypy
 
 # Two processes share two cores: more threads for small matrices only get in each other's way.
-test: export OPENBLAS_NUM_THREADS = 1
-test: export OMP_NUM_THREADS = 1
-# The types are one of the tests: by themselves they would keep one of the two waiting.
-test: setup
+check test: export OPENBLAS_NUM_THREADS = 1
+check test: export OMP_NUM_THREADS = 1
+pytest := $(BIN)/python -m pytest -n 2 --dist worksteal
+
+check: setup
 	@$(BIN)/python -m ruff check .
-	@$(BIN)/python -m pytest -n 2 --dist loadgroup --no-loadscope-reorder $(TESTS)
+	@$(pytest) -q -m 'not slow and not processes' $(TESTS)
+
+test: lint
+	@$(pytest) $(TESTS)
 
 docs: setup
 	@$(PIP) install -r requirements/docs.txt

@@ -17,7 +17,7 @@ import interfaces  # noqa: E402 - stands in the folder just added
 
 NAMES = (
     'plant', 'identification', 'compensator', 'exercise', 'recorder', 'refinement',
-    'demo', 'reproduce', 'evaluate', 'refine', 'predict', 'watch', 'doctor',
+    'demo', 'reproduce', 'evaluate', 'refine', 'predict', 'convert', 'watch', 'doctor',
 )
 # pip puts scripts into the environment's bin/, where such plain names would be in the way; colcon
 # puts them into lib/friction_comp/, where `ros2 run` looks for them (setup.cfg).
@@ -80,7 +80,8 @@ setup(
     # colcon runs the tests with pytest where it finds it asked for here.
     # Pinocchio reads URDF files for `refine --urdf`, Bokeh makes the page of `watch`, Dask works on
     # many recordings at once.
-    extras_require={'arm': ['pin>=2.7'], 'watch': ['bokeh>=3.1'],
+    # pyarrow reads Parquet files.
+    extras_require={'parquet': ['pyarrow>=12'], 'arm': ['pin>=2.7'], 'watch': ['bokeh>=3.1'],
                     'parallel': ['distributed>=2022.12'], 'test': ['pytest']},
     zip_safe=False,
     author='The friction_comp authors',

@@ -4,7 +4,7 @@
 
     python3 bench/own_gears_table.py [--draws N] [--seed N] [--no-presliding] [--kinds KIND ...]
 
-The gears are those of `friction_comp.simulation.random_gears`, on which the law's constants were
+The gears are those of `simulated_recordings.random_gears`, on which the law's constants were
 chosen: what it does on gears that share nothing with them, bench/law_table.py tells.
 """
 
@@ -19,10 +19,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from friction_comp.compensation.law import law_parameters
-from friction_comp.simulation.gear_batch import push, run_gears
 from friction_comp.simulation.joint_parameters import GEARS
 from friction_comp.simulation.joint_records import FRICTION
-from friction_comp.simulation.random_gears import random_gear
+from simulated_recordings.gear_batch import push, run_gears
+from simulated_recordings.random_gears import random_gear
 
 DEGREE = math.pi / 180.0
 STARTED = 1.0 * DEGREE

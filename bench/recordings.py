@@ -100,9 +100,10 @@ def record(folder, seconds, joints, domain):
 
 def stream(path, joint):
     """Print the number of samples and the peak of memory in MB."""
-    from friction_comp.recordings import stream_recording
+    from friction_comp.recordings import stream_recording_with_info
 
-    count = sum(len(part) for part in stream_recording(path, joint, seconds=10.0))
+    count = sum(len(part) for part, _ in stream_recording_with_info(
+        path, joint, seconds=10.0))
     # The peak that getrusage knows is inherited from the process that started this one.
     peak = next(line.split()[1] for line in Path('/proc/self/status').read_text(
         encoding='ascii').splitlines() if line.startswith('VmHWM'))
@@ -113,7 +114,7 @@ def read(folder, joint):
     """Return times of reading over that of rosbags listing the messages, median of three."""
     from rosbags.rosbag2 import Reader
 
-    from friction_comp.recordings import read_recording, stream_recording
+    from friction_comp.recordings import read_recording, stream_recording_with_info
 
     def listing():
         with Reader(folder) as reader:
@@ -128,7 +129,7 @@ def read(folder, joint):
     for _ in range(3):
         base = timed(listing)
         whole.append(timed(lambda: read_recording(folder, joint)) / base)
-        parts.append(timed(lambda: list(stream_recording(folder, joint))) / base)
+        parts.append(timed(lambda: list(stream_recording_with_info(folder, joint))) / base)
     return {'read / listing by rosbags': sorted(whole)[1],
             'stream / listing by rosbags': sorted(parts)[1]}
 

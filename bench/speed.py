@@ -110,13 +110,13 @@ def loops(joints=40):
     import numpy as np
 
     from friction_comp.compensation.law import CompensationLaw, law_parameters
+    from friction_comp.exercise.reference_movement import ReferenceMovement
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.simulation.batch import closed_loops
     from friction_comp.simulation.joint import Plant
     from friction_comp.simulation.joint_parameters import joint_parameters
-    from friction_comp.simulation.loop import closed_loop
     from friction_comp.simulation.random_sequence import random_states
-    from friction_comp.simulation.reference_movement import ReferenceMovement
+    from simulated_recordings.closed_loop import closed_loop
 
     model = FrictionModel.load(CONFIG)
     movement = ReferenceMovement(repetitions=1, standstill=0.5, announcement=0.5, amplitude=0.2)

@@ -6,8 +6,8 @@
 
 A joint of known Coulomb and viscous friction and inertia, with a ripple that nobody expects, is
 moved by controllers that read a coarse or a fine encoder. What plain least squares of current over
-the motion finds is printed as a share of the truth, beside the share of the current's quick changes
-that falls with speed, by which refinement tells a controller (warned of above 0.8).
+the motion finds is printed as a share of the truth, and whether refinement says that friction would
+have to push, by which it tells a controller.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from numba import njit
 import numpy as np
 
+from friction_comp.drive import Drive
 from friction_comp.model.differentiation import differentiate
-from friction_comp.refinement.judge.control import speed_law
-from friction_comp.refinement.thresholds import CONTROL_LAW
+from friction_comp.refinement.judge import pushes
+from friction_comp.refinement.prepare import prepare
 from friction_comp.samples import Samples
 
 STEP, INERTIA, COULOMB, VISCOUS, RIPPLE = 1e-3, 0.05, 0.3, 0.1, 0.1
@@ -70,7 +71,7 @@ def motions():
 def main():
     """Print one line for each motion, controller and encoder."""
     print('| motion | controller | counts a turn | Coulomb | viscous | inertia | ripple '
-          '| falls with speed |\n|' + '---|' * 8)
+          '| told as a controller |\n|' + '---|' * 8)
     rng = np.random.default_rng(1)
     for motion, (reference, speed) in motions().items():
         for name, gains in CONTROLLERS.items():
@@ -78,18 +79,16 @@ def main():
                 position, current = driven(reference, speed, gains, 2.0 * np.pi / counts)
                 current = current + 0.003 * rng.standard_normal(len(current))
                 recorded = Samples(time=TIME, position=position, current=current)
-                smooth, raw = (differentiate(recorded, {'source': 'position', 'bandwidth': width})
-                               for width in (40.0, None))
+                smooth = differentiate(recorded, {'source': 'position', 'bandwidth': 40.0})
                 rows = np.abs(smooth.velocity) > 0.02
                 columns = np.column_stack((
                     np.tanh(smooth.velocity / 0.005), smooth.velocity, smooth.acceleration,
                     np.sin(60.0 * position), np.cos(60.0 * position)))[rows]
                 found = np.linalg.lstsq(columns, current[rows], rcond=None)[0]
-                share = speed_law(raw, rows)[0]
-                said = ', warned of' if share > CONTROL_LAW else ''
+                said = 'yes' if pushes(prepare(recorded, Drive(1.0, 1.0))[0]) else 'no'
                 print(f'| {motion} | {name} | {counts} | {found[0] / COULOMB:.2f} '
                       f'| {found[1] / VISCOUS:.2f} | {found[2] / INERTIA:.2f} '
-                      f'| {np.hypot(*found[3:]) / RIPPLE:.2f} | {share:.2f}{said} |')
+                      f'| {np.hypot(*found[3:]) / RIPPLE:.2f} | {said} |')
 
 
 if __name__ == '__main__':

@@ -99,11 +99,13 @@ def page_of(name, kind, folder):
 def draw(name, kind, path):
     """Draw the first column over its variable and tell whether there was anything to draw."""
     grid = kind.grid(SCENE)
-    if not grid or kind.reshapes:
+    if not grid:
         return False
     axis = _AXIS_OF.get(kind.variable, kind.variable)
     samples = motion(axis)
-    constants = {**({kind.spectral: _WAVES} if kind.spectral else {}), **grid[len(grid) // 2]}
+    # A ripple's frequency is proposed by a spectrum.
+    constants = {**({'frequency': _WAVES} if 'frequency' in kind.constants else {}),
+                 **grid[len(grid) // 2]}
     column = kind.matrix(samples, constants)[:, 0]
     figure = Figure(figsize=(6.0, 2.6), layout='constrained')
     axes = figure.add_subplot()

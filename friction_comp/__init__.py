@@ -21,6 +21,7 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from friction_comp.columns import Layout
     from friction_comp.compensation.law import CompensationLaw
     from friction_comp.drive import Drive
     from friction_comp.errors import InputError
@@ -32,11 +33,11 @@ if TYPE_CHECKING:
     from friction_comp.refinement import refine
     from friction_comp.samples import Samples
 
-__version__ = '0.1.0'
+__version__ = '0.2.0'
 
 __all__ = [
     'CompensationLaw', 'Drive', 'FrictionModel', 'IdentificationGoal', 'IdentificationRun',
-    'InputError', 'Samples', 'evaluate', 'read_recording', 'refine',
+    'InputError', 'Layout', 'Samples', 'evaluate', 'read_recording', 'refine',
 ]
 
 _HOMES = {
@@ -46,6 +47,7 @@ _HOMES = {
     'IdentificationGoal': 'friction_comp.identification.goal',
     'IdentificationRun': 'friction_comp.identification.run',
     'InputError': 'friction_comp.errors',
+    'Layout': 'friction_comp.columns',
     'Samples': 'friction_comp.samples',
     'evaluate': 'friction_comp.evaluation.conditions',
     'read_recording': 'friction_comp.recordings',

@@ -34,6 +34,7 @@ TOOLS = {
     'refine': 'finds the effects that a model misses in recordings',
     'watch': 'shows what runs, or a recording, as a live page on this machine',
     'doctor': 'tells what is installed and running, what is wrong with it, and what to do',
+    'convert': 'turns a recording into a CSV, Parquet or npz table, and back',
     'predict': "writes a model's current for a recording beside the measured one",
 }
 USAGE = '\n'.join([
@@ -176,6 +177,7 @@ reproduce = partial(run, 'reproduce')
 evaluate = partial(run, 'evaluate')
 refine = partial(run, 'refine')
 predict = partial(run, 'predict')
+convert = partial(run, 'convert')
 watch = partial(run, 'watch')
 doctor = partial(run, 'doctor')
 

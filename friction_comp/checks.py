@@ -1,9 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that come from outside, checked in one place and refused in one wording."""
+"""Numbers and sections of files, checked in one place and refused in one wording."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 import math
 from numbers import Integral, Real
 from typing import Any
@@ -56,3 +57,63 @@ def _wanted(kind: str, above: float, least: float, most: float) -> str:
     if most < math.inf:
         words += f' to {most:.15g}' if least > -math.inf else f' of at most {most:.15g}'
     return words
+
+
+def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -> dict[str, Any]:
+    """Return a section of a file.
+
+    Parameters
+    ----------
+    value : object
+        What the file has there; None where it has nothing.
+    name : str
+        What to call it in the error.
+    known : collection of str, optional
+        The entries that it may have.
+
+    Raises
+    ------
+    InputError
+        If it is no mapping, or has entries that nobody reads.
+    """
+    if not isinstance(value, dict):
+        raise InputError(f'{name} is missing or not a mapping')
+    unknown = sorted(str(key) for key in value if known is not None and key not in known)
+    if known is not None and unknown:
+        raise InputError(f'{name} has unknown entries: {", ".join(unknown)}; '
+                         f'known: {", ".join(sorted(known))}')
+    return value
+
+
+def check_list(value: Any, name: str) -> list[Any]:
+    """Return a list of a file, empty where it has none; raises InputError if it is no list."""
+    if value is not None and not isinstance(value, list):
+        raise InputError(f'{name} is not a list')
+    return value or []
+
+
+def check_document(value: Any, kind: str, format_name: str, version: int,
+                   known: Collection[str] | None = None) -> dict[str, Any]:
+    """Return the document of a file that is of a kind and version, with known entries only.
+
+    Parameters
+    ----------
+    value : object
+        The plain values of the file.
+    kind : str
+        What to call such a file in the error.
+    format_name, version : str, int
+        Its entries `format` and `version`.
+    known : collection of str, optional
+        The entries that it may have.
+
+    Raises
+    ------
+    InputError
+        If it is another kind of file, of another version, or has unknown entries.
+    """
+    if not isinstance(value, dict) or value.get('format') != format_name:
+        raise InputError(f"not {kind}: 'format: {format_name}' is missing")
+    if value.get('version') != version:
+        raise InputError(f'{kind} of version {value.get("version")!r}, not {version}')
+    return check_mapping(value, kind, known)

@@ -7,11 +7,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.checks import check_number
 from friction_comp.errors import InputError
+
+if TYPE_CHECKING:
+    from friction_comp.columns import Layout
 
 _OPTIONAL = (
     'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',
@@ -165,6 +169,132 @@ class Samples:
     def with_(self, **changes: Any) -> Samples:
         """Return a copy with some signals replaced."""
         return replace(self, **changes)
+
+    @staticmethod
+    def from_arrays(time: Any, position: Any, effort: Any = None, current: Any = None,
+                    velocity: Any = None, torque_constant: float = 1.0, gear_ratio: float = 1.0,
+                    joint: str = '', **signals: Any) -> Samples:
+        """Make samples of arrays, lists or columns of a data frame.
+
+        Parameters
+        ----------
+        time : array_like, shape (N,)
+            s; rows are sorted by it, and of equal times the first is kept.
+        position : array_like, shape (N,)
+            rad.
+        effort : array_like, shape (N,), optional
+            Motor torque seen at the joint in N·m; current is effort / (k_t · n).
+        current : array_like, shape (N,), optional
+            Motor current in A, instead of `effort`.
+        velocity : array_like, shape (N,), optional
+            rad/s; computed from the position where it is left out.
+        torque_constant, gear_ratio : float
+            k_t in N·m/A and n.
+        joint : str
+        **signals : array_like, shape (N,)
+            Further signals of `Samples`, such as `load` or `temperature`.
+
+        Raises
+        ------
+        InputError
+            If arrays differ in length, hold no number, or neither or both of `effort` and
+            `current` are given. Rows that lack time, position, current or velocity are left out.
+
+        Examples
+        --------
+        >>> samples = Samples.from_arrays(
+        ...     time=[0.0, 0.001, 0.002], position=[0.1, 0.1, 0.2], effort=[1.0, 1.2, 1.1])
+        >>> len(samples)
+        3
+        """
+        if (effort is None) == (current is None):
+            raise InputError('samples need either effort or current')
+        for name, value in (('torque constant', torque_constant), ('gear ratio', gear_ratio)):
+            check_number(value, name, above=0.0)
+        measured = current if effort is None else effort
+        given = {'time': time, 'position': position, 'current': measured, 'velocity': velocity,
+                 **signals}
+        unknown = sorted(set(signals) - set(_OPTIONAL))
+        if unknown:
+            raise InputError(f'samples have no signal {unknown[0]!r}, but {", ".join(_OPTIONAL)}')
+        arrays: dict[str, np.ndarray] = {}
+        for name, value in given.items():
+            if value is None:
+                continue
+            try:
+                arrays[name] = np.asarray(value, dtype=float)
+            except (TypeError, ValueError):
+                raise InputError(f'samples.{name} does not hold numbers') from None
+            if arrays[name].shape != arrays['time'].shape or arrays[name].ndim != 1:
+                raise InputError(f'samples.{name} has shape {arrays[name].shape}, but time has '
+                                 f'{arrays["time"].shape}; one axis is wanted')
+        if effort is not None:
+            arrays['current'] = arrays['current'] / (torque_constant * gear_ratio)
+        needed = [name for name in ('time', 'position', 'current', 'velocity') if name in arrays]
+        rows = np.nonzero(np.all([np.isfinite(arrays[name]) for name in needed], axis=0))[0]
+        if not len(rows):
+            raise InputError(f'samples hold no row with {", ".join(needed)}')
+        _, first = np.unique(arrays['time'][rows], return_index=True)
+        rows = rows[first]
+        chosen: dict[str, Any] = {name: values[rows] for name, values in arrays.items()}
+        return Samples(joint=joint, **chosen)
+
+    @staticmethod
+    def from_frame(frame: Any, layout: Layout | None = None, torque_constant: float = 1.0,
+                   gear_ratio: float = 1.0, joint: str | None = None,
+                   notes: list[str] | None = None) -> Samples:
+        """Make samples of a pandas (or polars) data frame, or of a dictionary of arrays.
+
+        Parameters
+        ----------
+        frame : DataFrame or dict of str to array_like
+        layout : Layout, optional
+            Which column is what, in which unit; the rest is guessed from the columns' names, as
+            from a file's.
+        torque_constant, gear_ratio : float
+            k_t in N·m/A and n, where the frame holds an effort in N·m.
+        joint : str, optional
+            Needed where the frame has several.
+        notes : list of str, optional
+            Gets what was guessed.
+
+        Raises
+        ------
+        InputError
+            If a column is missing or several joints could be meant.
+
+        Examples
+        --------
+        >>> samples = Samples.from_frame({'t': [0, 1, 2], 'q [deg]': [0, 90, 180],
+        ...                               'i': [0.1, 0.2, 0.1]})
+        >>> samples.position.round(3).tolist()
+        [0.0, 1.571, 3.142]
+        """
+        from friction_comp.columns import assign
+
+        names = [str(name) for name in (frame.columns if hasattr(frame, 'columns') else frame)]
+        use = assign(names, layout, 'data frame')
+        if notes is not None:
+            notes.extend(use.notes)
+        if joint is None and len(use.joints) > 1:
+            raise InputError(f'data frame: several joints, name one: {", ".join(use.joints)}')
+        chosen = use.joints[0] if joint is None or use.joints == [''] else joint
+        if chosen not in use.joints:
+            raise InputError(f'data frame: no joint {joint!r} in it, but {", ".join(use.joints)}')
+        signals: dict[str, Any] = {}
+        for signal in ('time', 'position', 'effort', 'velocity', *_OPTIONAL):
+            column = use.of(signal, chosen)
+            if column is None:
+                continue
+            try:
+                signals[signal] = column.factor * np.asarray(frame[column.name], dtype=float)
+            except (TypeError, ValueError):
+                raise InputError(f'data frame: column {column.name!r} does not hold numbers'
+                                 ) from None
+        if use.effort_is_current:
+            signals['current'] = signals.pop('effort')
+        return Samples.from_arrays(torque_constant=torque_constant, gear_ratio=gear_ratio,
+                                   joint=joint or chosen, **signals)
 
     @cached_property
     def sample_time(self) -> float:

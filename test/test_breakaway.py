@@ -98,6 +98,7 @@ NOTE_LIKE = {
         'deflection': 4e-3, 'count': 3.6e-6}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', NOTE_LIKE)
 @pytest.mark.parametrize('knows_command', [True, False])
 def test_known_levels_are_measured_ramp_by_ramp(number, knows_command):
@@ -117,6 +118,7 @@ def test_known_levels_are_measured_ramp_by_ramp(number, knows_command):
     assert records.cycle.tolist() == [k // 2 for k in range(30)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', SLOPES)
 def test_two_hundred_cycles_meet_the_note(number):
     model, time, command, position, current = ramp_recording(number, 200, seed=3)

@@ -11,6 +11,7 @@ import pytest
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_parameters import SHARE
 from friction_comp.errors import InputError
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.effects.inertia import Inertia
 from friction_comp.model.effects.load_effects import LoadFriction
 from friction_comp.model.effects.temperature import Temperature
@@ -19,9 +20,8 @@ from friction_comp.package_files import package_file
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.joint_parameters import joint_parameters
-from friction_comp.simulation.loop import closed_loop
 from friction_comp.simulation.random_sequence import random_states
-from friction_comp.simulation.reference_movement import ReferenceMovement
+from simulated_recordings.closed_loop import closed_loop
 
 
 def drive(number=1):

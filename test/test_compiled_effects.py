@@ -12,6 +12,7 @@ from test_effects import PARAMETERS
 from friction_comp.compensation.compiled_effects import ASKED, compiled_effects, memory_size
 from friction_comp.compensation.effects_here import EffectsHere
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.friction_model import Breakaway, FrictionModel
@@ -19,9 +20,8 @@ from friction_comp.package_files import package_file
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.joint_parameters import joint_parameters
-from friction_comp.simulation.loop import closed_loop
 from friction_comp.simulation.random_sequence import random_states
-from friction_comp.simulation.reference_movement import ReferenceMovement
+from simulated_recordings.closed_loop import closed_loop
 
 OTHERS = {'rigid_body', 'coupling', 'load'}
 
@@ -58,6 +58,7 @@ def everything():
     return model, compiled_effects(model)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('continuous', [True, False])
 def test_compiled_effects_ask_for_what_the_live_ones_do(everything, continuous):
     """All effects at once, over a motion with rests, reversals and a clock that stands still."""
@@ -84,6 +85,7 @@ def test_compiled_effects_ask_for_what_the_live_ones_do(everything, continuous):
     assert np.all(largest[:2] > 0.01) == continuous
 
 
+@pytest.mark.slow
 def test_a_batch_of_refined_joints_is_the_plain_loop():
     """The same refined model, laws, plant and person in compiled code and in Python."""
     model = refined(['gravity', 'bump', 'hysteresis', 'temperature'], 0.05)

@@ -47,6 +47,7 @@ LAW = """
 """
 
 
+@pytest.mark.slow
 def test_the_exchange_of_plain_kernels_for_compiled_ones_is_not_seen_in_the_current():
     worst, largest, exchanged, again = map(float, printed_by(LAW + """
     laws = [CompensationLaw(models, name) for name in ('continuous', 'paper', 'kinetic')]
@@ -73,6 +74,7 @@ def test_the_law_starts_without_what_takes_long_to_import():
     """) == ['False', 'False']
 
 
+@pytest.mark.slow
 def test_a_kernel_that_is_first_called_afterwards_is_compiled_then():
     assert printed_by("""
     from friction_comp import compiling
@@ -86,6 +88,7 @@ def test_a_kernel_that_is_first_called_afterwards_is_compiled_then():
     """) == ['True', 'True', '1']
 
 
+@pytest.mark.slow
 def test_nothing_begins_in_plain_python_where_numba_is_there_already():
     assert printed_by("""
     import numba

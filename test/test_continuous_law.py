@@ -22,9 +22,9 @@ from friction_comp.drive import Drive
 from friction_comp.model.effects.hysteresis import Hysteresis
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.simulation.gear_batch import push, run_gears
 from friction_comp.simulation.joint_parameters import GEARS
-from friction_comp.simulation.random_gears import random_gear
+from simulated_recordings.gear_batch import push, run_gears
+from simulated_recordings.random_gears import random_gear
 
 DEGREE = math.pi / 180.0
 LEVEL, COUNT = 0.1, 2.0 * math.pi / 400_000

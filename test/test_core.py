@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drive, samples, sigmoid and atomic files."""
+"""Drive, samples, sigmoid, statistics and atomic files."""
 
 from hypothesis import given, settings, strategies as st
 import numpy as np
@@ -11,6 +11,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
+from friction_comp.statistics import holm
 
 # Eq. 11 with the rows of configurations 2 and 3 in the order its own text asks for.
 EQUATION_11 = {
@@ -127,3 +128,9 @@ def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch)
         write_atomically(target, 'new')
     assert target.read_text() == 'old'
     assert [entry.name for entry in tmp_path.iterdir()] == ['model.yaml']
+
+
+def test_holm_adjusts_each_p_value_for_the_tests_that_are_left():
+    np.testing.assert_allclose(holm([0.01, 0.04, 0.03, 0.005]), [0.03, 0.06, 0.06, 0.02])
+    assert holm([0.6, 0.9]).tolist() == [1.0, 1.0]
+    assert holm([]).size == 0

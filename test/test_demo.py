@@ -27,6 +27,7 @@ def test_parameters_are_written_as_yaml_reads_them():
         '-p', 'a:=true', '-p', "b:=[1.5, 'x y']", '-p', "c:='it''s'"]
 
 
+@pytest.mark.slow
 def test_a_node_that_fails_is_told_with_its_reason(tmp_path):
     with Nodes(tmp_path) as nodes:
         nodes.start('plant', {'joints': ['a'], 'model_files': ['missing.yaml']})

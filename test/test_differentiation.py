@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from test_prepare import swings
 
 from friction_comp.model.differentiation import differentiate
 from friction_comp.samples import Samples
@@ -43,3 +44,15 @@ def test_a_lost_sample_shows_neither_in_velocity_nor_in_acceleration():
     inner = slice(200, -200)
     assert np.max(np.abs(found.velocity - velocity)[inner]) < 0.01 * np.ptp(velocity)
     assert np.max(np.abs(found.acceleration - acceleration)[inner]) < 0.05 * np.ptp(acceleration)
+
+
+def test_samples_that_arrive_together_are_no_burst_of_acceleration():
+    samples = swings(8, duration=20.0)
+    stamps = samples.time.copy()
+    # Every hundredth message waits for the next one.
+    stamps[100::100] = stamps[101::100] - 1e-6
+    settings = {'source': 'velocity', 'bandwidth': None}
+    late = differentiate(samples.with_(time=stamps), settings)
+    assert np.abs(late.acceleration).max() < 5.0 * np.abs(samples.acceleration).max()
+    even = differentiate(samples, settings)
+    assert even.acceleration[5:-5] == pytest.approx(samples.acceleration[5:-5], abs=0.02)

@@ -28,6 +28,7 @@ def pages():
     return module
 
 
+@pytest.mark.slow
 def test_every_effect_has_a_page_that_says_how_to_record_for_it(pages, tmp_path):
     assert set(pages.RECORD) == set(VARIABLES)
     pages.write_pages(tmp_path)

@@ -10,7 +10,7 @@ import pytest
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.check_model import check_joint
-from friction_comp.monitoring.checkup import check_system, TYPES
+from friction_comp.monitoring.checkup import check_system
 from friction_comp.monitoring.observation import (
     Endpoint,
     Observation,
@@ -21,6 +21,7 @@ from friction_comp.monitoring.observation import (
 )
 from friction_comp.package_files import package_file
 from friction_comp.tools import doctor
+from friction_comp.topics import TOPICS
 
 MODEL = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
 JOINT = 'elbow'
@@ -39,9 +40,9 @@ def healthy():
     """Return a system in which nothing is wrong: a motor moves the joint."""
     driver, commander = Endpoint('/driver'), Endpoint('/controller')
     return Observation(
-        30.0, nodes=['/driver', '/controller'], names={name: f'/{name}' for name in TYPES},
-        topics={'/joint_states': TopicSeen([TYPES['joint_states']], [driver], [commander]),
-                '/current_command': TopicSeen([TYPES['current_command']], [commander], [driver])},
+        30.0, nodes=['/driver', '/controller'], names={name: f'/{name}' for name in TOPICS},
+        topics={'/joint_states': TopicSeen([TOPICS['joint_states']], [driver], [commander]),
+                '/current_command': TopicSeen([TOPICS['current_command']], [commander], [driver])},
         states=states(), commands=np.zeros((15000, 1)),
         parameters={'/driver': {'command_timeout': 0.1, 'use_sim_time': False}})
 
@@ -117,7 +118,7 @@ def nowhere(seen):
 
 def two_planners(seen):
     for name in ('direction', 'direction_stamped'):
-        seen.topics[f'/{name}'] = TopicSeen([TYPES[name]], [Endpoint(f'/{name}_planner')], [])
+        seen.topics[f'/{name}'] = TopicSeen([TOPICS[name]], [Endpoint(f'/{name}_planner')], [])
     seen.directions = [[1]] * 300
 
 
@@ -130,7 +131,7 @@ def no_timeout(seen):
 
 
 def odd_direction(seen):
-    seen.topics['/direction'] = TopicSeen([TYPES['direction']], [Endpoint('/exercise')], [])
+    seen.topics['/direction'] = TopicSeen([TOPICS['direction']], [Endpoint('/exercise')], [])
     seen.directions = [[2]] * 300
 
 

@@ -19,16 +19,15 @@ RANGES = {
     'reference': (0.1, 2.0), 'offset': (0.0, 1.0), 'position': (-2.0, 2.0),
     'frequency': (0.5, 500.0), 'growth': (0.0, 2.0), 'speed': (0.1, 2.0), 'width': (0.005, 1.0),
     'directional': (0.0, 1.0), 'reference_temperature': (10.0, 40.0),
-    'time_constant': (0.1, 1000.0), 'distance': (1e-4, 1.0), 'lag': (0.001, 0.1),
-    'first_order': (0.0, 1.0),
+    'time_constant': (0.1, 1000.0), 'distance': (1e-4, 1.0),
     'cosine': (-2.0, 2.0), 'sine': (-2.0, 2.0), 'slope': (-1.0, 1.0), 'fading': (0.0, 1.0),
     # Live there is no acceleration: with it, live and offline are not the same.
     'inertia': (0.0, 0.0), 'with_inertia': (0.0, 1.0), 'linear': (0.0, 1.0),
 }
-FLAGS = {'offset', 'directional', 'first_order', 'fading', 'with_inertia', 'linear'}
+FLAGS = {'offset', 'directional', 'fading', 'with_inertia', 'linear'}
 COLUMNS = {
     'direction_asymmetry': 2, 'gravity': 2, 'cogging': 2, 'friction_ripple': 2, 'temperature': 3,
-    'warm_up': 3, 'actuation_lag': 0, 'hysteresis': 2,
+    'warm_up': 3, 'hysteresis': 2,
 }
 # Even or odd: what the current does when the motion is mirrored in time, at the same place.
 ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction', 'carried_load_friction',
@@ -36,7 +35,7 @@ ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction', 'carried
 EVEN = {'direction_asymmetry', 'gravity', 'spring', 'cogging', 'load_torque', 'offset_drift'}
 HOLDS = {'gravity', 'spring', 'cogging', 'rigid_body', 'other_joints'}
 LIVE = [name for name in EFFECTS if name not in (
-    'inertia', 'load_torque', 'offset_drift', 'actuation_lag')]
+    'inertia', 'load_torque', 'offset_drift')]
 
 
 def constant(name):
@@ -55,9 +54,9 @@ def parameters_of(draw, name):
 def defaults(name, /, **changes):
     """Return parameters in the middle of everything, all coefficients 0.1."""
     middle = {'transition': TRANSITION, 'exponent': 2.0, 'offset': 0.0, 'directional': 1.0,
-              'growth': 0.0, 'first_order': 0.0, 'position': 0.3, 'width': 0.1, 'speed': 1.0,
+              'growth': 0.0, 'position': 0.3, 'width': 0.1, 'speed': 1.0,
               'reference': 1.0, 'velocity': 0.1, 'frequency': 12.0, 'time_constant': 2.0,
-              'distance': 0.05, 'reference_temperature': 25.0, 'lag': 0.02,
+              'distance': 0.05, 'reference_temperature': 25.0,
               'cosine': 0.5, 'sine': 0.2, 'slope': 0.1, 'inertia': 0.0, 'with_inertia': 0.0,
               'fading': 0.0, 'linear': 0.0}
     if name == 'hysteresis':

@@ -47,9 +47,8 @@ PARAMETERS = {
                    'coefficients': [0.1, 0.002]},
     'rest_time': {'time_constant': 1.0, 'distance': 0.05, 'velocity': 0.01, 'transition': 0.02,
                   'coefficients': [0.1]},
-    'actuation_lag': {'lag': 0.02, 'first_order': 0.0, 'coefficients': []},
 }
-LEFT_OUT = {'inertia', 'load_torque', 'offset_drift', 'actuation_lag'}
+LEFT_OUT = {'inertia', 'load_torque', 'offset_drift'}
 # Torques that do not care for the direction of motion: they may hold a joint at rest.
 HOLDS = {'gravity', 'spring', 'cogging', 'rigid_body', 'other_joints'}
 
@@ -83,7 +82,7 @@ class TestEffect:
         assert once.shape == (len(motion),)
         assert np.isfinite(once).all()
         np.testing.assert_allclose(twice.current(motion), 2 * once)
-        assert name == 'actuation_lag' or np.abs(once).max() > 1e-3
+        assert np.abs(once).max() > 1e-3
 
     def test_file_entry_makes_the_same_effect(self, name, motion):
         effect = EFFECTS[name](PARAMETERS[name])
@@ -138,24 +137,13 @@ def test_live_signs_are_never_sharper_than_stated():
 
 def test_lag_moves_the_whole_prediction_in_time(motion):
     sigmoid = Sigmoid(upper=0.2, lower=-0.2, steepness=50.0, viscous=0.1)
-    plain = FrictionModel(Drive(0.1, 100.0), sigmoid)
-    late = FrictionModel(Drive(0.1, 100.0), sigmoid,
-                         effects=[EFFECTS['actuation_lag'](PARAMETERS['actuation_lag'])])
-    np.testing.assert_allclose(
-        late.current(motion)[:-2], plain.current(motion)[2:], atol=1e-9)
-
-
-def test_low_pass_lag_settles_to_the_current_it_follows():
-    time = np.arange(0.0, 2.0, 0.001)
-    samples = Samples(time=time, position=time, velocity=np.ones_like(time),
-                      current=np.zeros_like(time))
-    samples.velocity[:500] = -1.0
-    sigmoid = Sigmoid(upper=0.2, lower=-0.2, steepness=500.0)
-    lag = EFFECTS['actuation_lag']({'lag': 0.05, 'first_order': 1.0, 'coefficients': []})
-    current = FrictionModel(Drive(0.1, 100.0), sigmoid, effects=[lag]).current(samples)
-    after = current[500 + 50]
-    assert after == pytest.approx(0.2 - 0.4 * math.exp(-1.0), abs=0.005)
-    assert current[-1] == pytest.approx(0.2, abs=1e-6)
+    effects = [EFFECTS['gravity']({'coefficients': [0.3, 0.1]})]
+    settings = {'source': 'velocity', 'bandwidth': None}
+    late, plain = (
+        FrictionModel(Drive(0.1, 100.0), sigmoid, effects=effects,
+                      differentiation={**settings, **lag}).predict(motion)
+        for lag in ({'lag': 0.02}, {}))
+    np.testing.assert_allclose(late[:-2], plain[2:], atol=1e-9)
 
 
 def test_hysteresis_turns_round_over_its_distance():

@@ -223,6 +223,7 @@ def weeks(folder, days=8, slope=0.02):
                           custom_data={'model_file': 'm.yaml'})
 
 
+@pytest.mark.slow
 def test_weeks_of_sessions_are_a_trend(tmp_path, capsys):
     weeks(tmp_path / 'sessions')
     (tmp_path / 'sessions' / 'broken.mcap').write_bytes(b'no recording')
@@ -259,6 +260,7 @@ def test_every_joint_is_evaluated(tmp_path):
     assert [joint['joint'] for joint in report['joints']] == ['elbow', 'wrist']
 
 
+@pytest.mark.slow
 def test_a_stream_finds_the_same_movements_as_the_whole(tmp_path):
     peaks = [1.0 + 0.02 * k for k in range(24)]
     write_samples(tmp_path / 'long', trial(peaks, directions=[1, -1] * 12))

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from friction_comp.errors import InputError
+from friction_comp.exercise.exercise_script import exercise_of, load_exercise
 from friction_comp.package_files import package_file
-from friction_comp.simulation.exercise_script import exercise_of, load_exercise
 
 EXAMPLE = package_file('config', 'exercises', 'two_joints.yaml')
 DOCUMENT = yaml.safe_load(EXAMPLE.read_text(encoding='utf-8'))
@@ -99,7 +99,7 @@ def changed(path, value):
     (['speed'], 1, 'unknown'), (['steps'], [], 'steps'),
     (['steps', 0], {'hold': 0}, r'steps\[1\].hold'),
     (['steps', 0], {'to': {'elbow': 10}, 'time': 1.0}, 'must be a hold'),
-    (['steps', 1], {'to': {'knee': 10}, 'time': 1.0}, r'steps\[2\].to: .knee'),
+    (['steps', 1], {'to': {'knee': 10}, 'time': 1.0}, r'steps\[2\].to has unknown entries: knee;'),
     (['steps', 1], {'to': {'elbow': float('nan')}, 'time': 1.0}, r'steps\[2\].to.elbow'),
     (['steps', 1], {'to': {'elbow': 10}}, r'steps\[2\]'),
     (['steps', 1], {'to': {'elbow': 10}, 'time': 1.0, 'speed': 2.0}, r'steps\[2\]'),

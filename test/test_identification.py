@@ -58,6 +58,7 @@ def quick():
     return model, *identify(model, IdentificationGoal(**QUICK))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', SLOPES)
 def test_drives_of_the_note_are_identified(number):
     model = note_model(number)

@@ -51,6 +51,7 @@ def level(gears):
     return (gears['static'] + gears['link_coulomb']) / gears['torque_per_current']
 
 
+@pytest.mark.slow
 def test_breakaway_is_what_was_set():
     gears = plain_gears()
     found = breakaway_currents(gears, EVEN, repetitions=2)
@@ -204,6 +205,7 @@ def test_draws_are_the_same_again_and_halves_differ():
     assert not np.any(first.gears['stiffness'] == other.gears['stiffness'])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('kind', 'seed'), [('maxwell_slip', 27), ('lugre', 25), ('dahl', 23)])
 def test_identification_finds_what_a_gear_with_presliding_bears(kind, seed):
     """The motion before the slide, a millimetre or more at the rim, is not taken for the slide."""
@@ -211,6 +213,7 @@ def test_identification_finds_what_a_gear_with_presliding_bears(kind, seed):
         assert row.met, row
 
 
+@pytest.mark.slow
 def test_a_link_much_heavier_than_its_rotor_does_not_rattle_through_identification():
     bank = make_bank(world, ['lugre'], 1, 6, 8)
     rows = {row.floor: row for row in identification(bank, quick=True)}

@@ -6,6 +6,7 @@ from argparse import Namespace
 import json
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import sys
@@ -48,6 +49,7 @@ def trials(room, count=10):
     return room
 
 
+@pytest.mark.slow
 def test_each_recording_has_its_own_report_and_one_page_tells_of_all(folder, tmp_path, capsys):
     out = tmp_path / 'out'
     assert run('refine', [str(folder), '--each', '--output', str(out)]) == 0
@@ -128,10 +130,10 @@ def test_a_mistake_in_the_program_costs_one_of_many_and_is_seen_with_one():
 
 def work_that_may_die(number):
     """Run in a worker."""
-    time.sleep(0.4)
-    if number == 3:
+    time.sleep(0.2)
+    if number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
-    if number == 4:
+    if number == 3:
         raise InputError(f'{number}: not this one')
     return number ** 2, os.getpid()
 
@@ -140,15 +142,15 @@ def work_that_may_die(number):
 def test_a_process_that_is_killed_costs_what_it_had():
     pytest.importorskip('distributed', reason='Dask is an extra')
     found = {}
-    with tool.workers(Namespace(jobs=2, scheduler=None), 12) as spread:
-        for number, outcome in spread(work_that_may_die, list(range(12))):
+    with tool.workers(Namespace(jobs=2, scheduler=None), 6) as spread:
+        for number, outcome in spread(work_that_may_die, list(range(6))):
             # What its process has done, but nobody fetched before it dies, is not lost either.
             time.sleep(0.0 if found else 1.0)
             found[number] = outcome
-    assert sorted(found) == list(range(12))
-    assert 'killed' in found[3].reason
-    assert found[4] == Failure('4: not this one')
-    others = [k for k in range(12) if k not in (3, 4)]
+    assert sorted(found) == list(range(6))
+    assert 'killed' in found[2].reason
+    assert found[3] == Failure('3: not this one')
+    others = [0, 1, 4, 5]
     assert [found[k][0] for k in others] == [k ** 2 for k in others]
     assert os.getpid() not in {found[k][1] for k in others}
 
@@ -158,24 +160,24 @@ def test_processes_are_started_only_where_they_save_time(tmp_path, monkeypatch):
         raise AssertionError('a process was started')
     monkeypatch.setattr(tool, '_client', no_cluster)
     open_end = Namespace(jobs=None, scheduler=None)
-    for count, worth_it in ((tool.WORTH_IT - 1, None), (500, False)):
-        with tool.workers(open_end, count, worth_it) as how:
+    for count, share in ((tool.MIN_SHARED - 1, None), (500, False)):
+        with tool.workers(open_end, count, share) as how:
             assert how is in_turn
-    room = trials(tmp_path / 'r', tool.WORTH_IT)
+    room = trials(tmp_path / 'r', tool.MIN_SHARED)
     # Small recordings are evaluated faster than a process starts.
     assert run('evaluate', [str(room), '--output', str(tmp_path / 'out')]) == 0
     monkeypatch.setattr(tool, 'installed', lambda: True)
     monkeypatch.setattr('os.cpu_count', lambda: 2)
-    for count, worth_it in ((tool.WORTH_IT, None), (2, True)):
+    for count, share in ((tool.MIN_SHARED, None), (2, True)):
         with pytest.raises(AssertionError, match='was started'), \
-                tool.workers(open_end, count, worth_it):
+                tool.workers(open_end, count, share):
             pass
 
 
 @pytest.mark.slow
 def test_processes_evaluate_what_one_does(tmp_path):
     pytest.importorskip('distributed', reason='Dask is an extra')
-    room = trials(tmp_path / 'r', 3)
+    room = trials(tmp_path / 'r', 2)
     for jobs in ('1', '2'):
         assert run('evaluate', [str(room), '--output', str(tmp_path / jobs), '--jobs', jobs]) == 0
     for name in ('report.json', 'repetitions.csv'):
@@ -236,12 +238,11 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     pytest.importorskip('distributed', reason='Dask is an extra')
     room, out = tmp_path / 'r', tmp_path / 'out'
     drive = random_drive(3, ['gravity'])
-    # The first is short, the others take long.
-    for duration, rate, days in ((15.0, 125.0, (0,)), (80.0, 500.0, (1, 2))):
-        samples = record(drive, days[0], excitation_for(
-            ['gravity'], duration=duration, rate=rate))[0]
-        for day in days:
-            write_samples(room / f'day_{day}', samples.samples)
+    # Two processes: when the first recording is done, another one has only just begun.
+    write_samples(room / 'day_0', record(drive, 0, excitation_for(
+        ['gravity'], duration=15.0, rate=125.0))[0].samples)
+    for day in range(1, 4):
+        shutil.copytree(room / 'day_0', room / f'day_{day}')
     process = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'refine', str(room), '--each', '--jobs', '2',
          '--output', str(out)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -257,7 +258,7 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     assert process.returncode == 130
     assert errors == ''
     content = json.loads((out / 'report.json').read_text())
-    assert content['not_done'] + len(content['recordings']) == 3
+    assert content['not_done'] + len(content['recordings']) == 4
     assert content['not_done'] > 0
     assert 'Interrupted' in told
     assert np.isfinite(content['recordings'][0]['after'])

@@ -18,10 +18,9 @@ def model():
         drive=Drive(0.119, 100.0, encoder_counts=4000),
         sigmoid=Sigmoid(upper=0.1, lower=-0.09, steepness=70.0, shift=0.002, viscous=0.05),
         breakaway=Breakaway(0.1, -0.11, 0.003, 0.004),
-        effects=[EFFECTS['gravity']({'coefficients': [0.2, -0.1]}),
-                 EFFECTS['actuation_lag']({'lag': 0.004, 'first_order': 0.0,
-                                           'coefficients': []})],
-        joint='elbow', differentiation={'source': 'position', 'bandwidth': 40.0})
+        effects=[EFFECTS['gravity']({'coefficients': [0.2, -0.1]})],
+        joint='elbow',
+        differentiation={'source': 'position', 'bandwidth': 40.0, 'lag': 0.004})
 
 
 def test_a_written_model_is_read_back_whole(model, tmp_path):
@@ -37,8 +36,18 @@ def test_a_written_model_is_read_back_whole(model, tmp_path):
         assert again.sigmoid(speed) == pytest.approx(model.sigmoid(speed), rel=1e-9)
 
 
+def test_the_lag_of_earlier_model_files_is_how_motion_is_computed(model):
+    entry = {'name': 'actuation_lag', 'variable': 'history', 'parameters': {
+        'lag': 0.03, 'first_order': 0.0, 'coefficients': []}}
+    document = {**model.to_dict(), 'differentiation': {'source': 'velocity', 'bandwidth': None}}
+    document['effects'] = [*document['effects'], entry]
+    again = FrictionModel.from_dict(document)
+    assert [effect.name for effect in again.effects] == ['gravity']
+    assert again.differentiation == {'source': 'velocity', 'bandwidth': None, 'lag': 0.03}
+
 
 @pytest.mark.parametrize(('change', 'reason'), [
+    ({'differentiation': {'lag': 'long'}}, 'differentiation'),
     ({'format': 'something'}, 'format'),
     ({'version': 99}, 'version'),
     ({'drive': {'torque_constant': 0.1}}, 'gear_ratio'),

@@ -28,10 +28,9 @@ EFFECT = {
     'hysteresis': {'distance': (1e-3, 0.2), 'exponent': (0.5, 2.0), 'transition': (1e-4, 0.05)},
     'warm_up': {'time_constant': (1.0, 500.0), 'transition': (1e-4, 0.05)},
     'temperature': {'reference_temperature': (10.0, 40.0), 'transition': (1e-4, 0.05)},
-    'actuation_lag': {'lag': (0.001, 0.1), 'first_order': (0.0, 0.0)},
 }
 COEFFICIENTS = {'stribeck': 1, 'gravity': 2, 'cogging': 2, 'hysteresis': 2, 'warm_up': 3,
-                'temperature': 3, 'actuation_lag': 0}
+                'temperature': 3}
 
 
 @st.composite

@@ -14,11 +14,11 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 from ros_system import MODELS, own_domain, probe_node, Process, value_of
 
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings.reader import read_recording_with_info
 from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.loop import closed_loop
-from friction_comp.simulation.reference_movement import ReferenceMovement
+from simulated_recordings.closed_loop import closed_loop
 
 JOINT = 'elbow'
 MOVEMENT = {'amplitude': 0.25, 'speed': 0.7, 'acceleration_time': 0.2, 'standstill': 0.4,

@@ -20,9 +20,9 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 import yaml
 
+from friction_comp.nodes.dated_topics import diagnosed_nodes, stamp_of
 from friction_comp.nodes.losses import Losses
 from friction_comp.nodes.recorded_topic import RecordedTopic
-from friction_comp.nodes.recorder import stamp_of, who_says
 from friction_comp.recordings import find_recordings, read_recording_with_info
 
 
@@ -186,7 +186,7 @@ def test_a_bad_message_costs_itself_and_no_other(tmp_path):
 def test_bytes_that_are_no_message_have_no_stamp_and_nobody_who_says_them():
     for bytes_ in (b'', b'\0\1\0\0', b'\0\1\0\0\1\0\0\0', b'\xff' * 40):
         assert stamp_of(bytes_) == 0
-        assert who_says(bytes_) == ''
+        assert diagnosed_nodes(bytes_) == ''
     assert stamp_of(b'\0\1\0\0' + b'\1\0\0\0' + b'\2\0\0\0') == 1_000_000_002
 
 

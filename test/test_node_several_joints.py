@@ -11,12 +11,12 @@ from ros_system import CONFIG, MODELS, own_domain, probe_node, Process, value_of
 from rosbags.highlevel import AnyReader
 
 from friction_comp.compensation.law import CompensationLaw
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings.reader import read_recording_with_info
 from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.loop import closed_loop
-from friction_comp.simulation.reference_movement import ReferenceMovement
 from friction_comp.simulation.undeclared import Undeclared
+from simulated_recordings.closed_loop import closed_loop
 
 JOINTS = ['elbow', 'shoulder']
 FILES = MODELS[:2]

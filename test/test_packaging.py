@@ -352,14 +352,6 @@ def test_the_action_comes_from_the_install_space(workspace):
     assert all(install in Path(name).parents for name in files.split())
 
 
-@pytest.mark.slow
-def test_types_are_kept():
-    pytest.importorskip('mypy', reason='mypy is not installed (requirements/test.txt)')
-    checked = subprocess.run([sys.executable, '-m', 'mypy'], cwd=ROOT, capture_output=True,
-                             text=True, check=False)
-    assert checked.returncode == 0, checked.stdout + checked.stderr
-
-
 def test_the_same_ruff_runs_before_a_commit_and_in_make_lint():
     hooks = yaml.safe_load((ROOT / '.pre-commit-config.yaml').read_text(encoding='utf-8'))
     ruff = next(repo for repo in hooks['repos'] if 'ruff' in repo['repo'])

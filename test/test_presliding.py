@@ -13,9 +13,9 @@ from friction_comp.identification.run import IdentificationRun
 from friction_comp.model.friction_model import FrictionModel, Presliding
 from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
 from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
-from friction_comp.simulation.random_gears import random_gear
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import COLUMNS
+from simulated_recordings.random_gears import random_gear
 
 
 def identified(gear, seed):
@@ -38,6 +38,7 @@ def identified(gear, seed):
     raise AssertionError('never finished')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('kind', 'seed'), [
     ('clamp', 2), ('maxwell_slip', 2), ('maxwell_slip', 5), ('lugre', 1), ('lugre', 4)])
 def test_identification_finds_breakaway_and_presliding(kind, seed, tmp_path):

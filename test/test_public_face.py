@@ -81,6 +81,7 @@ complete_it friction_comp refine --ea
     assert done.stdout.splitlines() == ['recorder refinement reproduce refine', '--each']
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_by_an_import(tmp_path):
     rooms = [path for path in (ROOT / 'friction_comp').rglob('*.py')
              if path.stem != '__main__' and 'nodes' not in path.parts]

@@ -23,6 +23,7 @@ QUOTED = json.loads((Path(__file__).resolve().parent.parent / 'docs' / 'figures'
                      / 'reproduce.json').read_text(encoding='utf-8'))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('experiment', EXPERIMENTS, ids=lambda e: f'configuration {e.number}')
 def test_breakaway_agrees_with_the_note(experiment):
     """Mean within 1 %, standard deviation within 20 %, both directions, 200 cycles."""
@@ -35,6 +36,7 @@ def test_breakaway_agrees_with_the_note(experiment):
         assert std == pytest.approx(experiment.breakaway_std, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_trial():
     """Results do not depend on how runs are shared among cores."""
     experiment = EXPERIMENTS[0]
@@ -44,6 +46,7 @@ def test_the_same_seed_gives_the_same_trial():
     assert np.array_equal(one.log['position'], two.log['position'])
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_whole_tool(tmp_path):
     """Every floor holds, and the page and the numbers are there."""
@@ -86,6 +89,7 @@ def test_bad_arguments_leave_nothing(tmp_path, capsys):
     assert not (tmp_path / 'out').exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL], ids=lambda n: n.name)
 def test_an_interrupt_leaves_no_process(tmp_path, number):
     """Sent to the tool alone, while a process of its own measures a look-up table."""

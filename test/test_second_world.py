@@ -26,6 +26,7 @@ def reference(kind, seconds=4.0):
 FOLLOWS = Controller(proportional=40.0, derivative=2.0, integral=20.0)
 
 
+@pytest.mark.slow
 def test_motor_work_is_stored_or_lost():
     joint = Joint(inertia=0.05, coulomb=0.4, viscous=0.2, gravity=1.3, gravity_phase=0.4,
                   spring=0.5, stribeck=0.6)

@@ -92,6 +92,7 @@ def test_least_absolute_deviations_agree_with_linear_programming():
         assert found == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(12))
 def test_fit_is_as_good_as_a_brute_force_global_search(seed):
     speeds, currents = random_drive(seed)
@@ -99,6 +100,7 @@ def test_fit_is_as_good_as_a_brute_force_global_search(seed):
     assert error <= 1.001 * brute_force(speeds, currents)
 
 
+@pytest.mark.slow
 def test_many_drives_are_fitted_below_the_truth():
     for seed in range(100, 180):
         speeds, currents = random_drive(seed)

@@ -9,7 +9,7 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from ros_system import joint_state
 
-from friction_comp.nodes.joint_states import CONTESTED, JointStates, MALFORMED, NEW
+from friction_comp.nodes.joint_states import CONTESTED, JointStateInput, MALFORMED, NEW
 from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 
 SECOND = 1_000_000_000
@@ -90,7 +90,7 @@ def test_a_joint_named_twice_has_no_direction_and_others_keep_theirs():
 
 def judged(numbers, publishers, names=('elbow',), joints=('elbow',)):
     """Return the verdicts on states with their publishers' numbers, a millisecond apart."""
-    states = JointStates(list(joints), SECOND // 20)
+    states = JointStateInput(list(joints), SECOND // 20)
     states.publishers = publishers
     return [states.take(joint_state(SECOND + k * 1_000_000, names, [0.1] * len(names)),
                         SECOND + k * 1_000_000, 0, number)
@@ -110,7 +110,7 @@ def test_two_publishers_of_a_joint_are_told_by_their_numbers(numbers, publishers
 
 
 def test_publishers_of_different_joints_and_one_that_is_alone_again_are_believed():
-    states = JointStates(['elbow'], SECOND // 20)
+    states = JointStateInput(['elbow'], SECOND // 20)
     states.publishers = ['/a', '/b']
     verdicts = []
     for k, (name, number) in enumerate((('elbow', 9), ('knee', 2), ('elbow', 10), ('knee', 3))):

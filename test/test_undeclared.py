@@ -231,13 +231,13 @@ def test_example_file_is_read():
     ('format: friction_comp_undeclared\nversion: 2', 'version 2'),
     ('[', 'not a YAML document'),
     ('{format: friction_comp_undeclared, version: 1, effects: 3}', 'not a list'),
-    ('{format: friction_comp_undeclared, version: 1, effect: []}', "['effect']"),
+    ('{format: friction_comp_undeclared, version: 1, effect: []}', 'unknown entries: effect;'),
     ('{format: friction_comp_undeclared, version: 1, effects: [{name: magic}]}', "'magic'"),
     ('{format: friction_comp_undeclared, version: 1, effects: [{name: offset}]}', 'needs torque'),
     ('{format: friction_comp_undeclared, version: 1, effects: '
      '[{name: offset, parameters: {torque: .nan}}]}', 'torque must be a finite number'),
     ('{format: friction_comp_undeclared, version: 1, effects: '
-     '[{name: offset, parameters: {torque: 1, size: 2}}]}', "['size']"),
+     '[{name: offset, parameters: {torque: 1, size: 2}}]}', 'unknown entries: size;'),
     ('{format: friction_comp_undeclared, version: 1, thermal: {time_constant: 0}}',
      'time_constant'),
 ])

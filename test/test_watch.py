@@ -22,13 +22,13 @@ from bokeh.models import ColumnDataSource, Select, Slider, Toggle
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.monitoring.checkup import TYPES
 from friction_comp.package_files import package_file
 from friction_comp.recordings import recorded_joints, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
 from friction_comp.reports.live_page import drawn, live_page, SIGNALS
 from friction_comp.samples import Samples
 from friction_comp.tools import watch
+from friction_comp.topics import TOPICS
 
 FILE = package_file('config', 'armin_configuration_1.yaml')
 MODEL = FrictionModel.load(FILE)
@@ -152,6 +152,7 @@ def test_no_line_across_a_gap_and_no_residual_at_rest(feed):
     assert np.isfinite(shown['residual'][moving]).all()
 
 
+@pytest.mark.slow
 def test_served_to_this_machine_alone_without_anything_from_elsewhere(recording):
     process = subprocess.Popen(
         [sys.executable, '-m', 'friction_comp', 'watch', str(recording), '--port', '0'],
@@ -196,7 +197,7 @@ def test_the_layouts_of_other_viewers_name_topics_of_this_package():
              for path in panel.get('paths', ())]
     curves = [curve.get('name') for curve in ElementTree.parse(
         folder / 'plotjuggler.xml').iter('curve')]
-    assert {re.match(r'/(\w+)', name)[1] for name in paths + curves} <= set(TYPES)
+    assert {re.match(r'/(\w+)', name)[1] for name in paths + curves} <= set(TOPICS)
     # Of the joint that README's first lines and its example recordings have.
     named = {name.split('/')[2] for name in curves if name.startswith(('/joint_states', '/ref'))}
     example = Path(__file__).parents[1] / 'examples' / 'elbow' / 'with_direction.mcap.zstd'

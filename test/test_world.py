@@ -10,6 +10,7 @@ import pytest
 
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.errors import InputError
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.simulation.batch import closed_loops
@@ -18,11 +19,10 @@ from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.joint_kernel import bank_sample, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters
 from friction_comp.simulation.joint_records import JOINT_STATE
-from friction_comp.simulation.loop import closed_loop
 from friction_comp.simulation.person import ARRIVED, ReferenceHold
 from friction_comp.simulation.random_sequence import random_states
-from friction_comp.simulation.reference_movement import ReferenceMovement
 from friction_comp.simulation.undeclared import Undeclared
+from simulated_recordings.closed_loop import closed_loop
 
 
 def models():

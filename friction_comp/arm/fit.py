@@ -7,6 +7,9 @@ with the torque τ of the rigid bodies, linear in the links' parameters π (Atke
 1986), and a current per torque k_j, since an arm's drive constants are seldom known. One π serves
 all joints: what a wrist shows of its own weight the shoulder has to carry as well. Parameters that
 the motion does not show stay at the URDF's figures, and every π is that of possible bodies.
+
+Sums of products of these columns over stretches of the recordings are all that is fitted to: every
+choice (filter, mounting, regularisation) is made by the error of stretches that were left out.
 """
 
 from __future__ import annotations
@@ -14,17 +17,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
+import math
 from typing import Any, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from friction_comp.arm.link_inertia import Bodies
 from friction_comp.arm.link_intervals import link_intervals, LinkIntervals
-from friction_comp.arm.robust import bulk_weights, stretches_of
-from friction_comp.arm.solver import normal_matrices, predict, Prior, solve, Unknowns
+from friction_comp.arm.products import FOLDS, FRICTION, stretches_of, Sums, sums_of
+from friction_comp.arm.solver import Prior, solve, squares, Unknowns
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
-from friction_comp.model.arm.tree import FREE_FALL, Tree
+from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
@@ -37,12 +41,10 @@ STRENGTHS = tuple(float(value) for value in np.geomspace(1.0, 1e6, 13))
 _FIRST_STRENGTH = 100.0
 # Held-out errors that differ by less are as good as each other; the URDF is believed then.
 _AS_GOOD = 0.01
-_FOLDS = 3
 # Another direction of gravity than the URDF's has to lower errors by this share.
 _CLEARLY_BETTER = 0.15
-# Friction of an arm's joint turns round within this share of its usual top speed.
-_TRANSITION, _STILL = 0.03, 0.01
 _SAY = 0.1  # of a joint's current that friction explains, before it tells the efforts' sign
+_ROUNDS = 3
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
 _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
 # Of the logarithm of current per torque: drives of one arm differ by a factor. Where they are
@@ -76,7 +78,7 @@ class ArmFit:
     friction : ndarray, shape (J, 4)
         Offset A, Coulomb A, viscous A·s/rad and rotor A·s²/rad, as far as the fit needs them.
     differentiation : dict
-        How velocity and acceleration were had of the recording.
+        How velocity and acceleration are computed from position.
     strength : float
         Of the regularisation.
     held_out, without : ndarray, shape (J,)
@@ -104,8 +106,8 @@ class ArmFit:
     def torque(self, samples: Samples) -> np.ndarray:
         """Return the torque in N·m that the links ask of a joint, shape (N,).
 
-        Every sample's is that of links which were fitted without its stretch of the recording, so
-        that what is found with it on other stretches is found honestly.
+        The torque in each stretch of a recording is that of links fitted without this stretch, so
+        that what is predicted with it there was not fitted to it.
 
         Parameters
         ----------
@@ -124,32 +126,6 @@ class ArmFit:
             ratio = part.scales[place] / self.scales[place]
             total[rows] = ratio * part.tree.torques(*(x[rows] for x in motion))[:, place]
         return total
-
-
-@dataclass
-class _Problem:
-    """Rows of all joints with their columns."""
-
-    regressor: np.ndarray
-    friction: np.ndarray
-    current: np.ndarray
-    counts: np.ndarray
-    stretch: np.ndarray
-    weights: np.ndarray
-
-    @property
-    def fold(self) -> np.ndarray:
-        return self.stretch % _FOLDS
-
-    def matrices(self) -> np.ndarray:
-        """Return the products of columns, summed over the samples of each fold."""
-        return self.summed(self.fold)
-
-    def summed(self, group: np.ndarray) -> np.ndarray:
-        """Return the products of columns, summed over the samples of each group from 0 on."""
-        return np.array([normal_matrices(
-            self.regressor[rows], self.friction[rows], self.current[rows], self.weights[rows])
-            for rows in (group == number for number in range(int(group.max()) + 1))])
 
 
 def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = None,
@@ -189,13 +165,14 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     report(0.7)
     _, settings, problem, prior, x = best
     prior, errors = _choose_strength(problem, prior, x)
-    matrices = problem.matrices()
-    parts = [solve(matrices.sum(axis=0) - own, prior, x) for own in matrices]
+    parts = [solve(problem.total - own, prior, x) for own in problem.folds]
     report(0.8)
-    still = replace(problem, regressor=np.zeros_like(problem.regressor))
-    without = _held_out(still, prior, x)
-    whole = _problem(chain, joints, settings, _MOST_ROWS['final'])
-    x = _settle(whole, prior, x, rounds=4)
+    links = len(joints) * PARAMETERS
+    still = problem.sums.copy()
+    still[..., :links, :] = still[..., :links] = 0.0
+    without = _held_out(replace(problem, sums=still), prior, x)
+    whole = sums_of(chain, joints, settings, _MOST_ROWS['final'])
+    whole, x = _settled(whole, prior, x)
     report(1.0)
     unknowns = Unknowns(len(joints))
 
@@ -204,16 +181,17 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
                 np.exp(numbers[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
     unseen = [Unseen(int(joints[0].recording[row]), float(joints[0].time[row]),
-                     *found(parts[number % _FOLDS])) for number, row in enumerate(first)]
+                     *found(parts[number % FOLDS])) for number, row in enumerate(first)]
     tree, scales = found(x)
     return ArmFit(
         tree, chain.tree, scales,
         np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
-        prior.strength, errors, without, identifiable(whole.regressor), unseen,
-        link_intervals(whole.summed(whole.stretch), prior, x))
+        prior.strength, errors, without,
+        identifiable(whole.total[:, :links, :links].sum(axis=0)), unseen,
+        link_intervals(whole.sums, prior, x))
 
 
-_Trial: TypeAlias = 'tuple[float, dict[str, Any], _Problem, Prior, np.ndarray]'
+_Trial: TypeAlias = 'tuple[float, dict[str, Any], Sums, Prior, np.ndarray]'
 
 
 def _best_settings(
@@ -234,7 +212,7 @@ def _trial(
 
     None is for an arm that asks of no joint what its current shows.
     """
-    problem = _problem(chain, joints, settings, _MOST_ROWS['choice'])
+    problem = sums_of(chain, joints, settings, _MOST_ROWS['choice'])
     usual = _usual_scale(problem, bodies)
     if usual is None:
         return None
@@ -245,7 +223,7 @@ def _trial(
     unknowns = Unknowns(len(joints))
     x = np.zeros(unknowns.size)
     x[unknowns.scales] = prior.log_scale
-    x = _settle(problem, prior, x)
+    problem, x = _settled(problem, prior, x)
     return float(np.mean(np.log(_held_out(problem, prior, x)))), settings, problem, prior, x
 
 
@@ -281,20 +259,20 @@ def _mounted(chain: Chain, joints: list[Samples], bodies: Bodies, best: Any,
     return mounted, _best_settings(mounted, joints, bodies, declared, lambda share: None)
 
 
-def identifiable(regressor: np.ndarray, least: float = 1e-6) -> int:
+def identifiable(products: np.ndarray, least: float = 1e-6) -> int:
     """Return the number of base parameters: combinations that joint torques show.
 
     Parameters
     ----------
-    regressor : ndarray, shape (N, J, 10·J)
+    products : ndarray, shape (10·J, 10·J)
+        Sums of products of the links' columns.
     least : float
         Share of the largest singular value that still counts; columns are normalised.
     """
-    stacked = regressor.reshape(-1, regressor.shape[2])
-    norm = np.linalg.norm(stacked, axis=0)
-    seen = stacked[:, norm > 1e-9 * max(norm.max(), 1e-300)]
-    seen = seen / np.linalg.norm(seen, axis=0)
-    values = np.sqrt(np.maximum(np.linalg.eigvalsh(seen.T @ seen), 0.0))
+    norm = np.sqrt(np.diag(products))
+    seen = norm > 1e-9 * max(norm.max(), 1e-300)
+    scaled = products[np.ix_(seen, seen)] / norm[seen] / norm[seen, None]
+    values = np.sqrt(np.maximum(np.linalg.eigvalsh(scaled), 0.0))
     return int(np.count_nonzero(values > least * values.max(initial=0.0)))
 
 
@@ -310,46 +288,30 @@ def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
             for source in sources for value in [*narrow, None]]
 
 
-def _problem(chain: Chain, joints: list[Samples], settings: dict[str, Any],
-             most_rows: int) -> _Problem:
-    q, v, a = moving_states(joints[0], chain.tree.joints, settings)
-    every = max(1, len(q) // most_rows)
-    rows = slice(None, None, every)
-    q, v, a = q[rows], v[rows], a[rows]
-    current = np.column_stack([one.current[rows] for one in joints])
-    top = np.maximum(np.percentile(np.abs(v), 95, axis=0), 1e-9)
-    friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
-    moving = np.abs(v) > _STILL * top
-    # Stiction takes any value at rest; a joint that hardly ever moves has nothing else to show.
-    counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
-    # A gripper's effort that is never anything but zero tells nothing.
-    counts &= np.ptp(current, axis=0) > 0.0
-    return _Problem(
-        chain.regressor(q, v, a), friction, current, counts.astype(float),
-        stretches_of(joints[0].recording)[rows],
-        counts / np.maximum(np.var(current, axis=0), 1e-12))
-
-
-def _usual_scale(problem: _Problem, bodies: Bodies) -> float | None:
+def _usual_scale(problem: Sums, bodies: Bodies) -> float | None:
     """Return the current per torque, A per N·m, by which the URDF's figures fit the whole arm.
 
     None where they fit no joint.
     """
     scales, sizes, resisting = [], [], []
-    torque = problem.regressor @ bodies.known.ravel()
-    for joint in range(problem.current.shape[1]):
-        rows = problem.counts[:, joint] > 0
-        if not rows.any():
-            continue
-        matrix = np.column_stack((torque[rows, joint], problem.friction[rows, joint]))
-        norm = np.linalg.norm(matrix, axis=0) + 1e-300
-        found = np.linalg.lstsq(matrix / norm, problem.current[rows, joint], rcond=1e-9)[0]
-        sliding = np.linalg.norm(matrix[:, 2:4] @ (found / norm)[2:4])
-        if sliding > _SAY * np.linalg.norm(problem.current[rows, joint]):  # it did not stand still
-            resisting.append(found[2] + found[3] > 0.0)
+    known = bodies.known.ravel()
+    for matrix in problem.total[problem.counts > 0.0]:
+        # The URDF's torque, friction and the current.
+        pick = np.zeros((len(matrix), FRICTION + 2))
+        pick[:known.size, 0] = known
+        pick[known.size:, 1:] = np.eye(FRICTION + 1)
+        own = pick.T @ matrix @ pick
+        norm = np.sqrt(np.maximum(np.diag(own), 0.0)) + 1e-300
+        own = own / norm / norm[:, None]
+        found = np.linalg.pinv(own[:-1, :-1], rcond=1e-12, hermitian=True) @ own[:-1, -1]
+        if own[-1, -1] > 0.0:
+            # In shares of the current; below, the joint stood still or nothing resists it.
+            sliding = math.sqrt(max(found[2:4] @ own[2:4, 2:4] @ found[2:4], 0.0))
+            if sliding > _SAY:
+                resisting.append(found[2] / norm[2] + found[3] / norm[3] > 0.0)
         if found[0] > 0.0:
-            scales.append(np.log(found[0] / norm[0]))
-            sizes.append(abs(found[0]) / max(np.linalg.norm(problem.current[rows, joint]), 1e-300))
+            scales.append(math.log(found[0] * norm[-1] / norm[0]))
+            sizes.append(found[0])
     if resisting and np.mean(resisting) < 0.5:
         raise InputError('the efforts push the joints along as they move: their sign is not that '
                          'of the positions')
@@ -361,40 +323,31 @@ def _usual_scale(problem: _Problem, bodies: Bodies) -> float | None:
     return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))
 
 
-def _settle(problem: _Problem, prior: Prior, x: np.ndarray, rounds: int = 3) -> np.ndarray:
-    """Return the unknowns by iteratively reweighted least squares; weights stay in the problem."""
-    for _ in range(rounds):
-        x = solve(problem.matrices().sum(axis=0), prior, x)
-        residual = problem.current - predict(x, prior.bodies, problem.regressor, problem.friction)
-        for joint in range(residual.shape[1]):
-            rows = problem.counts[:, joint] > 0
-            if not rows.any():
-                continue
-            problem.weights[:, joint] = problem.counts[:, joint] * bulk_weights(
-                residual[:, joint], rows)
-    return x
+def _settled(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Sums, np.ndarray]:
+    """Return the unknowns, and the problem in units of the variance that each joint leaves."""
+    for _ in range(_ROUNDS):
+        x = solve(problem.total, prior, x)
+        left = squares(problem.total, prior.bodies, x) / np.maximum(problem.counts, 1.0)
+        left = np.maximum(left, 1e-24)
+        problem = Sums(problem.sums / left[:, None, None], problem.variance * left,
+                       problem.counts)
+    return problem, x
 
 
-def _held_out(problem: _Problem, prior: Prior, x: np.ndarray,
-              matrices: Any | None = None) -> np.ndarray:
+def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
     """Return each joint's RMS error in A on stretches that were not fitted, shape (J,)."""
-    matrices = problem.matrices() if matrices is None else matrices
-    residual = np.empty_like(problem.current)
-    for number in range(_FOLDS):
-        out = problem.fold == number
-        found = solve(matrices.sum(axis=0) - matrices[number], prior, x)
-        residual[out] = problem.current[out] - predict(
-            found, prior.bodies, problem.regressor[out], problem.friction[out])
-    sums = np.sum(problem.counts * residual ** 2, axis=0)
-    return np.sqrt(sums / np.maximum(problem.counts.sum(axis=0), 1.0)) + 1e-12
+    total, sums = problem.total, np.zeros(len(problem.counts))
+    for own in problem.folds:
+        sums += squares(own, prior.bodies, solve(total - own, prior, x))
+    return np.sqrt(sums * problem.variance / np.maximum(problem.counts, 1.0)) + 1e-12
 
 
-def _choose_strength(problem: _Problem, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
+def _choose_strength(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
     """Return the prior with the largest strength that predicts as well as the best."""
-    found, matrices = [], problem.matrices()
+    found = []
     for strength in STRENGTHS:
         trial = replace(prior, strength=strength)
-        errors = _held_out(problem, trial, x, matrices)
+        errors = _held_out(problem, trial, x)
         found.append((float(np.mean(np.log(errors))), trial, errors))
     least = min(entry[0] for entry in found)
     return [entry[1:] for entry in found if entry[0] <= least + _AS_GOOD][-1]

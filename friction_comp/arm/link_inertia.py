@@ -56,11 +56,6 @@ def parameters_of(pseudo: np.ndarray) -> np.ndarray:
         -pseudo[..., 0, 2], -pseudo[..., 1, 2], trace - pseudo[..., 2, 2]], axis=-1)
 
 
-def possible(parameters: ArrayLike) -> bool:
-    """Tell whether a body of positive density has these ten parameters."""
-    return bool(np.linalg.eigvalsh(pseudo_inertia(parameters))[0] > 0.0)
-
-
 def nearest_possible(parameters: ArrayLike) -> np.ndarray:
     """Return the ten parameters with mass and extent raised to where a body has them.
 

@@ -1,6 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Links, current per torque and friction of all joints by one regularised least squares."""
+"""Links, current per torque and friction of all joints by one regularised least squares.
+
+Everything but the links' possible numbers and the currents per torque is linear, so that sums of
+products of the columns are all that Levenberg's and Marquardt's method needs.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_comp.arm.link_inertia import Bodies
+from friction_comp.arm.products import FRICTION
 from friction_comp.model.arm.tree import PARAMETERS
 
-# Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration. All but the
-# constant must not be negative.
-FRICTION = 4
 # A step that gains less than this, in squared standard deviations of one sample, is the last.
 _STEPS, _CONVERGED = 60, 0.05
 _STIFFEST = 1e8
@@ -57,6 +59,7 @@ class Unknowns:
         self.size = self.scales.stop + FRICTION * joints
         self.lowest = np.full(self.size, -np.inf)
         for joint in range(joints):
+            # All but the constant must not be negative.
             self.lowest[self.friction(joint)][1:] = 0.0
 
     def friction(self, joint: int) -> slice:
@@ -65,40 +68,15 @@ class Unknowns:
         return slice(start, start + FRICTION)
 
 
-def normal_matrices(regressor: np.ndarray, friction: np.ndarray, current: np.ndarray,
-                    weights: np.ndarray) -> np.ndarray:
-    """Return each joint's matrix of products of columns.
-
-    Parameters
-    ----------
-    regressor : ndarray, shape (N, J, 10·J)
-    friction : ndarray, shape (N, J, 4)
-    current, weights : ndarray, shape (N, J)
-        A, and 1 over the variance in A².
-
-    Returns
-    -------
-    ndarray, shape (J, 10·J + 5, 10·J + 5)
-        Of the columns of the links, of friction, and the current; sums over samples.
-    """
-    size = regressor.shape[2] + FRICTION + 1
-    result = np.empty((current.shape[1], size, size))
-    for joint in range(current.shape[1]):
-        columns = np.hstack(
-            (regressor[:, joint], friction[:, joint], current[:, joint, None]))
-        result[joint] = (columns * weights[:, joint, None]).T @ columns
-    return result
-
-
 def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     """Return the unknowns that fit best.
 
-    Levenberg's and Marquardt's method; coefficients that would be negative stay at zero.
+    Coefficients of friction that would be negative stay at zero.
 
     Parameters
     ----------
     matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
-        See `normal_matrices`.
+        See `Sums`.
     prior : Prior
     start : ndarray, shape (U,)
 
@@ -139,7 +117,7 @@ def loss_slope_bend(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
     Parameters
     ----------
     matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
-        See `normal_matrices`.
+        See `Sums`.
     prior : Prior
     unknowns : Unknowns
     x : ndarray, shape (U,)
@@ -177,13 +155,19 @@ def loss_slope_bend(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
     return 0.5 * loss, slope, bend
 
 
-def predict(x: np.ndarray, bodies: Bodies, regressor: np.ndarray,
-            friction: np.ndarray) -> np.ndarray:
-    """Return every joint's current in A, shape (N, J), for unknowns x."""
-    joints = friction.shape[1]
-    unknowns = Unknowns(joints)
-    parameters = bodies.parameters(x[unknowns.links])[0].ravel()
-    current = (regressor @ parameters) * np.exp(x[unknowns.scales])
-    for joint in range(joints):
-        current[:, joint] += friction[:, joint] @ x[unknowns.friction(joint)]
-    return current
+def squares(matrices: np.ndarray, bodies: Bodies, x: np.ndarray) -> np.ndarray:
+    """Return each joint's sum of squared errors for unknowns x, shape (J,).
+
+    Parameters
+    ----------
+    matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
+        See `Sums`.
+    bodies : Bodies
+    x : ndarray, shape (U,)
+    """
+    unknowns = Unknowns(len(matrices))
+    links = bodies.parameters(x[unknowns.links])[0].ravel()
+    mixes = [np.concatenate((np.exp(scale) * links, x[unknowns.friction(joint)], [-1.0]))
+             for joint, scale in enumerate(x[unknowns.scales])]
+    return np.array([max(float(mix @ matrix @ mix), 0.0)
+                     for mix, matrix in zip(mixes, matrices)])

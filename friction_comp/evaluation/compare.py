@@ -14,6 +14,7 @@ from scipy import stats
 
 from friction_comp.evaluation.intervals import Interval, mean_interval
 from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
+from friction_comp.statistics import holm
 
 # What is compared, as far as known. The first two need a torque sensor; smoothness is compared
 # wherever there is motion.
@@ -70,8 +71,22 @@ class Comparison:
             'difference': self.difference.as_dict(), 'p_value': self.probability}
 
 
+def asked(first: Help, second: Help, plainest: Help) -> bool:
+    """Tell whether comparing two conditions answers a question.
+
+    What does any help bring, against none; what does the direction bring, with the same law or
+    after kinetic compensation, and the same model; what does a better model bring, with the same
+    law and direction. Differences in several respects at once answer none.
+    """
+    if first == plainest:
+        return True
+    if first.model == second.model:
+        return first.law in (second.law, 'kinetic')
+    return (first.law, first.announced) == (second.law, second.announced)
+
+
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
-    """Compare all conditions that have movements in the same way in common.
+    """Compare conditions that have movements in the same way in common, where that is `asked`.
 
     Parameters
     ----------
@@ -81,7 +96,7 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     Returns
     -------
     list of Comparison
-        No help, then help without a direction, then help with one: each is the first against all
+        No help, then help without a direction, then help with one: each is the first against those
         that follow.
     """
     groups: dict[Help, dict[int, list[Repetition]]] = {}
@@ -91,6 +106,8 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     found = []
     ordered = sorted(groups, key=lambda one: (one.led, one.law != 'none', one))
     for first, second in combinations(ordered, 2):
+        if not asked(first, second, ordered[0]):
+            continue
         two = [(a, b) for sign in (1, -1) for a, b in zip(
             groups[first].get(sign, []), groups[second].get(sign, []))]
         for figure in COMPARED:
@@ -115,9 +132,6 @@ def _compared(figure: str, first: Help, second: Help, values: np.ndarray) -> Com
 
 def _correct(comparisons: list[Comparison]) -> None:
     """Correct probabilities for their number, by Holm's step-down method."""
-    tested = sorted((c for c in comparisons if c.probability is not None),
-                    key=lambda c: c.probability or 0.0)
-    largest = 0.0
-    for k, comparison in enumerate(tested):
-        largest = max(largest, min(1.0, (len(tested) - k) * (comparison.probability or 0.0)))
-        comparison.probability = largest
+    tested = [one for one in comparisons if one.probability is not None]
+    for one, probability in zip(tested, holm([one.probability or 0.0 for one in tested])):
+        one.probability = float(probability)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_comp.attempts import Failure, in_turn, Runner
+from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import (
     Averages,
@@ -41,6 +42,7 @@ class Piece:
 
     path: Path
     joint: str | None
+    layout: Layout | None = None
 
     def __str__(self) -> str:
         return str(self.path)
@@ -65,8 +67,8 @@ class Measured:
         self.models += other.models
 
 
-def pieces_of(paths: Sequence[str | Path], joint: str | None = None
-              ) -> tuple[list[Piece], list[Failure]]:
+def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
+              layout: Layout | None = None) -> tuple[list[Piece], list[Failure]]:
     """Return what can be measured by itself, and why some recordings cannot.
 
     Parameters
@@ -75,6 +77,8 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None
         Recordings, or folders of them.
     joint : str, optional
         This joint only.
+    layout : Layout, optional
+        What is known of a table's columns.
 
     Raises
     ------
@@ -86,11 +90,11 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None
     for path in find_recordings([Path(path) for path in paths]):
         try:
             names: list[str | None] = [joint] if joint is not None else [
-                *recorded_joints(path)] or [None]
+                *recorded_joints(path, layout)] or [None]
         except InputError as error:
             failures.append(Failure(str(error)))
             continue
-        pieces.extend(Piece(path, name or None) for name in names)
+        pieces.extend(Piece(path, name or None, layout) for name in names)
     return pieces, failures
 
 
@@ -195,7 +199,8 @@ def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> M
     notes: list[str] = []
     held: Samples | None = None
     info = None
-    for part, info in stream_recording_with_info(path, joint, *constants, seconds=seconds):
+    for part, info in stream_recording_with_info(
+            path, joint, *constants, seconds=seconds, layout=piece.layout):
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
         if len(part):
             held = part if held is None else _joined(held, part)

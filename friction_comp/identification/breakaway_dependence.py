@@ -13,6 +13,7 @@ from scipy import stats
 
 from friction_comp.errors import InputError
 from friction_comp.series import lag1_autocorrelation
+from friction_comp.statistics import holm
 
 if TYPE_CHECKING:
     from friction_comp.identification.breakaway import BreakawayRecords
@@ -142,7 +143,7 @@ def scatter_report(records: BreakawayRecords | dict[str, Any],
             varied.add(name)
             found.append((name, int(side), *_test(values[chosen], magnitude[chosen])))
             tables.append((name, int(side), np.where(chosen, values, np.nan)))
-    adjusted = _holm([item[3] for item in found])
+    adjusted = holm([item[3] for item in found]).tolist()
     dependences = [
         BreakawayDependence(
             variable=name, direction=side, correlation=rho, p_value=p, gradient=gradient,
@@ -241,13 +242,3 @@ def _test(variable: np.ndarray, magnitude: np.ndarray) -> tuple[float, float, fl
         variable, magnitude = variable[keep], magnitude[keep]
     gradient = float(stats.theilslopes(magnitude, variable)[0])
     return rho, p_value, gradient
-
-
-def _holm(p_values: list[float]) -> list[float]:
-    """Raise probabilities for the number of tests made."""
-    order = np.argsort(p_values)
-    adjusted, largest = np.ones(len(p_values)), 0.0
-    for rank, index in enumerate(order):
-        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
-        adjusted[index] = largest
-    return [float(p) for p in adjusted]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from friction_comp.checks import check_document, check_mapping
 from friction_comp.errors import InputError
 
 FORMAT = 'friction_comp_arm'
@@ -40,11 +41,8 @@ def joints_of(document: Any) -> list[str] | None:
     """Return the joints of a whole arm's document; None where it is that of one joint."""
     if not isinstance(document, dict) or document.get('format') != FORMAT:
         return None
-    if document.get('version') != VERSION:
-        raise InputError(f"arm file version {document.get('version')!r} is not {VERSION}")
-    if not isinstance(document.get('joints'), dict) or not document['joints']:
-        raise InputError('joints is missing or not a mapping')
-    return [str(name) for name in document['joints']]
+    check_document(document, 'a file of a whole arm', FORMAT, VERSION)
+    return [str(name) for name in check_mapping(document.get('joints') or None, 'joints')]
 
 
 def one_joint_of(document: Any, joint: str | None) -> Any:

@@ -4,12 +4,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.compiling import njit
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -38,7 +36,8 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     samples : Samples
     settings : dict
         ``source``: 'position' or 'velocity'; ``bandwidth``: Hz, the -3 dB point of one pass;
-        None leaves the signal unfiltered.
+        None leaves the signal unfiltered. ``lag``: s by which torque follows the recorded
+        current; motion, load and temperature are those of the time t + lag then.
 
     Returns
     -------
@@ -73,8 +72,9 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
             speed = _smooth(measured[part], samples.sample_time, bandwidth)
         velocity[part] = speed
         acceleration[part] = _derivative(speed, time)
-    return samples.with_(
-        time=elapsed(samples), velocity=velocity, acceleration=acceleration)
+    return advance(samples.with_(
+        time=elapsed(samples), velocity=velocity, acceleration=acceleration),
+        settings.get('lag') or 0.0)
 
 
 def elapsed(samples: Samples) -> np.ndarray:
@@ -129,62 +129,6 @@ def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     moved = np.array([(1.0 - share) * column[place] + share * column[after]
                       for column in source.T]).T
     return moved.reshape(np.shape(values))
-
-
-def delayed(values: np.ndarray, samples: Samples, time_constant: float) -> np.ndarray:
-    """Return values behind a first-order low pass, as a filter in the sensor makes them.
-
-    A negative time constant undoes such a low pass: what a current was before an actuator made
-    torque of it.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N,) or (N, M)
-    samples : Samples
-        Of the same time base.
-    time_constant : float
-        s; values are returned as they are for zero.
-    """
-    if not time_constant:
-        return values
-    step = max(samples.sample_time, 1e-9)
-    source = np.reshape(np.asarray(values, dtype=float), (len(values), -1))
-    rows = np.ascontiguousarray(source.T)
-    begins = np.zeros(len(source) + 1, dtype=bool)
-    begins[[*(part.start for part in samples.segments()), -1]] = True
-    if time_constant < 0.0:
-        result = _with_slope(rows, begins, -time_constant / step)
-    else:
-        result = _low_pass(rows, begins, math.exp(-step / time_constant))
-    return result.T.reshape(np.shape(values))
-
-
-@njit(cache=True)
-def _low_pass(rows: np.ndarray, begins: np.ndarray, keep: float) -> np.ndarray:
-    result = rows.copy()
-    for row in result:
-        for k in range(1, len(row)):
-            if not begins[k]:
-                row[k] = keep * row[k - 1] + (1.0 - keep) * row[k]
-    return result
-
-
-@njit(cache=True)
-def _with_slope(rows: np.ndarray, begins: np.ndarray, times: float) -> np.ndarray:
-    """Return rows plus so many times their slope per sample.
-
-    That is the central difference, one-sided at both ends of a stretch; `begins` marks the first
-    samples, and the place after the last one.
-    """
-    result = rows.copy()
-    for place in range(len(rows)):
-        row = rows[place]
-        for k in range(len(row)):
-            before = k if begins[k] else k - 1
-            after = k if begins[k + 1] else k + 1
-            if after > before:
-                result[place, k] += times * (row[after] - row[before]) / (after - before)
-    return result
 
 
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_number
+from friction_comp.checks import check_document, check_list, check_mapping, check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import plain, read_yaml, write_yaml
@@ -19,7 +19,7 @@ from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm_document import one_joint_of
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.schema import check_keys
+from friction_comp.model.schema import check_keys, ENTRIES
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
@@ -183,15 +183,9 @@ class FrictionModel:
         samples : Samples
             With velocity, and with what the effects ask for.
         """
-        seen = samples
+        current = np.asarray(self.sigmoid(np.asarray(samples.velocity)), dtype=float)
         for effect in self.effects:
-            seen = effect.seen_by(seen, effect.values)
-        current = np.asarray(self.sigmoid(np.asarray(seen.velocity)), dtype=float)
-        for effect in self.effects:
-            if not effect.reshapes:
-                current = current + effect.current(seen)
-        for effect in self.effects:
-            current = effect.recorded_as(current, seen, effect.values)
+            current = current + effect.current(samples)
         return current
 
     def to_dict(self) -> dict[str, Any]:
@@ -256,12 +250,7 @@ class FrictionModel:
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
         """Make a model of the plain values of its file."""
-        if not isinstance(document, dict):
-            raise InputError('not a model file: a mapping is expected')
-        if document.get('format') != FORMAT:
-            raise InputError(f"not a model file: 'format: {FORMAT}' is missing")
-        if document.get('version') != VERSION:
-            raise InputError(f"model version {document.get('version')!r} is not {VERSION}")
+        check_document(document, 'a model file', FORMAT, VERSION, ENTRIES)
         check_keys(document)
         sigmoid = _section(document, 'sigmoid')
         if 'coefficients' not in sigmoid or not isinstance(sigmoid['coefficients'], list):
@@ -271,9 +260,11 @@ class FrictionModel:
             optional['presliding'] = _presliding(_section(document, 'presliding'))
         if document.get('position_limits') is not None:
             optional['position_limits'] = _range(_list(document, 'position_limits'))
-        for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
+        for name in ('lookup_table', 'simulation', 'notes'):
             if document.get(name) is not None:
                 optional[name] = _section(document, name)
+        entries = _list(document, 'effects')
+        optional['differentiation'], entries = _differentiation(document, entries)
         if document.get('arm') is not None:
             optional['arm'] = Arm.from_dict(_section(document, 'arm'))
         return cls(
@@ -281,14 +272,33 @@ class FrictionModel:
             sigmoid=Sigmoid.from_coefficients(
                 sigmoid['coefficients'], sigmoid.get('velocity_unit', 'rad/s')),
             breakaway=_breakaway(document),
-            effects=[_effect(entry) for entry in _list(document, 'effects')],
+            effects=[_effect(entry) for entry in entries],
             joint=str(document.get('joint') or ''), **optional)
 
 
+def _differentiation(document: dict[str, Any], entries: list[Any]
+                     ) -> tuple[dict[str, Any], list[Any]]:
+    """Return how motion is computed, and the effects.
+
+    In earlier model files the lag between current and motion was an effect.
+    """
+    section: dict[str, Any] = {}
+    if document.get('differentiation') is not None:
+        section = dict(_section(document, 'differentiation'))
+    for name in ('bandwidth', 'lag'):
+        if section.get(name) is not None:
+            section[name] = _number(section, name, 'differentiation')
+    kept = []
+    for entry in entries:
+        if isinstance(entry, dict) and entry.get('name') == 'actuation_lag':
+            lag = _number(_section(entry, 'parameters'), 'lag', "effect 'actuation_lag'")
+            section = {**(section or DEFAULT_SETTINGS), 'lag': section.get('lag', 0.0) + lag}
+        else:
+            kept.append(entry)
+    return section, kept
+
+
 def _presliding(section: dict[str, Any]) -> Presliding:
-    unknown = set(section) - {'distance', 'stiffness'}
-    if unknown:
-        raise InputError(f'presliding has unknown entries: {sorted(map(str, unknown))}')
     values = {name: _number(section, name, 'presliding') for name in section}
     if 'distance' not in values:
         raise InputError('presliding.distance is missing')
@@ -306,9 +316,6 @@ def _range(values: list[Any]) -> tuple[float, float]:
 
 
 def _drive(section: dict[str, Any]) -> Drive:
-    unknown = set(section) - {'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'}
-    if unknown:
-        raise InputError(f'drive has unknown entries: {sorted(map(str, unknown))}')
     for name in ('torque_constant', 'gear_ratio'):
         if name not in section:
             raise InputError(f'drive.{name} is missing')
@@ -346,17 +353,11 @@ def _effect(entry: dict[str, Any]) -> Effect:
 
 
 def _section(document: dict[str, Any], name: str) -> dict[str, Any]:
-    value = document.get(name)
-    if not isinstance(value, dict):
-        raise InputError(f'{name} is missing or not a mapping')
-    return value
+    return check_mapping(document.get(name), name)
 
 
 def _list(document: dict[str, Any], name: str) -> list[Any]:
-    value = document.get(name) or []
-    if not isinstance(value, list):
-        raise InputError(f'{name} is not a list')
-    return value
+    return check_list(document.get(name) or None, name)
 
 
 def _number(entry: dict[str, Any], name: str, where: str, default: float | None = None) -> float:

@@ -16,6 +16,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.checks import check_list, check_mapping
 from friction_comp.errors import InputError
 from friction_comp.model.effects.scene import RESISTS
 from friction_comp.samples import Samples
@@ -24,16 +25,18 @@ if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
     from friction_comp.model.friction_model import FrictionModel
 
+ENTRIES = {'format', 'version', 'joint', 'drive', 'sigmoid', 'breakaway', 'presliding',
+           'position_limits', 'effects', 'lookup_table', 'differentiation', 'arm', 'simulation',
+           'notes'}
+"""Entries of a model file."""
 KEYS = {
-    '': {'format', 'version', 'joint', 'drive', 'sigmoid', 'breakaway', 'presliding',
-         'position_limits', 'effects', 'lookup_table',
-         'differentiation', 'arm', 'simulation', 'notes'},
     'drive': {'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'},
     'sigmoid': {'coefficients', 'velocity_unit'},
     'breakaway': {'positive', 'negative'},
+    'presliding': {'distance', 'stiffness'},
     'lookup_table': {'speeds', 'currents', 'standard_deviations'},
 }
-"""Entries of a model file and of its sections."""
+"""Entries of its sections."""
 _OF_BREAKAWAY = {'mean', 'std', 'position'}
 _OF_EFFECT = {'name', 'variable', 'parameters', 'intervals', 'valid_range'}
 
@@ -63,26 +66,15 @@ def check_keys(document: dict[str, Any]) -> None:
         Naming them and what is known.
     """
     for section, known in KEYS.items():
-        values = document.get(section) if section else document
-        if isinstance(values, dict):
-            _only(values, known, section)
+        if isinstance(document.get(section), dict):
+            check_mapping(document[section], section, known)
     breakaway = document.get('breakaway')
-    if isinstance(breakaway, dict):
-        for side, values in breakaway.items():
-            if isinstance(values, dict):
-                _only(values, _OF_BREAKAWAY, f'breakaway.{side}')
-    effects = document.get('effects')
-    for entry in effects if isinstance(effects, list) else ():
+    for side, values in breakaway.items() if isinstance(breakaway, dict) else ():
+        if isinstance(values, dict):
+            check_mapping(values, f'breakaway.{side}', _OF_BREAKAWAY)
+    for entry in check_list(document.get('effects'), 'effects'):
         if isinstance(entry, dict):
-            _only(entry, _OF_EFFECT, f"effect '{entry.get('name')}'")
-
-
-def _only(values: dict[str, Any], known: Collection[str], section: str) -> None:
-    unknown = sorted(str(key) for key in set(values) - set(known))
-    if unknown:
-        where = f'{section} has' if section else 'there are'
-        raise InputError(
-            f'{where} unknown entries: {", ".join(unknown)}; known: {", ".join(sorted(known))}')
+            check_mapping(entry, f"effect '{entry.get('name')}'", _OF_EFFECT)
 
 
 def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[str] = ()) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a joint's current has the sign, the size and the shape that its model says."""
+"""Checks sign, size and shape of a measured current against the model of its joint."""
 
 from __future__ import annotations
 

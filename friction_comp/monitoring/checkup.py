@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with a running system: who talks to whom, how, when, and in which clock."""
+"""Finds what is wrong with a running system: connections, rates, clocks and values."""
 
 from __future__ import annotations
 
@@ -19,16 +19,8 @@ from friction_comp.monitoring.observation import (
     WARNING,
 )
 from friction_comp.signal_checks import beyond, LIMITS, velocity_fault, velocity_ratios
+from friction_comp.topics import TOPICS
 
-TYPES = {
-    'joint_states': 'sensor_msgs/msg/JointState',
-    'current_command': 'std_msgs/msg/Float64MultiArray',
-    'direction': 'std_msgs/msg/Int8MultiArray',
-    'direction_stamped': 'sensor_msgs/msg/JointState',
-    'reference': 'sensor_msgs/msg/JointState',
-    'interaction_wrench': 'geometry_msgs/msg/WrenchStamped',
-    'motor_temperature': 'sensor_msgs/msg/Temperature',
-}
 _LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}
 # Where nobody says otherwise: the compensator's own defaults, s.
 _STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
@@ -59,16 +51,17 @@ def check_system(seen: Observation) -> list[Finding]:
 
 def _quality(seen: Observation) -> Iterator[Finding]:
     for name, topic in seen.topics.items():
-        for heard in topic.subscribers:
-            for speaker in topic.publishers:
+        for subscriber in topic.subscribers:
+            for publisher in topic.publishers:
                 what = ''
-                if heard.reliable and not speaker.reliable:
+                if subscriber.reliable and not publisher.reliable:
                     what = 'reliable, but it is published best effort'
-                elif heard.lasting and not speaker.lasting:
+                elif subscriber.lasting and not publisher.lasting:
                     what = 'transient local, but it is published volatile'
                 if what:
                     yield Finding(
-                        PROBLEM, 'QoS', f'{heard.node} asks for {name} {what} by {speaker.node}: '
+                        PROBLEM, 'QoS', f'{subscriber.node} asks for {name} {what} by '
+                        f'{publisher.node}: '
                         'nothing arrives', 'set input_reliability:=best_effort there, or publish '
                         'reliably')
 
@@ -96,7 +89,7 @@ def _states(seen: Observation) -> Iterator[Finding]:
 
 def _elsewhere(seen: Observation, name: str) -> str:
     others = [topic for topic, found in seen.topics.items()
-              if TYPES[name] in found.types and topic != seen.names.get(name, name)]
+              if TOPICS[name] in found.types and topic != seen.names.get(name, name)]
     hint = f'; {", ".join(others)} has that type' if others else ''
     return f'nobody publishes {seen.names.get(name, name)}{hint}'
 

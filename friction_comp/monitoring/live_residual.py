@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The residual of a running joint: measured rows in, what the model leaves over out."""
+"""Computes the residual of a running joint from rows of measurements."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.monitoring.residual_watch import ResidualWatch, Verdict
+from friction_comp.monitoring.residual_watch import ModelFit, ResidualWatch
 from friction_comp.samples import Samples
 
 # s before the new rows that are computed again, so that filters and histories have settled, and s
@@ -109,6 +109,6 @@ class LiveResidual:
         samples = Samples(time=rows[:, 0], position=rows[:, 1], current=rows[:, 3], **columns)
         return samples.with_(current=self.model.measured(samples))
 
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ModelFit:
         """Return what the motion so far tells."""
         return self.watch.verdict()

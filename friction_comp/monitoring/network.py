@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether nodes can find each other at all, and what to look at where they do not."""
+"""Checks whether nodes can find each other, and says what to look at if not."""
 
 from __future__ import annotations
 

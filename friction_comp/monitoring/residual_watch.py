@@ -38,8 +38,8 @@ _THROUGHOUT = 0.6
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What the watch says.
+class ModelFit:
+    """How well a model fits the motion so far, by its residual.
 
     Parameters
     ----------
@@ -144,10 +144,10 @@ class ResidualWatch:
         """Return the RMS error of the last so many blocks in A, inertia apart."""
         return float(np.sqrt(np.mean(_without_inertia(self._blocks[-blocks:]) ** 2)))
 
-    def verdict(self) -> Verdict:
+    def verdict(self) -> ModelFit:
         """Return what the blocks so far tell."""
         if len(self._blocks) < self._recent // 2:
-            return Verdict()
+            return ModelFit()
         last = self._blocks[-self._recent:]
         residual = _without_inertia(last)
         error = self.error(self._recent)
@@ -156,11 +156,11 @@ class ResidualWatch:
         limit = self.tolerance * (_ENDS if self._warned else 1.0)
         self._warned = share > limit
         if not self._warned:
-            return Verdict(True, True, share, error)
+            return ModelFit(True, True, share, error)
         level = _level(last, residual)
         # What has only just begun shows in the last blocks alone.
         named = _goes_with(self._blocks, bool(level)) or _goes_with(last, bool(level))
-        return Verdict(True, False, share, error, named, level)
+        return ModelFit(True, False, share, error, named, level)
 
 
 def _goes_with(blocks: np.ndarray, throughout: bool) -> tuple[tuple[str, float], ...]:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the compensator does with each joint state, apart from ROS's machinery around it."""
+"""Computes a current command from each joint state, without the ROS 2 node around it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.faults import Faults, WARN
 from friction_comp.nodes.joint_io import CommandPort
-from friction_comp.nodes.joint_states import are_finite, JointStates, NANO, within
+from friction_comp.nodes.joint_states import are_finite, JointStateInput, NANO, within
 from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 from friction_comp.nodes.watchdog import Watchdog
 from friction_comp.signal_checks import beyond, LIMITS, VelocityCheck
@@ -61,7 +61,7 @@ class CompensationLoop:
         self._joints = joints
         self.law, self.port, self.faults = law, port, faults
         self.rests, self._clock = rests, clock
-        self.states = JointStates(joints, timeout)
+        self.states = JointStateInput(joints, timeout)
         self.direction = Direction(joints, direction_timeout)
         self.temperature = MotorTemperature(joints)
         self.watchdog = Watchdog(timeout / NANO, self._on_silence, clock)

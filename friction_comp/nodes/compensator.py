@@ -70,7 +70,8 @@ class CompensatorNode(LifecycleNode):
 
     def _declare(self):
         declare(self, 'model_files', [],
-                'model file of each joint; a new one is taken over while the node runs')
+                'model file of each joint; a new one is validated, then activated, while the node '
+                'runs')
         declare(self, 'law', 'continuous',
                 'continuous; paper: the note as printed; kinetic: its case without breakaway term; '
                 'none: zero current', constraints=f'one of {", ".join(LAWS)}')
@@ -151,7 +152,7 @@ class CompensatorNode(LifecycleNode):
             for number, model in enumerate(models):
                 self._loop.law.set_model(number, model)
             self._loop.port.limits = self._limits()
-            self.get_logger().info(f'took over {", ".join(self._of("model_files"))}')
+            self.get_logger().info(f'activated {", ".join(self._of("model_files"))}')
             self._say_left_out()
         if names & {'law', 'breakaway_gain', 'current_limit'}:
             self._loop.law.retune(*self._tuning())

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles what the nodes run, for an installation: their first start then does not wait for it."""
+"""Compiles what the nodes run at installation, so that their first start is fast."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's part in ROS 2: an action client, service calls, and an ear for diagnostics."""
+"""The demo's own ROS 2 node: action client, service calls and diagnostics."""
 
 from __future__ import annotations
 

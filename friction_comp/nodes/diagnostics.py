@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every node says of itself on /diagnostics."""
+"""Publishes each node's state on /diagnostics."""
 
 from __future__ import annotations
 

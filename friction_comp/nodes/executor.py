@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An executor for nodes whose life is a fast stream of messages."""
+"""An executor for nodes that process a fast stream of messages."""
 
 from __future__ import annotations
 

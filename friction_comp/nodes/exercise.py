@@ -18,13 +18,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
 from friction_comp.errors import InputError
+from friction_comp.exercise.exercise_script import load_exercise
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
 from friction_comp.nodes.joint_io import input_qos, RELIABLE
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints
-from friction_comp.simulation.exercise_script import load_exercise
-from friction_comp.simulation.reference_movement import ReferenceMovement
 
 # Each end of a connection finds the other in its own time; real s.
 _MOMENT = 0.5
@@ -87,8 +87,8 @@ class ExerciseNode(Node):
         self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
         Diagnostics(self, self._report, ', '.join(self._joints), 'exercise')
         self._origin: np.ndarray | None = None
-        # Several drivers may each tell of some joints.
-        self._heard = np.full(len(self._joints), np.nan)
+        # Several drivers may each publish some of the joints.
+        self._received = np.full(len(self._joints), np.nan)
         self._told_of: set[str] = set()
         self._reports = 0
         self._origin_subscription = self.create_subscription(
@@ -144,10 +144,10 @@ class ExerciseNode(Node):
             # What came before the first tick came by chance; a run must not depend on it.
             return
         position, _, _ = self._columns.read(message)
-        self._heard = np.where(np.isfinite(position), position, self._heard)
+        self._received = np.where(np.isfinite(position), position, self._received)
         self._told_of.update(message.name)
-        if np.isfinite(self._heard).all():
-            self._origin = self._heard
+        if np.isfinite(self._received).all():
+            self._origin = self._received
 
     def _on_tick(self, now: Any) -> None:
         # Once it is over, time is not to go on by as many ticks as come before the node has left.
@@ -227,7 +227,7 @@ class ExerciseNode(Node):
             return 'waits for /clock'
         if not self._told_of:
             return 'waits for joint_states'
-        missing = [joint for joint, place in zip(self._joints, self._heard)
+        missing = [joint for joint, place in zip(self._joints, self._received)
                    if not np.isfinite(place)]
         words = (f'waits for a position of {", ".join(missing)}: joint_states hold '
                  f'{", ".join(sorted(self._told_of))}')

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with a node: each fault by its cause, its onset and end in the log once."""
+"""Keeps a node's current faults; each is logged once when it begins and once when it ends."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Between the action's messages and the procedure's own words."""
+"""Converts between the identification action's messages and the procedure's own types."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from friction_comp.nodes import joint_states
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
 from friction_comp.nodes.goals import compile_ahead, declare_defaults, fill_result, make_goal
 from friction_comp.nodes.joint_io import CommandPort, input_qos, rivals
-from friction_comp.nodes.joint_states import JointStates, NANO, nanoseconds
+from friction_comp.nodes.joint_states import JointStateInput, NANO, nanoseconds
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.slow_inputs import MotorTemperature
@@ -66,12 +66,12 @@ class IdentificationNode(Node):
             read_only=True)
         self._defaults = declare_defaults(self)
         qos = input_qos(self)
-        self._states = JointStates(self._joints, round(NANO * timeout))
+        self._states = JointStateInput(self._joints, round(NANO * timeout))
         self._temperature = MotorTemperature(self._joints)
         self._port = CommandPort(self, [drive.current_limit for drive in self._drives])
         self._watchdog = Watchdog(timeout, self._on_silence).start()
         self._rate = Rate()
-        self._heard = self._fresh = -math.inf
+        self._received = self._fresh = -math.inf
         self._busy = self._silent = False
         self._run: IdentificationRun | None = None
         self._done: Future | None = None
@@ -106,7 +106,7 @@ class IdentificationNode(Node):
         return GoalResponse.ACCEPT
 
     def _check_states(self, number: Any) -> None:
-        if time.monotonic() - self._heard > _RECENT:
+        if time.monotonic() - self._received > _RECENT:
             raise InputError('there are no joint_states')
         if time.monotonic() - self._fresh > _RECENT:
             raise InputError(self._states.wrong or 'joint_states bring nothing new')
@@ -196,10 +196,10 @@ class IdentificationNode(Node):
         verdict = self._states.take(
             message, now, 0 if simulated else info['received_timestamp'],
             info['publication_sequence_number'] or 0)
-        self._heard = time.monotonic()
+        self._received = time.monotonic()
         # A simulation whose time rests, since nobody commands, sends its last state again.
         if verdict == joint_states.NEW or (verdict == joint_states.AGAIN and simulated):
-            self._fresh = self._heard
+            self._fresh = self._received
         if self._run is None:
             return
         try:

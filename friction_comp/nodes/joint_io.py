@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motor currents out: what the nodes that drive a motor share."""
+"""Publishes motor currents: shared by the nodes that drive a motor."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ _UNDER_WAY = 0.005
 def input_qos(node: Any) -> QoSProfile:
     """Declare `input_reliability` and return the quality of service for the node's inputs.
 
-    Best effort hears every publisher. Reliable hears reliable ones only, but loses nothing, which
-    the lockstep of the simulated plant is faster with.
+    Best effort receives from every publisher. Reliable receives from reliable ones only, but loses
+    nothing, which the lockstep of the simulated plant is faster with.
     """
     kind = declare(
         node, 'input_reliability', 'best_effort',
-        'quality of service of the inputs: best_effort hears every publisher, reliable only '
-        'reliable ones', read_only=True, constraints='best_effort or reliable')
+        'quality of service of the inputs: best_effort receives from every publisher, '
+        'reliable from reliable ones only', read_only=True, constraints='best_effort or reliable')
     return RELIABLE if kind == 'reliable' else BEST_EFFORT
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Joint states as the nodes trust them: picked by name, put together, and judged by their age."""
+"""Validates joint states: selects by name, merges publishers, and checks age and order."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ LATE = 'late'       # overtaken by a newer one
 STALE = 'stale'     # older than the timeout by the node's clock
 AHEAD = 'ahead'     # stamped in the future by more than the timeout
 MALFORMED = 'malformed'  # arrays of different lengths, or a joint named twice
-CONTESTED = 'contested'  # several publishers tell of the same joint
+CONTESTED = 'contested'  # several publishers publish the same joint
 
 # Sets of names that are told apart; more than any robot has publishers.
 _MOST_SOURCES = 100
-# ns for which nothing is believed after two publishers told of the same joint.
+# ns for which no joint state is used after two publishers sent the same joint.
 _CONTESTED_FOR = NANO
 
 
@@ -84,7 +84,7 @@ class JointColumns:
         return np.array([values[k] if k >= 0 else np.nan for k in self._columns])
 
 
-class JointStates:
+class JointStateInput:
     """The stream of joint states of a node: what is new in it, and what it says.
 
     A state is new when its stamp is later than that of the one before from the same joints, and
@@ -119,8 +119,8 @@ class JointStates:
         Number of states so far that were late.
     publishers : list of str
         Who publishes joint states, where there are several: to be set by the node now and then.
-        Each numbers its messages: where the numbers of a joint do not rise, two of them tell of
-        it, and nobody knows which holds.
+        Each numbers its messages: where the numbers of a joint do not rise, two of them send
+        it, and nobody knows which is right.
     wrong : str
         What is wrong with the state that was judged last, where something is.
     """
@@ -144,14 +144,14 @@ class JointStates:
         self._key: tuple[str, ...] = ()
         self._whole = 0
         self._round = np.full((3, size), np.nan)
-        self._heard = [0] * size
+        self._received = [0] * size
         self._fresh = [False] * size
         self._numbers = [0] * size
         self._clash: int | None = None
         self._rivals = self.wrong = ''
 
     def take(self, message: Any, now: int, received: int = 0, number: int = 0) -> str:
-        """Judge a joint state, and take over what it says if it is new.
+        """Validate a joint state, and keep its values if it is new.
 
         Parameters
         ----------
@@ -216,7 +216,7 @@ class JointStates:
                effort: np.ndarray | None, restarted: bool) -> tuple[Any, ...] | None:
         """Add some joints to the round; return the round when it is complete, else None."""
         if restarted:
-            self._heard = [0] * len(self._joints)
+            self._received = [0] * len(self._joints)
         absent = set(self._columns.missing)
         if velocity is None:
             velocity = np.full(len(self._joints), np.nan)
@@ -224,14 +224,14 @@ class JointStates:
             if joint in absent:
                 continue
             self._round[:, j] = position[j], velocity[j], effort[j]
-            self._heard[j], self._fresh[j] = stamp, True
+            self._received[j], self._fresh[j] = stamp, True
         lost = [not fresh and stamp - max(heard, self._whole) > self._timeout
-                for fresh, heard in zip(self._fresh, self._heard)]
+                for fresh, heard in zip(self._fresh, self._received)]
         if not all(fresh or gone for fresh, gone in zip(self._fresh, lost)):
             return None
         self._round[:, lost] = np.nan
         self.missing = [joint for joint, gone in zip(self._joints, lost) if gone]
-        stamp = max(self._heard)
+        stamp = max(self._received)
         self._fresh = [False] * len(self._joints)
         return stamp, *self._round.copy()
 
@@ -244,7 +244,7 @@ class JointStates:
         return bool(self.wrong)
 
     def _contested(self, number: int, now: int) -> bool:
-        """Tell whether a joint of the message is told of by two publishers now."""
+        """Tell whether two publishers send a joint of the message now."""
         known, clashing = self._numbers, []
         for j, joint in enumerate(self._joints):
             if joint not in self._columns.missing:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a joint's model fits what its topics carry, and whether a new one fits better."""
+"""Compares a joint's model, and a new one on trial, with measured currents."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What runs, as the live page takes it: heard in a thread of its own, some samples a second."""
+"""Feeds the live page from the running system, in a thread of its own."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.dated_topics import stamp_of
 from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.joint_watch import frame_of
-from friction_comp.nodes.recorder import stamp_of
 from friction_comp.nodes.ros_start import start_ros
 from friction_comp.recordings.activity import compensator_says
 from friction_comp.samples import Samples
@@ -62,22 +62,22 @@ class SentCommands:
     """
 
     def __init__(self):
-        self._heard = deque(maxlen=_REMEMBERED)
+        self._received = deque(maxlen=_REMEMBERED)
 
     def take(self, cdr, sent):
         """Remember a serialised command, sent at a system time in ns."""
-        self._heard.append((sent, cdr))
+        self._received.append((sent, cdr))
 
     def at(self, sent):
         """Return the command in A, one a joint, that held at a system time in ns; () if unknown."""
-        times = [time for time, _ in self._heard]
+        times = [time for time, _ in self._received]
         last = next((k for k in reversed(range(len(times))) if times[k] <= sent), None)
         if last is None:
             return ()
         usual = np.median(np.diff(times)) if len(times) > 1 else 0
         if sent - times[last] > max(_HOLDS * usual, _STEP):
             return ()
-        return deserialize_message(self._heard[last][1], Float64MultiArray).data
+        return deserialize_message(self._received[last][1], Float64MultiArray).data
 
 
 class LiveFeed:
@@ -105,7 +105,7 @@ class LiveFeed:
         self._found = {}
         self._rows, self._lock = {}, threading.Lock()
         self._held, self._status = {}, {}
-        self._due, self._first, self._heard = 0, None, 0.0
+        self._due, self._first, self._received = 0, None, 0.0
         self._context = Context()
         start_ros('watch', arguments, self._context)
         self._node = _Listener(self._context)
@@ -160,7 +160,7 @@ class LiveFeed:
         stamp = stamp_of(cdr) or time.time_ns()
         if self._due - 10 * _STEP < stamp < self._due:
             return
-        self._due, self._heard = stamp + _STEP, time.monotonic()
+        self._due, self._received = stamp + _STEP, time.monotonic()
         if self._first is None or stamp < self._first:
             self._first = stamp
             with self._lock:
@@ -235,7 +235,7 @@ class LiveFeed:
         now = time.monotonic()
         found = [(level, name, words) for name, (level, words, since) in sorted(
             self._status.items()) if now - since < _OLD]
-        if now - self._heard > 1.0:
+        if now - self._received > 1.0:
             found.append(('problem', 'joint_states', 'none'))
         order = list(dict.fromkeys(('problem', 'warning', 'note', 'ok')))
         return sorted(found, key=lambda item: order.index(item[0])) or [

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The models that a running compensator uses: asked for, and exchanged, by its parameters."""
+"""Reads and sets the compensator's model files by its parameters."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Counts the messages of a topic that never arrived, by their publishers' numbers."""
+"""Counts lost messages of a topic from the sequence numbers of its publishers."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads and tries models while the control loop goes on, in a thread of their own."""
+"""Loads and validates models in a thread of their own while the control loop runs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Sequence
 import math
 import threading
 import time
@@ -18,10 +18,11 @@ from rclpy.parameter_service import ParameterService
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.loaded_models import turn
 
 # s that files may take to be read and checked.
 PATIENCE = 10.0
-# Samples for which a model is tried before it is taken over.
+# Samples for which a model is run before it is activated.
 _TRIAL = 300
 
 
@@ -107,13 +108,6 @@ def warm_up(law: CompensationLaw, joints: int) -> None:
     law.reset()
 
 
-class _Turn:
-    """Awaited, gives the executor its turn."""
-
-    def __await__(self) -> Generator[None, None, None]:
-        yield
-
-
 class PatientParameterService(ParameterService):
     """The parameter services of a node that wait for models to be loaded, and the node does not.
 
@@ -146,4 +140,4 @@ class PatientParameterService(ParameterService):
         loading = self._get_node().prepare(
             [Parameter.from_parameter_msg(message) for message in request.parameters])
         while loading is not None and not loading.done:
-            await _Turn()
+            await turn()

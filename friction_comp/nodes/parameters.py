@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Node parameters: declared with their meaning and range, refused where they make no sense."""
+"""Declares node parameters with description and range, and refuses bad values."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tells a person at the terminal when a node has found nobody to talk to."""
+"""Warns in the log when a node has found no other node."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated joints as a node: in real time, or in lockstep with whoever commands them."""
+"""Simulates joints as a node: in real time, or in lockstep with the nodes that command them."""
 
 from __future__ import annotations
 

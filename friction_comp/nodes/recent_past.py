@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The last minutes of some topics, kept in memory as they went over the wire."""
+"""Keeps the last minutes of some topics in memory as serialised messages."""
 
 from __future__ import annotations
 

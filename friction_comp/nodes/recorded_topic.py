@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One topic of the recorder: heard from the first message on, every loss counted."""
+"""Subscribes to one topic without losing its first messages, and counts what is lost."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _REMEMBERED = 2 * DEPTH
 # The same while there is one subscription: a second one may bring what a new publisher has said
 # before it was found.
 _RECENT = 2_000
-# Looks after which what one subscription heard must have come by the other.
+# Looks after which what one subscription received must have come by the other.
 _CONFIRMED = 5
 
 Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
@@ -67,7 +67,7 @@ class RecordedTopic:
         self._subscriptions: dict[Offer, Any] = {}
         self._seen: dict[tuple[int, int], frozenset[Offer]] = {}
         self._looks = 0
-        self._heard_at: deque[tuple[int, tuple[int, int]]] = deque(maxlen=_REMEMBERED)
+        self._received_at: deque[tuple[int, tuple[int, int]]] = deque(maxlen=_REMEMBERED)
         self._sender = sender
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
@@ -85,11 +85,11 @@ class RecordedTopic:
 
     @property
     def publishers(self) -> int:
-        """Number of publishers that are heard."""
+        """Number of publishers that are received."""
         return max(one.get_publisher_count() for one in self._subscriptions.values())
 
     def look(self) -> None:
-        """Look who publishes, and hear them as they are heard best."""
+        """Look who publishes, and subscribe with the quality of service that fits them."""
         self._looks += 1
         publishers = frozenset(
             (bytes(info.endpoint_gid),
@@ -113,19 +113,19 @@ class RecordedTopic:
         return _LASTING if lasting else _RELIABLE
 
     def _settle(self) -> None:
-        """Give up the other subscriptions once the best one hears whatever they hear."""
+        """End the other subscriptions once the best one receives all that they do."""
         best = self._best(self._publishers)
         if self._subscriptions[best].get_publisher_count() < len(self._publishers):
             return
         due = []
-        while self._heard_at and self._heard_at[0][0] <= self._looks - _CONFIRMED:
-            due.append(self._heard_at.popleft()[1])
+        while self._received_at and self._received_at[0][0] <= self._looks - _CONFIRMED:
+            due.append(self._received_at.popleft()[1])
         if not due or not all(best in self._seen.get(key, ()) for key in due):
             return
         for offer in [offer for offer in self._subscriptions if offer != best]:
             self._drain(offer)
             self._node.destroy_subscription(self._subscriptions.pop(offer))
-        self._heard_at.clear()
+        self._received_at.clear()
 
     def offered(self) -> list[dict[str, Any]]:
         """Return what the publishers offer, as a recording notes it; empty if none is known."""
@@ -136,7 +136,7 @@ class RecordedTopic:
                 for reliability, durability in sorted(found)]
 
     def _on_message(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
-        self._hear(offer, message, info)
+        self._receive(offer, message, info)
         # The executor gives one message at a time, at the price of a look at everything.
         self._drain(offer)
 
@@ -154,9 +154,9 @@ class RecordedTopic:
                 found = subscription.handle.take_message(self._kind, True)
                 if found is None:
                     return
-                self._hear(offer, *found)
+                self._receive(offer, *found)
 
-    def _hear(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
+    def _receive(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
         number = info['publication_sequence_number'] or 0
         key = info['source_timestamp'], number
         known = self._seen.get(key)
@@ -166,7 +166,7 @@ class RecordedTopic:
         self._seen[key] = _ONLY[offer]
         several = len(self._subscriptions) > 1
         if several:
-            self._heard_at.append((self._looks, key))
+            self._received_at.append((self._looks, key))
         while len(self._seen) > (_REMEMBERED if several else _RECENT):
             self._seen.pop(next(iter(self._seen)))
         if number:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One refinement in a process of its own, so that the node that asked for it stays awake."""
+"""Runs one refinement in a process of its own, so that the node stays responsive."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PATIENCE = 2.0
 
 
 @dataclass(frozen=True)
-class Refined:
+class JobResult:
     """What a refinement left behind.
 
     Parameters
@@ -54,8 +54,7 @@ class Refined:
     @property
     def verdict(self) -> str:
         """How far to believe it, in the words of report.json."""
-        found = self.report.get('verdict') or ''
-        return str(found.get('verdict', '') if isinstance(found, dict) else found)
+        return str(self.report.get('verdict', ''))
 
     @property
     def reasons(self) -> str:
@@ -170,7 +169,7 @@ class RefineJob:
                 self._process.kill()
                 self._process.wait()
 
-    def result(self) -> Refined:
+    def result(self) -> JobResult:
         """Return what came of it.
 
         Raises
@@ -190,5 +189,5 @@ class RefineJob:
                              f'refine ended with status {self._process.returncode}')
         model_file = (self._output / 'model.yaml').absolute()
         report = json.loads((self._output / 'report.json').read_text(encoding='utf-8'))
-        return Refined(report, FrictionModel.load(model_file), model_file,
-                       (self._output / 'report.html').absolute())
+        return JobResult(report, FrictionModel.load(model_file), model_file,
+                         (self._output / 'report.html').absolute())

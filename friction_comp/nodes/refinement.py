@@ -1,11 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Watches whether the models still fit, and refines them on request as an action server."""
+"""Monitors whether the models still fit, and refines them on request as an action server."""
 
 from __future__ import annotations
 
-from collections import deque
-from functools import partial
 from pathlib import Path
 import time
 import traceback
@@ -17,26 +15,27 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
+from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
 from friction_comp.nodes.loaded_models import LoadedModels, turn
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.recent_past import Message, RecentPast
-from friction_comp.nodes.recorded_topic import RecordedTopic
-from friction_comp.nodes.recorder import Dates, stamp_of, STATES, TOPICS
-from friction_comp.nodes.refine_job import Refined, RefineJob
+from friction_comp.nodes.refine_job import JobResult, RefineJob
 
-# Real s between looks at a running refinement, at publishers, and at the residual.
-_LOOK, _PUBLISHERS, _WATCH = 0.2, 0.1, 1.0
+# Real s between looks at a running refinement and at the residual.
+_LOOK, _WATCH = 0.2, 1.0
 _NOT_KEPT = ('reference', '/diagnostics')
+# What `LiveSignals` wants beside the joint states.
+_SIGNALS = ('interaction_wrench', 'motor_temperature')
 
 
 class RefinementNode(Node):
     """Serves one goal at a time; commands nothing and moves nothing.
 
-    It hears what the recorder hears, keeps the last minutes of it, and compares the motor's
-    current with what the model of each joint asks for.
+    It subscribes to what the recorder records, keeps the last minutes of it, and compares the
+    motor's current with what the model of each joint predicts.
     """
 
     finished = False
@@ -71,7 +70,7 @@ class RefinementNode(Node):
         self._watches = {joint: JointWatch(tolerance) for joint in self._joints}
         for joint, path in self._files.items():
             self._watches[joint].use(path)
-        self._rate, self._dates, self._undated = Rate(), Dates(), deque()
+        self._rate = Rate()
         self._job: RefineJob | None = None
         self._busy = self._looking = False
         self._fits = dict.fromkeys(self._joints, True)
@@ -81,11 +80,8 @@ class RefinementNode(Node):
         Diagnostics(self, self._report, ', '.join(self._joints))
 
     def _connect(self):
-        self._topics = {topic: RecordedTopic(self, kind, topic, partial(
-            self._on_stamped if stamped else self._on_unstamped, topic, name))
-            for topic, kind, name, stamped in TOPICS if topic not in _NOT_KEPT}
+        self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_PUBLISHERS, self._look_at_publishers, clock=steady)
         self.create_timer(_LOOK, self._look, clock=steady)
         # Of the node's own group nothing else would run while it waits for the compensator.
         self.create_timer(
@@ -96,32 +92,14 @@ class RefinementNode(Node):
 
     # Topics.
 
-    def _on_stamped(self, topic, name, cdr, info):
-        stamp = stamp_of(cdr) or info['source_timestamp']
-        self._keep(topic, name, stamp, cdr)
+    def _keep(self, topic, stamp, cdr):
+        cdr = bytes(cdr)
+        self._past.add(Message(stamp, self._topics[topic].name, RECORDED[topic], cdr))
         if topic == STATES:
             self._rate.tick()
-            self._dates.see(info['source_timestamp'], stamp)
             self._signals.see(stamp, cdr)
-            self._date()
-        else:
+        elif topic in _SIGNALS:
             self._signals.hold(topic, stamp, cdr)
-
-    def _on_unstamped(self, topic, name, cdr, info):
-        self._undated.append((info['source_timestamp'], topic, name, bytes(cdr)))
-        self._date()
-
-    def _date(self):
-        while self._undated and self._dates.known(self._undated[0][0]):
-            sent, topic, name, cdr = self._undated.popleft()
-            self._keep(topic, name, self._dates.at(sent) or sent, cdr)
-
-    def _keep(self, topic, name, stamp, cdr):
-        self._past.add(Message(stamp, self._topics[topic].name, name, bytes(cdr)))
-
-    def _look_at_publishers(self):
-        for topic in self._topics.values():
-            topic.look()
 
     # Watching.
 
@@ -317,7 +295,7 @@ def _new_folder(parent, joint):
     raise InputError(f'{parent}: too many folders named {stem}')
 
 
-def _fill(result: RefineModel.Result, refined: Refined) -> None:
+def _fill(result: RefineModel.Result, refined: JobResult) -> None:
     result.success = True
     result.verdict = refined.verdict
     result.error_before, result.error_after = refined.before, refined.after

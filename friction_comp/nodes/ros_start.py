@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How nodes and tools begin to use ROS 2, and what is said where they cannot."""
+"""Initialises ROS 2 for nodes and tools, with a one-line error where that fails."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Slow inputs as the compensator trusts them: checked, and only while they are fresh."""
+"""Validates slow inputs of the compensator (direction, temperature) and checks their age."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Looks at a running system for some seconds, and touches nothing in it."""
+"""Observes a running system for some seconds without changing anything in it."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.monitoring.checkup import TYPES
 from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
 from friction_comp.nodes.ros_start import start_ros
+from friction_comp.topics import TOPICS
 
 NAME = 'friction_comp_doctor'
 # Hears every publisher.
@@ -73,7 +73,7 @@ class _Look:
         self._load: dict[str, Any] = {}
         self._commands: list[Any] = []
         self.seen = Observation(seconds, names={
-            name: node.resolve_topic_name(name) for name in TYPES})
+            name: node.resolve_topic_name(name) for name in TOPICS})
         for kind, topic, take in (
                 (JointState, 'joint_states', self._on_state),
                 (Float64MultiArray, 'current_command', self._on_command),
@@ -125,7 +125,7 @@ class _Look:
         return seen
 
     def _see_topics(self) -> None:
-        wanted = {*TYPES.values()}
+        wanted = {*TOPICS.values()}
         for name, types in self._node.get_topic_names_and_types():
             if not wanted & set(types):
                 continue

@@ -18,9 +18,9 @@ from friction_comp.simulation.joint_records import FRICTION
 from friction_comp.simulation.random_sequence import random_states
 
 if TYPE_CHECKING:
+    from friction_comp.exercise.reference_movement import ReferenceMovement
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.note.published import Experiment
-    from friction_comp.simulation.reference_movement import ReferenceMovement
 
 SAMPLE_TIME = 1e-3
 REPETITIONS = 10

@@ -7,9 +7,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
-from friction_comp.simulation.reference_movement import ReferenceMovement
 
 RAMP_PERIOD = 10.0
 """T of Eq. 8 in s, all configurations."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in and out: rosbag2 folders and mcap files as samples, and the other way round."""
+"""Recordings in and out: rosbag2 folders, mcap files and tables as samples, and back."""
 
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import (
@@ -11,12 +11,14 @@ from friction_comp.recordings.reader import (
     RecordingInfo,
 )
 from friction_comp.recordings.samples_writer import write_samples
-from friction_comp.recordings.scan import find_recordings, recorded_joints
-from friction_comp.recordings.stream import stream_recording, stream_recording_with_info
+from friction_comp.recordings.scan import find_recordings
+from friction_comp.recordings.sources import recorded_joints
+from friction_comp.recordings.stream import stream_recording_with_info
 from friction_comp.recordings.writer import RecordingWriter
 
 __all__ = [
     'Activity', 'RecordingInfo', 'RecordingWriter', 'find_recordings', 'inspect_recording',
-    'read_joints', 'read_recording', 'read_recording_with_info',
-    'recorded_joints', 'stream_recording', 'stream_recording_with_info', 'write_samples',
+    'read_joints',
+    'read_recording', 'read_recording_with_info', 'recorded_joints', 'stream_recording_with_info',
+    'write_samples',
 ]

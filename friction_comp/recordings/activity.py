@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What was active while a recording was made: what the compensator said of itself."""
+"""Which law and model a compensator reported while a recording was made."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rosbags.typesys import get_typestore, Stores
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 # Nodes that command, in whose diagnostics activity is.
-HEARD = (b'compensator', b'identification')
+SOURCES = (b'compensator', b'identification')
 # ns of a recording within which a compensator that runs has said so: it does every second, in
 # which a simulation may have gone on for several.
 _FIRST_WORD = 10_000_000_000

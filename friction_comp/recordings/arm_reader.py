@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of several joints: each joint's samples, with the motion of the others beside them."""
+"""Reads recordings of several joints: each joint's samples with the motion of the others."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.recordings.joint_motion import beside
 from friction_comp.recordings.reader import (
@@ -15,13 +16,15 @@ from friction_comp.recordings.reader import (
     usable_joints,
     with_states,
 )
-from friction_comp.recordings.scan import AnyPath, find_recordings, scan_recording, SIGNALS
+from friction_comp.recordings.scan import AnyPath, find_recordings
+from friction_comp.recordings.sources import scan_recording
 from friction_comp.samples import Samples
+from friction_comp.topics import TOPICS
 
 
 def read_arm(paths: AnyPath | Sequence[AnyPath],
              torque_per_current: Callable[[str], float] = lambda joint: 1.0,
-             progress: Callable[[float], None] | None = None
+             progress: Callable[[float], None] | None = None, layout: Layout | None = None
              ) -> dict[str, list[tuple[Samples, RecordingInfo]]]:
     """Read every joint of recordings.
 
@@ -33,6 +36,8 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
         k_t · n in N·m/A for a joint's name.
     progress : callable, optional
         Called with the share 0..1 of everything that has been read.
+    layout : Layout, optional
+        What is known of a table's columns.
 
     Returns
     -------
@@ -51,7 +56,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
         def report(share: float, number: int = number) -> None:
             if progress:
                 progress((number + share) / len(found))
-        scan = scan_recording(path, with_states(tuple(SIGNALS)), report)
+        scan = scan_recording(path, with_states(tuple(TOPICS)), report, layout=layout)
         everyone = usable_joints(scan, torque_per_current)
         if result and set(everyone) != set(result):
             odd = sorted(set(everyone) ^ set(result))[0]

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many CDR messages of one type decoded at once.
+"""Decodes many CDR messages of one type at once.
 
 A recording holds up to millions of messages whose layout hardly ever changes: the same joint
 names, the same array lengths. The layout is worked out on one message, and every message with

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What time a message was: stamps that are empty, stand still, jump, or are set back."""
+"""Computes message times from stamps that are empty, stand still, jump, or are set back."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of all joints of a recording at the times of one of them."""
+"""The motion of all joints at the times of one of them, and angles that wrap around."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from typing import Protocol
 import numpy as np
 
 from friction_comp.samples import JointStates, Samples
+
+# Between two messages within this time an angle that jumps by nearly a turn has wrapped around.
+_WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
 
 
 class Started(Protocol):
@@ -44,3 +47,16 @@ def beside(samples: Samples, info: Started,
     known = len(speeds) == len(places)
     return JointStates(tuple(everyone), np.column_stack(places),
                        np.column_stack(speeds) if known else None)
+
+
+def unwrapped(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Return position in rad without the jumps of an angle that is kept within one turn."""
+    jumps = np.diff(position)
+    size = np.abs(jumps)
+    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < _WRAP_TIME)
+    # A turn in one step is a wrap only where the joint is slow otherwise.
+    if not wraps.any() or np.quantile(size, 0.9) > 0.1 * np.pi:
+        return position
+    notes.append(f'position wraps around {np.count_nonzero(wraps)} times: turns are added')
+    turns = np.concatenate(([0.0], np.cumsum(np.where(wraps, -np.sign(jumps), 0.0))))
+    return position + 2.0 * np.pi * turns

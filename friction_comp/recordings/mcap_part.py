@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One mcap file in the making: whole chunks, put onto the disk as they come."""
+"""Writes one mcap file in whole chunks, each synced to the disk as it comes."""
 
 from __future__ import annotations
 

@@ -1,35 +1,34 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings as samples: one joint's signals on the time base of its joint states."""
+"""Reads recordings as samples: one joint's signals at the times of its joint states."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
 
+from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.recordings import clocks
 from friction_comp.recordings.activity import Activity
-from friction_comp.recordings.joint_motion import beside
+from friction_comp.recordings.joint_motion import beside, unwrapped
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import (
     AnyPath,
     find_recordings,
     Progress,
     Scan,
-    scan_recording,
     signal_of,
-    SIGNALS,
     Track,
 )
+from friction_comp.recordings.sources import scan_recording
 from friction_comp.recordings.time_base import further_signals, TimeBase
 from friction_comp.samples import Samples
-
-# Between two messages within this time an angle that jumps by nearly a turn has wrapped around.
-_WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
+from friction_comp.topics import TOPICS
 
 
 @dataclass
@@ -61,6 +60,8 @@ class RecordingInfo:
     activity : list of (float, Activity)
         From when on, in s since `start`, the compensator said to be in which state, with which law
         and model; empty where nothing was recorded of it.
+    effort_is_current : bool
+        Whether the effort is the motor current in A already, as a table may say.
     """
 
     path: Path
@@ -74,23 +75,27 @@ class RecordingInfo:
     notes: list[str] = field(default_factory=list)
     model: str | None = None
     activity: list[tuple[float, Activity]] = field(default_factory=list)
+    effort_is_current: bool = False
 
 
 def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                   progress: Progress | None = None) -> list[Samples]:
+                   progress: Progress | None = None,
+                  layout: Layout | None = None) -> list[Samples]:
     """Read recordings of one joint.
 
     Parameters
     ----------
     paths : path-like or list of path-like
-        Rosbag2 folders, single .mcap files, or folders of recordings.
+        Rosbag2 folders, .mcap files, tables (CSV, Parquet, npz), or folders of recordings.
     joint : str, optional
         Name of the joint; needed where a recording has several.
     torque_constant, gear_ratio : float
         k_t in N·m/A and n: current is effort / (k_t · n).
     progress : callable, optional
         Called with the share 0..1 of everything that has been read.
+    layout : Layout, optional
+        What is known of a table's columns and units; the rest is guessed from their names.
 
     Returns
     -------
@@ -104,14 +109,14 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
         If a path, the joint, or a recording cannot be used; the text names it and says why.
     """
     return [samples for samples, _ in read_recording_with_info(
-        paths, joint, torque_constant, gear_ratio, progress=progress)]
+        paths, joint, torque_constant, gear_ratio, progress=progress, layout=layout)]
 
 
 def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                              torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                             signals: Sequence[str] = tuple(SIGNALS),
-                             progress: Progress | None = None, others: bool = True
-                             ) -> list[tuple[Samples, RecordingInfo]]:
+                             signals: Sequence[str] = tuple(TOPICS),
+                             progress: Progress | None = None, others: bool = True,
+                             layout: Layout | None = None) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings as `read_recording` does, each with its `RecordingInfo`.
 
     Parameters
@@ -122,6 +127,8 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         Topics to read besides ``joint_states``.
     others : bool
         Whether the samples are to hold the motion of the other joints too, as `arm`.
+    layout : Layout, optional
+        What is known of a table's columns.
 
     Returns
     -------
@@ -134,7 +141,8 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         def report(share: float, number: int = number) -> None:
             if progress:
                 progress((number + share) / len(found))
-        scan = scan_recording(path, with_states(signals), report, None if others else joint)
+        scan = scan_recording(path, with_states(signals), report,
+                              None if others else joint, layout)
         samples, info = to_samples(scan, joint, torque_per_current)
         if others and len(info.joints) > 1:
             samples = samples.with_(arm=beside(samples, info, usable_joints(scan)))
@@ -195,8 +203,9 @@ def with_states(signals: Sequence[str]) -> tuple[str, ...]:
 
 def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
                 drives: dict[str, tuple[float, float]] | None = None,
-                signals: Sequence[str] = tuple(SIGNALS),
-                progress: Progress | None = None) -> list[Samples]:
+                signals: Sequence[str] = tuple(TOPICS),
+                progress: Progress | None = None, layout: Layout | None = None,
+                notes: list[str] | None = None) -> list[Samples]:
     """Read several joints of one recording on one time base.
 
     Parameters
@@ -211,6 +220,10 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
         Topics to read besides ``joint_states``.
     progress : callable, optional
         Called with the share 0..1 that has been read.
+    layout : Layout, optional
+        What is known of a table's columns.
+    notes : list of str, optional
+        Gets what a reader of the results should know, each line once.
 
     Returns
     -------
@@ -225,7 +238,7 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
     found = find_recordings(path)
     if len(found) != 1:
         raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scan = scan_recording(found[0], with_states(signals), progress)
+    scan = scan_recording(found[0], with_states(signals), progress, layout=layout)
     if joints is None:
         joints = list(dict.fromkeys(n for track in scan.of('joint_states') for n in track.names))
     if not joints:
@@ -233,10 +246,11 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
     read = []
     for joint in joints:
         constants = (drives or {}).get(joint, (1.0, 1.0))
-        read.append(to_samples(scan, joint, effort_per_ampere(*constants))[0])
-    common = read[0].time
-    for samples in read[1:]:
-        common = np.intersect1d(common, samples.time, assume_unique=True)
+        samples, info = to_samples(scan, joint, effort_per_ampere(*constants))
+        read.append(samples)
+        if notes is not None:
+            notes.extend(note for note in info.notes if note not in notes)
+    common = reduce(np.intersect1d, [samples.time for samples in read])
     if not len(common):
         raise InputError(f'{path}: the joints {", ".join(joints)} never have values together')
     return [samples.take(np.searchsorted(samples.time, common)) for samples in read]
@@ -263,9 +277,11 @@ def to_samples(scan: Scan, joint: str | None,
     InputError
         If the joint is not there, or its values cannot be.
     """
+    if scan.effort_is_current:
+        torque_per_current = 1.0
     track, joint, joints = _choose(scan, joint)
     info = RecordingInfo(scan.path, joint, joints, scan.topics, notes=list(scan.notes),
-                         model=scan.model)
+                         model=scan.model, effort_is_current=scan.effort_is_current)
     stamp = clocks.message_times(track, info.notes)
     stray = clocks.far_off(stamp)
     shifts = clocks.set_backs(stamp[~stray], track.order[~stray], track.receive[~stray],
@@ -300,7 +316,7 @@ def to_samples(scan: Scan, joint: str | None,
                      for activity in scan.activity]
     time = info.stamps[order]
     samples = Samples(
-        time=time, position=_unwrapped(time, position[order], info.notes),
+        time=time, position=unwrapped(time, position[order], info.notes),
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**further_signals(scan, joint, joints, base, info.notes))
@@ -313,19 +329,6 @@ def _others_moved(scan: Scan, joint: str) -> bool:
     places = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
               for name, values in track.values.items() if name != joint]
     return any(len(place) > 0 and np.ptp(place) > 0.01 for place in places)
-
-
-def _unwrapped(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Return position in rad without the jumps of an angle that is kept within one turn."""
-    jumps = np.diff(position)
-    size = np.abs(jumps)
-    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < _WRAP_TIME)
-    # A turn in one step is a wrap only where the joint is slow otherwise.
-    if not wraps.any() or np.quantile(size, 0.9) > 0.1 * np.pi:
-        return position
-    notes.append(f'position wraps around {np.count_nonzero(wraps)} times: turns are added')
-    turns = np.concatenate(([0.0], np.cumsum(np.where(wraps, -np.sign(jumps), 0.0))))
-    return position + 2.0 * np.pi * turns
 
 
 def _choose(scan: Scan, joint: str | None) -> tuple[Track, str, list[str]]:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Samples as a recording, as the nodes would have left it."""
+"""Writes samples as a recording with the topics that the nodes publish."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finding recordings on disk and getting their raw signals into arrays."""
+"""Finds recordings on disk and reads their raw signals into arrays."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from friction_comp.columns import TABLES
 from friction_comp.errors import InputError
 from friction_comp.recordings import cdr
-from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics, HEARD
+from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics, SOURCES
 from friction_comp.recordings.storage import (
     belongs_to_folder,
     is_storage,
@@ -23,23 +24,12 @@ from friction_comp.recordings.storage import (
     unpack,
     unreadable,
 )
+from friction_comp.topics import TOPICS
 
 AnyPath = str | PathLike[str]
 Progress = Callable[[float], None]
 
-# Signal name and topic ending to message type.
-SIGNALS = {
-    'joint_states': cdr.JOINT_STATE,
-    'current_command': cdr.FLOAT_ARRAY,
-    'direction': cdr.INT8_ARRAY,
-    'direction_stamped': cdr.JOINT_STATE,
-    'reference': cdr.JOINT_STATE,
-    'interaction_wrench': cdr.WRENCH,
-    'motor_temperature': cdr.TEMPERATURE,
-}
 _BATCH = 20_000
-# Messages after which all joints have been named, where several publishers share a topic.
-_FIRST = 200
 
 
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
@@ -48,8 +38,8 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     Parameters
     ----------
     paths : path-like or list of path-like
-        Rosbag2 folders, single .mcap (or .db3) files, or folders that hold such things at any
-        depth, taken in the order of their names.
+        Rosbag2 folders, single .mcap (or .db3) files, tables (.csv, .parquet, .npz), or folders
+        that hold recordings at any depth, taken in the order of their names.
 
     Returns
     -------
@@ -70,7 +60,8 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
             raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
         if not recordings:
             kind = 'no recording in this folder' if path.is_dir() else \
-                'not a recording (a rosbag2 folder or an .mcap file is needed)'
+                'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' + (
+                    ', '.join(TABLES) + ')')
             raise InputError(f'{path}: {kind}')
         found.extend(recordings)
     if not found:
@@ -83,14 +74,15 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
 
 def _expand(path: Path) -> Iterator[Path]:
     if path.is_file():
-        if is_storage(path):
+        if is_storage(path) or path.name.lower().endswith(TABLES):
             yield path
     elif (path / METADATA).is_file() or belongs_to_folder(path):
         yield path
     else:
         for child in sorted(path.iterdir()):
-            # A hidden folder may be a recording in the making.
-            if not child.name.startswith('.'):
+            # A hidden folder may be a recording in the making. Tables in folders are rather results
+            # than recordings.
+            if not child.name.startswith('.') and (child.is_dir() or is_storage(child)):
                 yield from _expand(child)
 
 
@@ -131,6 +123,7 @@ class Scan:
     notes: list[str] = field(default_factory=list)
     custom: dict[str, str] = field(default_factory=dict)
     activity: list[Activity] = field(default_factory=list)
+    effort_is_current: bool = False     # in A already, as tables may say
 
     def of(self, signal: str) -> list[Track]:
         """Return the tracks of a signal; an exact last name goes before a mere ending."""
@@ -150,69 +143,10 @@ class Scan:
 
 def signal_of(topic: str, type_name: str) -> str | None:
     """Return the signal that a topic carries by its type and the ending of its name, or None."""
-    for signal, wanted in SIGNALS.items():
+    for signal, wanted in TOPICS.items():
         if type_name == wanted and topic.endswith(signal):
             return signal
     return None
-
-
-def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(SIGNALS),
-                   progress: Progress | None = None, joint: str | None = None) -> Scan:
-    """Read the signals of one recording.
-
-    Parameters
-    ----------
-    path : path-like
-        One recording, as `find_recordings` returns it.
-    signals : sequence of str
-        Which to read.
-    progress : callable, optional
-        Called with the share 0..1 that has been read.
-    joint : str, optional
-        Keep this joint's values only.
-
-    Returns
-    -------
-    Scan
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read; the reason is named.
-    """
-    path = Path(path)
-    scanner = Scanner(path, signals, joint)
-    for _ in scanner.batches():
-        if progress:
-            progress(scanner.progress)
-    return scanner.finish()
-
-
-def recorded_joints(path: AnyPath) -> list[str]:
-    """Return the joints that a recording's first joint states name.
-
-    Parameters
-    ----------
-    path : path-like
-        One recording, as `find_recordings` returns it.
-
-    Returns
-    -------
-    list of str
-        '' for a joint without a name.
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read.
-    """
-    scanner = Scanner(Path(path), ('joint_states',), batch=_FIRST)
-    for _ in scanner.batches():
-        break
-    for store in scanner.stores.values():
-        store.flush()
-    return list(dict.fromkeys(
-        name for track in scanner.finish().of('joint_states') for name in track.names))
 
 
 class Scanner:
@@ -228,7 +162,7 @@ class Scanner:
         Messages that are decoded at once.
     """
 
-    def __init__(self, path: Path, signals: Sequence[str] = tuple(SIGNALS),
+    def __init__(self, path: Path, signals: Sequence[str] = tuple(TOPICS),
                  joint: str | None = None, batch: int = _BATCH) -> None:
         self._batch = batch
         self.path = path
@@ -253,7 +187,7 @@ class Scanner:
                 if not number:
                     self._begin = receive
                 if kind == DIAGNOSTICS:
-                    if any(node in raw for node in HEARD):
+                    if any(node in raw for node in SOURCES):
                         self._diagnostics.append((receive, raw))
                     continue
                 store = self.stores.get(topic)
@@ -339,7 +273,7 @@ class Store:
         batch: dict[str, np.ndarray] = {}
         broken: list[int] = []
         for index, names, fields in cdr.decode(
-                SIGNALS[self.signal], [unpack(raw) for raw in self._raw], broken):
+                TOPICS[self.signal], [unpack(raw) for raw in self._raw], broken):
             if 'stamp' in fields:
                 stamps[index] = fields['stamp']
             for key, value in self._columns(names, fields):

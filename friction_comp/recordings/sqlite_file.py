@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the sqlite3 files of rosbag2, as far as the database is whole."""
+"""Reads the sqlite3 files of rosbag2 as far as the database is intact."""
 
 from __future__ import annotations
 

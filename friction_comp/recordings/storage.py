@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What files a recording consists of, and the stream of their messages."""
+"""Lists the files of a recording and reads their messages in order."""
 
 from __future__ import annotations
 

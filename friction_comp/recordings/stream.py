@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings stretch by stretch, in memory that does not grow with their length."""
+"""Reads long recordings piece by piece, in memory that does not grow with their length."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.recordings.clocks import gap_length, GAPS
 from friction_comp.recordings.reader import (
@@ -21,23 +22,28 @@ from friction_comp.recordings.scan import (
     find_recordings,
     Scan,
     Scanner,
-    SIGNALS,
     Track,
 )
+from friction_comp.recordings.sources import open_scanner
+from friction_comp.recordings.tables import TableScanner
 from friction_comp.samples import Samples
+from friction_comp.topics import TOPICS
 
 # s of other topics that are waited for behind a stretch's end: a recorder may write them later.
 _MARGIN = 2.0
 
 
-def stream_recording(path: AnyPath, joint: str | None = None, torque_constant: float = 1.0,
-                     gear_ratio: float = 1.0, seconds: float = 60.0,
-                     signals: Sequence[str] = tuple(SIGNALS),
-                     notes: list[str] | None = None) -> Iterator[Samples]:
-    """Read one joint of one recording stretch by stretch.
+def stream_recording_with_info(path: AnyPath, joint: str | None = None,
+                               torque_constant: float = 1.0, gear_ratio: float = 1.0,
+                               seconds: float = 60.0, signals: Sequence[str] = tuple(TOPICS),
+                               layout: Layout | None = None
+                               ) -> Iterator[tuple[Samples, RecordingInfo]]:
+    """Read one joint of one recording stretch by stretch, each with its `RecordingInfo`.
 
     The stretches together are what `read_recording` returns, except that a signal is interpolated
-    and judged within each stretch: one that covers less than half of it is None there.
+    and judged within each stretch: one that covers less than half of it is None there. All count
+    time from the recording's first joint state. What concerns the whole recording, such as gaps or
+    a file that breaks off, is known at its end: the last has no samples, but the notes.
 
     Parameters
     ----------
@@ -51,44 +57,17 @@ def stream_recording(path: AnyPath, joint: str | None = None, torque_constant: f
         Length of a stretch.
     signals : sequence of str
         Topics to read besides ``joint_states``.
-    notes : list of str, optional
-        Gets what a reader of the results should know, each line once.
+    layout : Layout, optional
+        What is known of a table's columns.
 
     Yields
     ------
-    Samples
-        Time goes on through all stretches, from the recording's first joint state.
+    Samples, RecordingInfo
 
     Raises
     ------
     InputError
         If the recording, the joint or a value cannot be used.
-    """
-    for samples, info in stream_recording_with_info(
-            path, joint, torque_constant, gear_ratio, seconds, signals):
-        if notes is not None:
-            notes.extend(note for note in info.notes if note not in notes)
-        if len(samples):
-            yield samples
-
-
-def stream_recording_with_info(path: AnyPath, joint: str | None = None,
-                               torque_constant: float = 1.0, gear_ratio: float = 1.0,
-                               seconds: float = 60.0, signals: Sequence[str] = tuple(SIGNALS)
-                               ) -> Iterator[tuple[Samples, RecordingInfo]]:
-    """Read a recording as `stream_recording` does, each stretch with its `RecordingInfo`.
-
-    All count time from the recording's first joint state. What concerns the whole recording, such
-    as gaps or a file that breaks off, is known at its end: the last has no samples, but the notes.
-
-    Parameters
-    ----------
-    path, joint, torque_constant, gear_ratio, seconds, signals
-        As for `stream_recording`.
-
-    Yields
-    ------
-    Samples, RecordingInfo
     """
     gain = effort_per_ampere(torque_constant, gear_ratio)
     if not seconds > 0:
@@ -96,7 +75,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     found = find_recordings(path)
     if len(found) != 1:
         raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scanner = Scanner(found[0], with_states(signals), joint)
+    scanner = open_scanner(found[0], with_states(signals), joint, layout)
     cutter = _Cutter(seconds)
     clock = _OneClock()
     info, samples = None, None
@@ -115,7 +94,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         yield samples.take(slice(0, 0)), info
 
 
-def _scans(scanner: Scanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
+def _scans(scanner: Scanner | TableScanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
     """Yield what was read for each stretch, and whether it is the last."""
     for store in scanner.batches():
         if store.signal != 'joint_states':

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Signals of other topics on the time base of the joint states."""
+"""Brings signals of other topics to the times of the joint states."""
 
 from __future__ import annotations
 

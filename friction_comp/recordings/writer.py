@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writing recordings that `ros2 bag info` and `ros2 bag play` accept: rosbag2, mcap."""
+"""Writes rosbag2 recordings (mcap) that `ros2 bag info` and `ros2 bag play` accept."""
 
 from __future__ import annotations
 

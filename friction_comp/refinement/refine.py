@@ -5,34 +5,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import Scene
-from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.choice import Choice, choose, lag_shows, Question
-from friction_comp.refinement.fit.effect_sum import Fit
-from friction_comp.refinement.fit.final_fit import final_fit, to_model, with_load
-from friction_comp.refinement.judge.evidence import held_out_residual, rms
-from friction_comp.refinement.judge.report import Outcome, report_of
-from friction_comp.refinement.prepare import fit_data as recordings
-from friction_comp.refinement.prepare.coupling_choice import say_so, with_other_joints
-from friction_comp.refinement.prepare.differentiation_choice import (
-    choose_differentiation,
-    sharpest,
-)
-from friction_comp.refinement.prepare.prepared import fold_of_all
-from friction_comp.refinement.prepare.saturation import saturated
+from friction_comp.refinement.attempt import eq6_alone, Found, found_in, Question
+from friction_comp.refinement.constants import at_limit
+from friction_comp.refinement.elsewhere import Elsewhere
+from friction_comp.refinement.final import model_of, settled
+from friction_comp.refinement.judge import rms
+from friction_comp.refinement.prepare import join
+from friction_comp.refinement.report import Outcome, report_of
+from friction_comp.refinement.stability import intervals, repeated, Stability
 from friction_comp.samples import Samples
-
-# A second pass over more samples than this would take too long.
-_TWICE = 200_000
 
 
 @dataclass
@@ -44,19 +34,19 @@ class RefineResult:
     report : dict
         The content of report.json.
     model : FrictionModel
-        Fitted on all usable samples, with the effects.
+        Fitted to all usable samples, with the effects.
     start : FrictionModel
         The model before.
     samples : Samples
         All samples with velocity and acceleration.
     usable : ndarray of bool, shape (N,)
-        The samples that the errors are counted on.
+        The samples in motion, which are fitted.
     before, after : ndarray, shape (N,)
-        Held-out residual in A of the model before and of the refined model.
+        Residual in A of parts not fitted, of the model before and of the refined one.
     scene : Scene
         What the recordings cover.
     trail : list of (str, float)
-        Held-out error in A as effects were added.
+        Held-out error in A as effects are added.
     """
 
     report: dict[str, Any]
@@ -98,124 +88,66 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     InputError
         If the recordings cannot be used.
     """
-    unit = unit or ('A' if drive or model else 'N·m')
+    say = progress or (lambda share, word: None)
+    declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
-    raw = recordings.join(list(recorded))
-    clipped = recordings.clipped(raw.current)
-    settings = choose_differentiation(raw, clipped)
-    clipped |= saturated(differentiate(raw, settings), clipped)
-    choices = []
-    for beside in with_other_joints(
-            model.with_arm(raw) if model else raw, ~clipped, settings, len(raw) < _TWICE):
-        question = Question(beside.samples, clipped, model, drive, unit, progress)
-        choices.append((_chosen(question, beside.settings), question, beside))
-    errors = _held_out_errors([found for found, _, _ in choices])
-    found, question, beside = choices[int(np.argmin(errors))]
-    raw, arm = beside.samples, beside.arm
-    found = _with_lag_that_holds(question, found)
-    # Samples near standstill do not decide which effects there are; what the model is worth beside
-    # rest and at reversals does depend on how sharply the two are told apart.
-    settings = sharpest(
-        found.model, raw, ~clipped, found.model.differentiation, found.usable)
-    result = _result(question, found, settings)
-    if arm and any('coupling' in effect.needs for effect in result.model.effects):
-        result.model.arm = arm
-        say_so(result.report, arm, raw)
-    return result
+    question = Question(join(list(recorded)), drive, declared, model, say)
+    found = found_in(question)
+    found, stability = named_in(found, say)
+    say(0.9, 'writing')
+    return _result(question, found, stability, unit or ('A' if declared else 'N·m'))
 
 
-def _chosen(question: Question, settings: dict[str, Any]) -> Choice:
-    """Return the effects, chosen again where another way of differentiating suits them better.
+def named_in(found: Found, say: Callable[[float, str], None]) -> tuple[Found, Stability]:
+    """Return a fit of the terms that can be named alone, and how often each was chosen.
 
-    Which bandwidth suits is seen better once the effects are known.
+    A term is named where most repeated searches choose it, where it makes no third of the recording
+    that was not fitted harder to predict, where the interval of any of its coefficients leaves zero
+    out, and where no constant of it is at its limit.
     """
-    found = choose(question, settings)
-    better = sharpest(found.model, question.raw, found.usable, settings)
-    if better == settings or len(question.raw) >= _TWICE:
-        return found
-    return choose(question, better)
+    say(0.6, 'repeating the search on drawn parts')
+    stability = repeated(found.table, found.keys, found.given, found.candidates)
+    given = found.keys[:found.given]
+    keys = [*given, *(key for key in found.keys[found.given:] if stability.named(key))]
+    keys = Elsewhere(found.table, keys).helpful(keys, found.given)
+    while True:
+        fitted = settled(found, keys)
+        # Their constants were adjusted once more.
+        stability = stability.renamed(dict(zip(keys, fitted.keys)))
+        keys = fitted.keys
+        ends = intervals(fitted.table, keys)
+        sure = [*keys[:len(given)], *(key for key in keys[len(given):] if ends.without_zero(
+            fitted.table.places(key), fitted.table.sums.signs[fitted.table.places(key)])
+            and not at_limit(fitted.table.terms[key], fitted.table))]
+        if len(sure) == len(keys):
+            return fitted, stability
+        keys = sure
 
 
-def _with_lag_that_holds(question: Question, found: Choice) -> Choice:
-    """Return a choice without lag, unless it shows at a smoother velocity or nothing else will do.
-
-    A zero-phase filter delays nothing: a lag of the drive is the same whatever the bandwidth. What
-    makes up for noise or blur of one way of differentiating, or for the shape of another effect,
-    comes and goes with it. Such a lag has to be worth its place beside the best that does without,
-    differentiated as suits that.
-    """
-    lags = tuple({step.kind for step in found.steps if step.kind.reshapes})
-    if not lags or len(question.raw) >= _TWICE:
-        return found
-    settings = found.model.differentiation
-    choices = [choice for choice in recordings.bandwidths(question.raw)
-               if choice['source'] == settings['source'] and choice['bandwidth']
-               and choice['bandwidth'] < (settings['bandwidth'] or np.inf)]
-    if not choices or lag_shows(question, found, max(
-            choices, key=lambda choice: choice['bandwidth'])):
-        return found
-    other = _chosen(replace(question, without=(*question.without, *lags)), settings)
-    worth = max(step.kind.worth(0.0, step.fits[0].terms[-1].constants, found.data.scene)
-                for step in found.steps if step.kind.reshapes)
-    errors = _held_out_errors([found, other])
-    return found if errors[0] ** 2 < (1.0 - worth) * errors[1] ** 2 else other
-
-
-def _held_out_errors(choices: list[Choice]) -> list[float]:
-    """Return the error of each choice on data not fitted, on the samples that all of them have."""
-    # Not every velocity tells the same samples from rest.
-    rows = np.all([choice.data.usable for choice in choices], axis=0)
-    return [rms(held_out_residual(choice.data, choice.steps[-1].fits if choice.steps else
-                                  choice.bases)[rows]) for choice in choices]
-
-
-def _result(question: Question, found: Choice, settings: dict[str, Any]) -> RefineResult:
-    """Return what was found, or the start where that is as good on data not fitted."""
-    model, drive, data = question.model, question.drive, found.data
-    samples, usable = differentiate(question.raw, settings), found.usable
-    fold = fold_of_all(data, len(samples))
-
-    def held_out(pair: list[Fit]) -> np.ndarray:
-        residual = np.empty(len(samples))
-        for side, fit in enumerate(pair):
-            rows = fold == side
-            part = samples.current - to_model(fit, None, None, drive, settings).current(samples)
-            residual[rows] = part[rows]
-        return residual
-
-    if model:
-        start = with_load(model, data.load_coefficient)
-        before = samples.current - start.current(samples)
+def _result(question: Question, found: Found, stability: Stability, unit: str) -> RefineResult:
+    rows, raw, given = found.rows, question.raw, question.model
+    joint = raw.joint or (given.joint if given else '')
+    model = model_of(found, question.drive, given, joint)
+    if given:
+        start = given
+        before = fit_before = given.measured(raw) - given.predict(raw, same_recording=True)
     else:
-        start = to_model(final_fit(data, found.bases), samples, usable, drive, settings)
-        before = held_out(found.bases)
-    trail = [('before', rms(before[usable]))]
-    after = held_out(found.bases)
-    for step in found.steps:
-        after = held_out(step.fits)
-        trail.append((step.kind.name, rms(after[usable])))
-    moved = samples.take(usable)
-    refined = replace(found.model, differentiation=dict(settings),
-                      effects=[with_range(effect, moved) for effect in found.model.effects])
-    stopped, steps = found.stopped, found.steps
-    if not rms(after[usable]) < rms(before[usable]):
-        refined, after, trail, steps = start, before, trail[:1], []
-        if found.steps:
-            stopped = ('nothing that was found lowers the error on data not fitted: the result is '
-                       'the model before')
-    refined = replace(
-        refined, joint=refined.joint or question.raw.joint or (model.joint if model else ''),
-        breakaway=model.breakaway if model else None,
-        simulation=dict(model.simulation) if model else {},
-        arm=model.arm if model else None,
-        notes=dict(model.notes) if model else {})
-    outcome = Outcome(
-        samples=samples, usable=usable, clipped=question.clipped, data=data, steps=steps,
-        start=start, model=refined, before=before, after=after, trail=trail, left=found.left,
-        control=found.control, stopped=stopped, given=model is not None, unit=question.unit,
-        raw=question.raw, settings=settings)
-    return RefineResult(report_of(outcome), refined, start, samples, usable, before, after,
-                        data.scene, trail)
+        plain = settled(eq6_alone(question, found.settings), [])
+        start = model_of(plain, question.drive, None, joint)
+        before = plain.residual()
+        fit_before = rows.samples.current - start.current(rows.samples)
+    after, fit_after = found.residual(), raw.current - model.predict(raw, same_recording=True)
+    # What is not better on parts that were not fitted is not taken.
+    kept = rms(after[rows.usable]) >= rms(before[rows.usable])
+    if kept:
+        model, after, fit_after = start, before, fit_before
+    report = report_of(Outcome(
+        question, found, start, model, fit_before, before, fit_after, after, stability,
+        intervals(found.table, found.keys), unit, kept))
+    trail = [('before', report['before']['held_out_rmse'])]
+    trail += [(effect['name'], effect['held_out_rmse']) for effect in report['effects']]
+    return RefineResult(report, model, start, rows.samples, rows.usable, before, after,
+                        rows.scene, trail)
 
 
 __all__ = ['InputError', 'RefineResult', 'refine']

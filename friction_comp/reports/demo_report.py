@@ -14,6 +14,8 @@ from friction_comp.evaluation.conditions import evaluate
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
+from friction_comp.reports.interactive import Line, Panel
+from friction_comp.reports.moving_joint import moving_joint, Scene
 from friction_comp.reports.refinement_report import (
     formula,
     honesty,
@@ -113,6 +115,24 @@ def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
     return figure
 
 
+def torque_panels(trials: list[EvaluatedTrial]) -> list[list[Panel]]:
+    """Return the curves of `torque_figure`, to be read off."""
+    return [[Panel('time (s)', 'back-driving torque (N·m)', [
+        Line(trial.title, c.time, c.torque, colour, c.torque_std)
+        for trial, colour in zip(trials, _COLOURS) for c in trial.evaluation.conditions
+        if c.movement == movement], f'{movement} direction')
+        for movement in ('positive', 'negative')]]
+
+
+def trial_scenes(trials: list[EvaluatedTrial]) -> list[Scene]:
+    """Return the movements that are shown moving: no help, direction known, refined model."""
+    shown = ((trials[0], 'No help', 'grey'), (trials[2], 'Direction known', 'blue'),
+             (trials[3], 'Refined model', 'green'))
+    return [Scene(title, c.time, c.position, c.torque, colour)
+            for trial, title, colour in shown for c in trial.evaluation.conditions
+            if c.movement == 'positive']
+
+
 @styled
 def identification_figure(model: FrictionModel) -> Figure:
     """Draw look-up table, fitted curve and breakaway currents."""
@@ -164,6 +184,10 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         (f'{compensated.peak} N·m', 'with the direction known, d = ±1'),
         (f'{last.peak} N·m', 'and with the refined model'),
         (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'error of the model')])
+    page.movie(
+        moving_joint(trial_scenes(trials)),
+        'The joint as it moved in the positive direction, average over the repetitions. The orange '
+        'arrow is the torque that the person gives; below it, the same over time.')
     page.table(
         ['', 'peak (N·m)', '±', 'RMS (N·m)', '±', 'model error (mA)'],
         [[name, peak, number(trial.reach('peak_torque'), 2), rms,
@@ -173,7 +197,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         "of the RMS during movement; behind each, half of the 95 % interval of the repetitions' "
         'mean. Model error: on data not fitted.')
     page.figure(torque_figure(trials), 'Back-driving torque of all trials, mean and standard '
-                'deviation over the repetitions.')
+                'deviation over the repetitions.', live=torque_panels(trials))
     page.heading('Identified')
     page.text('Constant velocities in both directions give the kinetic friction, slow current '
               'ramps the breakaway friction. The joint hides an effect from this procedure: '

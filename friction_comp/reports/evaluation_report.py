@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.evaluation.effect_size import effect_size, pairs_to_decide
 from friction_comp.evaluation.repetitions import FIGURES
+from friction_comp.reports.evaluation_simply import plain_names, plain_tiles, plain_verdict
 from friction_comp.reports.evaluation_words import (
     chance,
     figure_of,
@@ -25,6 +27,8 @@ from friction_comp.reports.evaluation_words import (
 )
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import Report
+from friction_comp.reports.interactive import Line, Panel
+from friction_comp.reports.moving_joint import moving_joint, Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -139,23 +143,91 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     return figure
 
 
+def evaluation_panels(evaluation: Evaluation) -> list[list[Panel]]:
+    """Return the curves of `evaluation_figure`, to be read off.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+
+    Returns
+    -------
+    rows of Panel
+    """
+    movements = [name for name in ('positive', 'negative')
+                 if any(c.movement == name for c in evaluation.conditions)]
+    colours = _colours(evaluation)
+    rows: list[list[Panel]] = [[], []]
+    for movement in movements:
+        above = Panel('time (s)', 'joint angle (deg)', title=f'{movement} direction')
+        below = Panel('time (s)', 'back-driving torque (N·m)')
+        conditions = [c for c in evaluation.conditions if c.movement == movement]
+        shown = next((c for c in conditions if c.reference is not None), None)
+        if shown is not None and shown.reference is not None:
+            above.lines.append(Line('shown to the person', shown.time,
+                                    np.degrees(shown.reference), 'grey', style='dashed'))
+        for one in conditions:
+            label, colour = evaluation.label(one.help), colours[one.help]
+            above.lines.append(Line(label, one.time, np.degrees(one.position), colour,
+                                    np.degrees(one.position_std)))
+            below.lines.append(Line(label, one.time, one.torque, colour, one.torque_std))
+        rows[0].append(above)
+        rows[1].append(below)
+    return rows if evaluation.measured else rows[:1]
+
+
+def scenes_of(evaluation: Evaluation) -> list[Scene]:
+    """Return the movement without and with the direction announced, as it was on average.
+
+    Of the two directions of movement, that in which more was asked of the person. Empty where
+    there are no two such conditions, or no torque was measured.
+    """
+    two = evaluation.pair()
+    if two is None or not evaluation.measured:
+        return []
+    best: list[Scene] = []
+    most = 0.0
+    for movement in ('positive', 'negative'):
+        found = [next((c for c in evaluation.conditions if c.help == known
+                       and c.movement == movement), None) for known in two]
+        if any(c is None or not np.isfinite(c.torque).any() for c in found):
+            continue
+        peaks = [c.peak_torque for c in found if c is not None]
+        if max(peaks) > most:
+            most = max(peaks)
+            best = [Scene(title, c.time, c.position, c.torque, colour) for title, c, colour in zip(
+                plain_names(two), found, ('grey', 'blue')) if c is not None]
+    return best
+
+
 def add_evaluation(report: Report, evaluation: Evaluation) -> None:
-    """Add verdict, figures and tables of an evaluation to a report.
+    """Add an evaluation to a report: what everybody wants to know, then what an engineer does.
 
     Parameters
     ----------
     report : Report
     evaluation : Evaluation
     """
-    report.verdict(summary(evaluation))
-    tiles = _tiles(evaluation)
+    simple = plain_verdict(evaluation)
+    report.verdict(simple or summary(evaluation))
+    scenes = scenes_of(evaluation)
+    if simple and scenes:
+        report.movie(
+            moving_joint(scenes),
+            'The joint as it moved in the direction that asked for more, average over the '
+            'repetitions. The orange arrow is the torque that the person gives; below it, the same '
+            'over time. Both play at the pace of the recording.')
+    tiles = plain_tiles(evaluation) if simple else _tiles(evaluation)
     if tiles:
         report.numbers(tiles)
+    if simple:
+        report.text(f'## In detail\n\n{summary(evaluation)}')
     torque = ' and back-driving torque' if evaluation.measured else ''
     report.figure(
         evaluation_figure(evaluation),
         f'Trajectory{torque}, average and standard deviation over the repetitions, synchronised '
-        "at the start of the movement (style of the note's Fig. 5).")
+        "at the start of the movement (style of the note's Fig. 5).",
+        live=evaluation_panels(evaluation))
     _add_conditions(report, evaluation)
     _add_comparisons(report, evaluation)
     _add_trends(report, evaluation)
@@ -209,23 +281,30 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
         return
     shown = sorted(evaluation.comparisons, key=lambda c: (
         list(FIGURES).index(c.figure), c.probability is None, c.probability or 0.0))[:_SHOWN]
+    tests = {name: sum(c.figure == name for c in evaluation.comparisons)
+             for name in {c.figure for c in evaluation.comparisons}}
     report.text('## Compared with each other')
     report.table(
-        ['figure', 'first', 'second', 'pairs', 'mean of the first', 'of the second',
-         'difference', 'p'],
+        ['figure', 'first', 'second', 'pairs', 'of the first', 'of the second', 'difference',
+         'effect size (d_z)', 'p', 'pairs that decide'],
         [[heading(c.figure), unbroken(evaluation, c.first),
           unbroken(evaluation, c.second), c.pairs, *(
               peak_text(mean, evaluation.stuck(known) * (c.figure == 'peak_torque'))
               for mean, known in ((c.before, c.first), (c.after, c.second))),
-          with_interval(c.difference), probability(c)]
+          with_interval(c.difference), with_interval(effect_size(c)), probability(c),
+          'enough' if c.sure else pairs_to_decide(c, tests[c.figure]) or '> 1000']
          for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
         'movement.')
     left = len(evaluation.comparisons) - len(shown)
     report.text(
+        'Compared is what answers a question: help with none; the direction announced or not, with '
+        'the same model; one model with another, under the same law. '
         "p is the probability of such differences by chance: Wilcoxon's signed-rank test, "
         'corrected after Holm for all comparisons of one figure; below five pairs '
-        'none is given.' + (f' {left} more are in `report.json`.' if left else ''))
+        'none is given. d_z is the difference in standard deviations of the differences. *Pairs '
+        'that decide* would find a difference as large as the one seen in four of five trials.'
+        + (f' {left} more are in `report.json`.' if left else ''))
 
 
 def _add_trends(report: Report, evaluation: Evaluation) -> None:

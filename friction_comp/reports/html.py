@@ -1,11 +1,16 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reports as one HTML file that needs nothing else: no network, no script, no second file."""
+"""Reports as one HTML file that needs nothing else: no network and no second file.
+
+All that a page says is there without a script. Where a figure was given its curves (`live`), a
+script lets them be read off.
+"""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Sequence
+from datetime import datetime
 from html import escape
 import math
 from pathlib import Path
@@ -19,6 +24,7 @@ from friction_comp import __version__
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.reports.figures import for_page
+from friction_comp.reports.interactive import bokeh_version, library, Panel, plots, thinned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,6 +61,9 @@ class Report:
         self._parts: list[str] = []
         self._sections: list[str] = []
         self._figures = 0
+        self._live: list[tuple[int, Sequence[Sequence[Panel]]]] = []
+        self._origin: list[str] = []
+        self._moves = False
 
     def heading(self, text: str, level: int = 2) -> None:
         """Begin a section (level 2) or a part of one (level 3)."""
@@ -163,7 +172,8 @@ class Report:
             f'<div class="wide" tabindex="0"><table>{title}<thead><tr>{head}</tr></thead>'
             f'<tbody>{body}</tbody></table></div>')
 
-    def figure(self, figure: Figure, caption: str, alternative: str | None = None) -> None:
+    def figure(self, figure: Figure, caption: str, alternative: str | None = None,
+               live: Sequence[Sequence[Panel]] | None = None) -> None:
         """Add a matplotlib figure.
 
         Parameters
@@ -173,8 +183,14 @@ class Report:
             Printed below.
         alternative : str, optional
             What the figure shows, for those who cannot see it; the caption by default.
+        live : rows of Panel, optional
+            The same curves to hover and zoom, which take the drawing's place on a screen where
+            scripts run. Without Bokeh, and on paper, the drawing stays.
         """
         self._figures += 1
+        if live is not None and bokeh_version() is not None:
+            self._live.append((self._figures, live))
+            caption += thinned(live)
         words = escape(_plain(alternative or caption), quote=True)
         content = for_page(figure)
         if isinstance(content, str):
@@ -184,9 +200,33 @@ class Report:
         else:
             data = base64.b64encode(content).decode('ascii')
             content = f'<img alt="{words}" src="data:image/png;base64,{data}">'
+        kind = ''
+        if self._live and self._live[-1][0] == self._figures:
+            kind = ' class="two"'
+            content = f'<div class="drawn">{content}</div><!--live {self._figures}-->'
         self._parts.append(
-            f'<figure>{content}<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}'
+            f'<figure{kind}>{content}<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}'
             '</figcaption></figure>')
+
+    def movie(self, drawings: Sequence[str], caption: str) -> None:
+        """Add drawings that move, as `friction_comp.reports.moving_joint` makes them.
+
+        Parameters
+        ----------
+        drawings : sequence of str
+            Animated SVG, shown side by side as far as there is room.
+        caption : str
+        """
+        self._figures += 1
+        self._moves = True
+        self._parts.append(
+            f'<figure class="movie"><div class="scenes">{"".join(drawings)}</div>'
+            '<button type="button" hidden>Pause</button>'
+            f'<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}</figcaption></figure>')
+
+    def made_by(self, *lines: str) -> None:
+        """Say at the foot where the page comes from: the command, the recordings, the models."""
+        self._origin.extend(lines)
 
     def code(self, text: str) -> None:
         """Add a block of commands or file content."""
@@ -201,13 +241,27 @@ class Report:
             f'<a href="#section-{k}">{escape(_plain(name))}</a>'
             for k, name in enumerate(self._sections, 1))
         contents = f'<nav aria-label="Sections">{links}</nav>' if len(self._sections) > 2 else ''
-        parts = '\n'.join(self._parts)
+        parts, scripts = '\n'.join(self._parts), ''
+        if self._live:
+            script, elements = plots([panels for _, panels in self._live])
+            for (number, _), element in zip(self._live, elements):
+                parts = parts.replace(f'<!--live {number}-->', f'<div class="live">{element}</div>')
+            # Marked before anything is laid out, so that nothing jumps.
+            scripts = ("<script>document.documentElement.classList.add('scripted');</script>\n"
+                       f'{library()}\n{script}\n')
+        if self._moves:
+            moving = Path(__file__).with_name('moving.js').read_text(encoding='utf-8')
+            parts += f'\n<script>\n{moving}</script>'
+        origin = ''.join(f'<br>{_inline(line)}' for line in self._origin)
+        when = datetime.now().astimezone().strftime('%Y-%m-%d %H:%M %Z')
         return (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f'<title>{escape(_plain(self.title))}</title>\n<style>\n{style}</style>\n</head>\n'
+            f'<title>{escape(_plain(self.title))}</title>\n<style>\n{style}</style>\n{scripts}'
+            '</head>\n'
             f'<body>\n<main>\n<header>\n<h1>{_inline(self.title)}</h1>\n{subtitle}{contents}\n'
-            f'</header>\n{parts}\n<footer>Made by friction_comp {__version__}.</footer>\n'
+            f'</header>\n{parts}\n<footer>Made by friction_comp {__version__} on {when}.'
+            f'{origin}</footer>\n'
             '</main>\n</body>\n</html>\n')
 
     def save(self, path: str | Path) -> None:

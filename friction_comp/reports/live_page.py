@@ -25,6 +25,8 @@ from bokeh.models import (
 from bokeh.plotting import figure
 import numpy as np
 
+from friction_comp.reports.moving_joint import still_joint
+
 SIGNALS = ('time', 'position', 'velocity', 'reference_velocity', 'direction', 'current', 'command',
            'predicted', 'residual', 'torque', 'load')
 # Colours that the colour-blind tell apart (Okabe and Ito 2008), with the signal's own words.
@@ -114,6 +116,8 @@ class _Page:
         self._source = ColumnDataSource({name: [] for name in SIGNALS})
         self._overview = ColumnDataSource({'joint': [], **{name: [] for name in _TABLE}})
         self._status = Div(sizing_mode='stretch_width')
+        self._drawing = Div(width=330, height=220)
+        self._span: dict[str, tuple[float, float, float]] = {}
         self._joint = Select(title='Joint', value=_first(feed.joints), options=feed.joints,
                              width=160)
         controls: list[Any] = [self._joint]
@@ -126,7 +130,8 @@ class _Page:
             controls += [self._play, self._speed, self._seek]
         self.layout = column(
             Div(text=f'<h1 style="font-size:1.3em;margin:0.2em 0">{_safe(feed.title)}</h1>'),
-            self._status, row(*controls, sizing_mode='stretch_width'), self._table(),
+            self._status, row(*controls, sizing_mode='stretch_width'), self._drawing,
+            self._table(),
             *self._figures(), sizing_mode='stretch_width')
         self.update()
 
@@ -186,8 +191,9 @@ class _Page:
             self._joint.options = list(self._feed.joints)
             self._joint.value = self._joint.value or _first(self._feed.joints)
         if self._joint.value:
-            self._source.data = drawn(
-                self._feed.window(self._joint.value, self._at, self._length))
+            data = self._feed.window(self._joint.value, self._at, self._length)
+            self._source.data = drawn(data)
+            self._drawing.text = self._joint_now(self._joint.value, data)
         last = {joint: drawn(self._feed.window(joint, self._at, 1.0))
                 for joint in self._feed.joints}
         self._overview.data = {'joint': list(last), **{
@@ -196,6 +202,19 @@ class _Page:
         self._status.text = ' '.join(
             f'<span style="color:{_LEVELS[level]};margin-right:1.5em"><b>{_safe(name)}</b>: '
             f'{_safe(words)}</span>' for level, name, words in self._feed.status())
+
+
+    def _joint_now(self, joint: str, data: dict[str, np.ndarray]) -> str:
+        """Return the joint as it is at the end of what is shown, scaled by all that was seen."""
+        if not len(data['time']):
+            return ''
+        known = data['position'][np.isfinite(data['position'])]
+        load = np.abs(data['load'][np.isfinite(data['load'])])
+        low, high, largest = self._span.get(joint, (np.inf, -np.inf, 1e-3))
+        low, high = known.min(initial=low), known.max(initial=high)
+        self._span[joint] = low, high, largest = low, high, load.max(initial=largest)
+        middle = 0.5 * (low + high) if np.isfinite(low + high) else 0.0
+        return still_joint(float(data['position'][-1]), float(data['load'][-1]), largest, middle)
 
 
 def drawn(data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

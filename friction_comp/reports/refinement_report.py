@@ -9,8 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.refinement.prepare.folds import runs_of
-from friction_comp.refinement.search.spectrum import highest_frequency, position_spectrum
+from friction_comp.model.effects.spectrum import highest_frequency, position_spectrum
 from friction_comp.refinement.units import in_unit
 from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
 from friction_comp.reports.html import number, quantity, Report
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.refinement.refine import RefineResult
+    from friction_comp.samples import Samples
 
 
 def refinement_report(result: RefineResult, names: list[str]) -> Report:
@@ -45,21 +45,34 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     page.numbers([
         (quantity(before['held_out_rmse'], unit), 'error before, on data not fitted'),
         (quantity(after['held_out_rmse'], unit), 'error after, on data not fitted'),
+        (quantity(after['elsewhere_rmse'], unit), 'to expect in another recording'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
     page.text('Why this verdict:\n\n' + verdict_words(report))
     page.text(rest)
     if report['effects']:
         page.table(['effect', 'number', 'value', '95 % interval'], interval_rows(report))
+        page.table(
+            ['effect', f'RMS with it, held out ({unit})', 'chosen in'],
+            [[effect['name'].replace('_', ' '), effect['held_out_rmse'],
+              f"{100 * effect['chosen']:.0f} % of the searches"] for effect in report['effects']],
+            'The whole search is repeated on parts of the recording drawn at random: an effect is '
+            'named where most of these searches choose it.')
     page.heading('Errors')
     page.table(
-        ['model', f'RMS, fitted ({unit})', f'RMS, held out ({unit})',
+        ['model', f'RMS, fitted ({unit})', f'RMS, held out ({unit})', f'worst part ({unit})',
+         f'at standstill ({unit})', f'with standstill ({unit})', f'elsewhere ({unit})',
          f'largest, held out ({unit})', 'R², held out'],
-        [[row['model'], row['fit_rmse'], row['held_out_rmse'], row['held_out_max'],
-          row['held_out_r2']] for row in (before, after)])
+        [[row['model'], row['fit_rmse'], row['held_out_rmse'], row['worst_part_rmse'],
+          row['standstill_rmse'], row['overall_rmse'], row['elsewhere_rmse'],
+          row['held_out_max'], row['held_out_r2']]
+         for row in (before, after)])
     page.text(f"Held out: {report['held_out']}. Of {report['samples']} samples "
-              f"{report['samples_in_motion']} count, in which the joint moves and the current "
-              'signal is not clipped: where the joint sticks, current is not friction.')
+              f"{report['samples_in_motion']} are fitted: those in which the joint moves and the "
+              'current signal is not clipped. Where the joint sticks, current is not friction: '
+              'the error there is given by itself. Elsewhere: what to expect where the model was '
+              'not fitted, by how much errors grow in thirds of position, speed, time and '
+              'acceleration that are left out of the fit.')
     page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
                 'time. The dashed line is the noise from sample to sample.')
     page.heading('What is left, before and after')
@@ -128,21 +141,15 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
     """Return a row for every number that was found: effect, name, value, interval."""
     rows = []
     for effect in report['effects']:
-        parts = effect['parameters'].get('members')
-        bounds = effect['intervals'].get('members')
-        if parts is None:
-            parts, bounds = [effect['parameters']], [effect['intervals']]
-        for values, interval in zip(parts, bounds):
-            name = values.get('name', effect['name']).replace('_', ' ')
-            for key, value in values.items():
-                # What was not searched has no interval, or one without width.
-                if key == 'coefficients' or interval.get(key) in (None, [value, value],
-                                                                  [None, None]):
-                    continue
-                rows.append([name, key.replace('_', ' '), number(value), between(interval[key])])
-            for place, value in enumerate(values['coefficients']):
-                rows.append([name, f'coefficient {place + 1}', number(value),
-                             between(interval['coefficients'][place])])
+        name, bounds = effect['name'].replace('_', ' '), effect['intervals']
+        for key, value in effect['parameters'].items():
+            # What was not searched has no interval, or one without width.
+            if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
+                rows.append([name, key.replace('_', ' '), number(value), between(bounds[key])])
+        rows += [[name, f'coefficient {place + 1}', number(value), between(ends)]
+                 for place, (value, ends) in enumerate(zip(
+                     effect['parameters'].get('coefficients', ()),
+                     bounds.get('coefficients', ())))]
     return rows
 
 
@@ -178,7 +185,7 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     samples: Any = result.samples
     side = samples.velocity[rows] > 0
     # Between two runs nothing was measured, and no line is drawn.
-    run = runs_of(samples)[rows]
+    run = _runs(samples)[rows]
     if name != 'time' or np.any(np.diff(run[np.argsort(x, kind='stable')]) < 0):
         run = np.zeros(len(x), dtype=int)
     for axes, residual, title in zip(both, (result.before, result.after), ('before', 'after')):
@@ -198,6 +205,14 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     if name != 'velocity':
         both[1].legend(loc='upper right')
     return figure
+
+
+def _runs(samples: Samples) -> np.ndarray:
+    """Return the number of the run of each sample, shape (N,): a gap of 0.5 s ends one."""
+    run = np.empty(len(samples), dtype=int)
+    for place, part in enumerate(samples.segments(max(20.0, 0.5 / samples.sample_time))):
+        run[part] = place
+    return run
 
 
 def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
@@ -237,10 +252,10 @@ def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
 @styled
 def spectrum_figure(result: RefineResult) -> Figure | None:
     """Return the spectrum over position; None where the position hardly varied."""
-    scene: Any = result.scene
-    highest = highest_frequency(result.samples, result.usable, scene, 0.0)
     rows = result.usable
     samples: Any = result.samples
+    highest = highest_frequency(samples.velocity[rows], samples.sample_time,
+                                result.scene.resolution)
     figure, axes = new_figure(height=2.8)
     for residual, words, colour in ((result.before, 'before', 'orange'),
                                     (result.after, 'after', 'blue')):

@@ -1,3 +1,3 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated joint, person and exercise."""
+"""Simulated joints, gears and the person who moves them."""

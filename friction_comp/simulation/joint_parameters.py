@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated joint's parameters, from its model file and what no model file knows."""
+"""Derives a simulated joint's parameters from its model file, with defaults."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.checks import check_number, check_whole_number
+from friction_comp.checks import check_mapping, check_number, check_whole_number
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint_records import (
@@ -73,7 +73,7 @@ def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None)
     """
     undeclared = Undeclared() if undeclared is None else undeclared
     section = model.simulation
-    _check_known(section, SIMULATION_ENTRIES, 'simulation')
+    check_mapping(section, 'simulation', SIMULATION_ENTRIES)
     p: np.void = np.zeros(1, JOINT)[0]
     scale = model.drive.torque_per_current
     p['torque_per_current'] = scale * undeclared.torque_constant_factor
@@ -126,8 +126,7 @@ def _set_friction(p: np.void, model: FrictionModel) -> float:
 
 
 def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: float) -> None:
-    human = section.get('human') or {}
-    _check_known(human, HUMAN_ENTRIES, 'simulation.human')
+    human = check_mapping(section.get('human') or {}, 'simulation.human', HUMAN_ENTRIES)
     stiffness = p['human_stiffness'] = _entry(
         human, 'stiffness', typical / DEFAULT_HUMAN_LAG, 'simulation.human', least=0.0)
     p['human_damping'] = _entry(
@@ -189,14 +188,6 @@ def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: flo
     p['bristle_stiffness'] = level / distance
     p['bristle_damping'] = 2.0 * damping * math.sqrt(
         level * float(np.sum(shares / distances)) * p['motor_inertia'])
-
-
-def _check_known(section: Any, names: set[str], where: str) -> None:
-    if not isinstance(section, dict):
-        raise InputError(f'{where} is not a mapping')
-    unknown = set(section) - names
-    if unknown:
-        raise InputError(f'{where} has unknown entries: {sorted(map(str, unknown))}')
 
 
 def _entry(section: dict[str, Any], name: str, default: float, where: str = 'simulation',

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulated joint is, remembers and shows, by name.
+"""Field names of the parameters, state and measured values of a simulated joint.
 
 Compiled code reads the fields of these records by name. Where their values come from is in
 `joint_parameters`.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random numbers of a run's own, so that results do not depend on who else draws."""
+"""A random sequence for each run, so that results do not depend on other runs."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that a simulated joint has beside its model file, and that no other part may read.
+"""Effects of a simulated joint that its model file lacks, and that only the plant reads.
 
 The plant alone is given them. Whoever wants to know them has to find them in the recording.
 """
@@ -16,11 +16,13 @@ from typing import Any
 from numba import njit
 import numpy as np
 
+from friction_comp.checks import check_document, check_list, check_mapping, check_number
 from friction_comp.errors import InputError
 from friction_comp.files import read_yaml
 
 FORMAT = 'friction_comp_undeclared'
 VERSION = 1
+_KEYS = ('format', 'version', 'effects', 'thermal', 'notes')
 COLUMNS = 10
 
 (STRIBECK, VISCOUS_SHAPE, DIRECTION, OFFSET, GRAVITY, COGGING, FRICTION_RIPPLE, BUMP, LOAD,
@@ -132,10 +134,7 @@ class Undeclared:
             if not isinstance(entry, dict) or 'name' not in entry:
                 raise InputError(f'an undeclared effect needs a name: {entry!r}')
             name = entry['name']
-            extra = set(entry) - {'name', 'parameters'}
-            if extra:
-                raise InputError(f"undeclared effect '{name}' has unknown entries: "
-                                 f'{sorted(map(str, extra))}')
+            check_mapping(entry, f"undeclared effect '{name}'", ('name', 'parameters'))
             given = entry.get('parameters') or {}
             where = f"undeclared effect '{name}'"
             if name in EFFECTS:
@@ -184,36 +183,19 @@ class Undeclared:
     @classmethod
     def from_dict(cls, document: Any) -> Undeclared:
         """Make them of the plain values of their file."""
-        if not isinstance(document, dict) or document.get('format') != FORMAT:
-            raise InputError(f"not a file of undeclared effects: 'format: {FORMAT}' is missing")
-        if document.get('version') != VERSION:
-            raise InputError(f'version {document.get("version")!r} is not {VERSION}')
-        unknown = set(document) - {'format', 'version', 'effects', 'thermal', 'notes'}
-        if unknown:
-            raise InputError(f'unknown entries: {sorted(map(str, unknown))}')
-        effects = document.get('effects') or []
-        if not isinstance(effects, list):
-            raise InputError('effects is not a list')
-        return cls.from_effects(effects, document.get('thermal'))
+        document = check_document(document, 'a file of undeclared effects', FORMAT, VERSION, _KEYS)
+        return cls.from_effects(
+            check_list(document.get('effects'), 'effects'), document.get('thermal'))
 
 
 def _read(given: Any, wanted: dict[str, tuple[Any, ...]], where: str) -> dict[str, float]:
-    if not isinstance(given, dict):
-        raise InputError(f'parameters of {where} are not a mapping')
-    unknown = set(given) - set(wanted)
-    if unknown:
-        raise InputError(f'{where} has unknown parameters {sorted(map(str, unknown))}; '
-                         f"known: {', '.join(wanted)}")
+    check_mapping(given, where, wanted)
     values = {}
     for name, (default, lowest, highest) in wanted.items():
         value = given.get(name, default)
         if value is None:
             raise InputError(f'{where} needs {name}')
-        if (isinstance(value, bool) or not isinstance(value, (int, float))
-                or not math.isfinite(value) or not lowest <= value <= highest):
-            raise InputError(f'{where}: {name} must be a finite number from {lowest} to '
-                             f'{highest}, not {value!r}')
-        values[name] = float(value)
+        values[name] = check_number(value, f'{where}: {name}', least=lowest, most=highest)
     return values
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the command-line tools share: arguments, progress, and output that is whole or absent.
+"""Arguments, progress, and output written whole or not at all: shared by all tools.
 
 A tool imports what it computes with only after it has read its arguments, so that ``--help`` and
 a mistake in an argument are answered at once.
@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 import json
 import os
 from pathlib import Path
+import shlex
 import shutil
 import sys
 import tempfile
@@ -71,13 +72,22 @@ class Arguments(argparse.ArgumentParser):
             self._check_output(parsed.output)
         return parsed
 
-    def add_recordings(self, several: bool = True) -> Arguments:
-        """Add what tools that read recordings take: RECORDING, --joint and the drive's numbers."""
+    def add_recordings(self, several: bool = True, unit_help: str = '') -> Arguments:
+        """Add what tools that read recordings take: RECORDING, --joint, --columns and --unit."""
         self.add_argument(
             'recordings' if several else 'recording', metavar='RECORDING',
             type=Path, nargs='+' if several else None,
-            help='rosbag2 folder, .mcap file' + (', or folder of such' if several else ''))
+            help='rosbag2 folder, .mcap file, table (.csv, .parquet, .npz)' + (
+                ', or folder of recordings' if several else ''))
         self.add_argument('--joint', help='name of the joint, where a recording has several')
+        self.add_argument(
+            '--columns', metavar='SIGNAL=COLUMN,…',
+            help='columns of a table, for instance time=t,position=q_2,velocity=dq_2,effort=tau_2; '
+            'guessed from their names where they are left out')
+        self.add_argument(
+            '--unit', metavar='SIGNAL=UNIT,…',
+            help="units of a table's columns where they are not SI, for instance "
+            'time=ms,position=deg,effort=A, or position=counts/4096' + unit_help)
         return self
 
     def add_drive(self) -> Arguments:
@@ -107,6 +117,12 @@ class Arguments(argparse.ArgumentParser):
         self.add_argument('--output', metavar='DIR', type=Path, required=True, help=what)
         self._check_output = check_folder
         return self
+
+
+def command_line(name: str, argv: Sequence[str] | None) -> str:
+    """Return the command that made a page, for its foot, marked as code."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    return f'`friction_comp {shlex.join([name, *given])}`'
 
 
 def positive(text: str) -> float:
@@ -225,11 +241,11 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
 
 
 def _progress_lines(first: str) -> Callable[..., None]:
-    told = [first]
+    shown = [first]
 
     def report(share: float, description: str | None = None) -> None:
-        told[0] = description or told[0]
-        print(f'progress {min(max(float(share), 0.0), 1.0):.4f} {told[0]}', file=sys.stderr,
+        shown[0] = description or shown[0]
+        print(f'progress {min(max(float(share), 0.0), 1.0):.4f} {shown[0]}', file=sys.stderr,
               flush=True)
     return report
 

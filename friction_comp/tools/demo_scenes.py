@@ -15,7 +15,8 @@ from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
-from friction_comp.recordings import read_joints
+from friction_comp.recordings import read_recording
+from friction_comp.recordings.arm_reader import read_arm
 from friction_comp.reports.evaluation_words import compared_peaks
 from friction_comp.reports.scene_reports import (
     effort,
@@ -67,10 +68,10 @@ class TwoJoints(Stage):
     def _conclude(self) -> None:
         folder = self._output / 'recordings'
         evaluations = evaluate_recordings([folder])
-        drives = {joint: (model.drive.torque_constant, model.drive.gear_ratio)
-                  for joint, model in zip(self._joints, map(FrictionModel.load, self._models))}
-        shown = dict(zip(self._joints, read_joints(
-            folder / 'continuous', self._joints, drives)))
+        gains = {joint: FrictionModel.load(path).drive.torque_per_current
+                 for joint, path in zip(self._joints, self._models)}
+        recorded = read_arm(folder / 'continuous', gains.__getitem__)
+        shown = {joint: recorded[joint][0][0] for joint in self._joints}
         report = two_joints_report(evaluations, shown, self._exercise)
         report.save(self._output / 'report.html')
         content = {'joints': [one.as_dict() for one in evaluations],
@@ -195,8 +196,8 @@ class Wear(Stage):
             'verdict': result.verdict, 'error_before': result.error_before,
             'error_after': result.error_after, 'found': found, 'report': str(Path(result.report))}
         drive = FrictionModel.load(self._model).drive
-        samples = read_joints(path, [self.joint], {
-            self.joint: (drive.torque_constant, drive.gear_ratio)})[0]
+        samples, = read_recording(
+            path, self.joint, drive.torque_constant, drive.gear_ratio)
         page = wear_report(evaluation, stages, self._marks, facts, samples, self._hidden)
         page.save(self._output / 'report.html')
         content = {**facts, 'marks': self._marks,

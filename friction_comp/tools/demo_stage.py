@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the demo's scenes share: the nodes that they start, and what they say meanwhile."""
+"""Starts, follows and stops the nodes of a demo scene."""
 
 from __future__ import annotations
 

@@ -95,16 +95,16 @@ class Demo(Stage):
         self._nodes.start('identification', {
             **self._common(self._true_model), 'output_folder': str(self._output / 'models')})
         self._record('identification')
-        heard: list[tuple[float, float]] = []
+        received: list[tuple[float, float]] = []
 
         with progress('identifies') as show:
             def report(feedback: Any) -> None:
-                heard.append((feedback.time, time.monotonic()))
+                received.append((feedback.time, time.monotonic()))
                 show(feedback.progress, f'identifies: {feedback.phase}, '
                      f"{feedback.remaining_seconds:.0f} s left of the joint's time")
             result = self._ros.identify(GOAL, report)
-        if heard:
-            self._speeds.append((heard[-1][0], time.monotonic() - heard[0][1]))
+        if received:
+            self._speeds.append((received[-1][0], time.monotonic() - received[0][1]))
         self._nodes.stop('recorder', 'identification')
         self._say(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
                   f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``evaluate``: what recorded trials say of the help a person gets."""
+"""The tool ``evaluate``: how much compensation helped the person in recorded trials."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import io
 from pathlib import Path
 
 from friction_comp.files import encodable
-from friction_comp.tools.common import Arguments, output_folder, progress, to_json
+from friction_comp.tools.common import Arguments, command_line, output_folder, progress, to_json
+from friction_comp.tools.recorded_drive import layout_of
 from friction_comp.tools.workers import add_workers, for_workers, workers
 
 # Bytes to read from which on processes save more time than it takes to start them: 40 MB are read
 # and evaluated in a second, a process starts in about 6 s of processor time and takes 150 MB of
 # memory. A recording is read once for each of its joints (bench/many_recordings.py). With a smaller
 # number two processes are slower than one, with a larger one a core stays idle.
-_WORTH_IT = 2_000_000_000
+_MIN_SHARED = 2_000_000_000
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -44,9 +45,10 @@ def main(argv: list[str] | None = None) -> int:
 
     friction = FrictionModel.load(arguments.model) if arguments.model else None
     with progress('reading') as report:
-        pieces, failures = pieces_of(arguments.recordings, arguments.joint)
+        pieces, failures = pieces_of(
+            arguments.recordings, arguments.joint, layout_of(arguments))
         with workers(arguments, len(pieces), sum(
-                size_of(piece.path) for piece in pieces) >= _WORTH_IT) as run:
+                size_of(piece.path) for piece in pieces) >= _MIN_SHARED) as run:
             evaluations = evaluate_pieces(
                 pieces, failures, friction, progress=lambda share: report(
                     0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'), run=run)
@@ -62,7 +64,9 @@ def main(argv: list[str] | None = None) -> int:
             (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
             (folder / 'repetitions.csv').write_text(
                 encodable(table.getvalue()), encoding='utf-8')
-            evaluation_report(evaluations).save(folder / 'report.html')
+            page = evaluation_report(evaluations)
+            page.made_by(command_line('evaluate', argv))
+            page.save(folder / 'report.html')
     if arguments.json:
         print(to_json(content), end='')
         return 0

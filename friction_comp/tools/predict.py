@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, progress
+from friction_comp.tools.recorded_drive import layout_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,7 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     """
     parser = Arguments('predict', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --model config/armin_configuration_2.yaml '
-        '--output output/current.csv',)).add_recordings(several=False)
+        '--output output/current.csv',
+        'log.csv --columns effort=tau_2 --model output/refined/model.yaml --output current.csv')
+    ).add_recordings(several=False)
     parser.add_argument('--model', metavar='FILE', type=Path, required=True,
                         help='model file that refine or identification wrote')
     parser.add_output_file('CSV file with the columns time, measured, predicted')
@@ -57,7 +60,8 @@ def main(argv: list[str] | None = None) -> int:
             joint = joint or model.joint
         found = read_recording_with_info(
             [arguments.recording], joint, model.drive.torque_constant,
-            model.drive.gear_ratio, progress=report, others=model.arm is not None)
+            model.drive.gear_ratio, progress=report, others=model.arm is not None,
+            layout=layout_of(arguments))
         if len(found) != 1:
             raise InputError(f'{arguments.recording}: holds {len(found)} recordings, one is wanted')
         samples, info = found[0]

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes as processes of a tool: started together, watched, and never left behind."""
+"""Runs nodes as child processes of a tool and ends all of them with it."""
 
 from __future__ import annotations
 

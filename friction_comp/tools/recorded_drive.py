@@ -1,18 +1,22 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a tool's arguments and a recording say together of the drive that was recorded."""
+"""Derives the recorded drive's constants and units from a tool's arguments."""
 
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Sequence
 from dataclasses import replace
 import re
 from typing import TYPE_CHECKING
 
+from friction_comp.columns import Layout, read_pairs
 from friction_comp.drive import Drive
+from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
 
@@ -51,17 +55,41 @@ def limited(arguments: Namespace, drive: Drive, recorded: list[Samples]
             {'current_limit': 'the largest current recorded, since no other limit was given'})
 
 
-def unit_of(arguments: Namespace, model: FrictionModel | None) -> str:
+def layout_of(arguments: Namespace) -> Layout:
+    """Return what ``--columns`` and ``--unit`` say of a table.
+
+    Raises
+    ------
+    InputError
+        If they name a signal or a unit that is not known.
+    """
+    text = arguments.unit or ''
+    try:
+        return Layout(read_pairs(arguments.columns, '--columns') if arguments.columns else {},
+                      read_pairs(text, '--unit') if '=' in text else {})
+    except InputError as error:
+        where = '' if str(error).startswith('--') else '--columns or --unit: '
+        raise InputError(f'{where}{error}') from None
+
+
+def unit_of(arguments: Namespace, model: FrictionModel | None,
+            found: Sequence[RecordingInfo] = ()) -> str:
     """Return the unit of what is fitted: current where the drive is known, else effort's own.
 
     Where effort holds something else still (a servo's voltage, a linear axis' force) only the
     user knows: then ``--unit`` says so.
     """
-    known = model is not None or arguments.torque_constant is not None or (
-        arguments.gear_ratio is not None)
+    if arguments.unit and '=' not in arguments.unit:
+        return str(arguments.unit)
     if model is not None and not (arguments.torque_constant or arguments.gear_ratio):
         return str(model.notes.get('unit', 'A'))
-    return 'A' if known else 'N·m'
+    if arguments.torque_constant is not None or arguments.gear_ratio is not None:
+        return 'A'
+    if any(info.effort_is_current for info in found):
+        return 'A'
+    unit = layout_of(arguments).units.get('effort', 'N·m')
+    return 'N·m' if unit.replace('.', '').replace('*', '').replace('·', '') in ('Nm', 'mNm') \
+        else unit
 
 
 def folder_name(joint: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import Arguments, output_folder, positive, progress, to_json
-from friction_comp.tools.recorded_drive import drive_of, limited, unit_of
+from friction_comp.tools.recorded_drive import drive_of, layout_of, limited, unit_of
 from friction_comp.tools.workers import add_workers
 
 
@@ -24,17 +24,19 @@ def main(argv: list[str] | None = None) -> int:
     parser = Arguments('refine', __doc__, (
         'examples/elbow --model config/armin_configuration_2.yaml --output output/refined',
         'examples/elbow --torque-constant 0.119 --gear-ratio 100 --output output/refined',
+        'log.csv --columns time=t,position=q_2,velocity=dq_2,effort=tau_2 --unit position=deg '
+        '--output output/refined',
         'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each')
-    ).add_recordings().add_drive().add_output().add_json()
+    ).add_recordings(unit_help=(
+        '. A unit alone, such as A or V, is that of the figures in the report; by default A where '
+        'a torque constant, a gear ratio or a model is given (1 and 1 say that effort holds '
+        'current), else N·m, which is what effort holds by the message')).add_drive(
+    ).add_output().add_json()
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help="model to start from; without it the note's sigmoid is fitted first")
     parser.add_argument('--urdf', metavar='FILE', type=Path,
                         help='description of the arm: all joints of the recording are refined, '
                         'beside its weight and inertia (needs Pinocchio)')
-    parser.add_argument('--unit', metavar='UNIT',
-                        help='unit of the figures in the report; by default A where a torque '
-                             'constant, a gear ratio or a model is given (1 and 1 say that effort '
-                             'holds current), else N·m, which is what effort holds by the message')
     parser.add_argument('--each', action='store_true',
                         help='refine each joint of each recording by itself, in parallel, with '
                         'one page on all; without it, all recordings together give one model')
@@ -61,11 +63,12 @@ def main(argv: list[str] | None = None) -> int:
 
     model = FrictionModel.load(arguments.model, arguments.joint) if arguments.model else None
     drive = drive_of(arguments, model)
-    unit = arguments.unit or unit_of(arguments, model)
+    layout = layout_of(arguments)
     with progress('reading') as report:
         found = read_recording_with_info(
             arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
-            progress=lambda share, *_: report(0.2 * share))
+            progress=lambda share, *_: report(0.2 * share), layout=layout)
+        unit = unit_of(arguments, model, [info for _, info in found])
         drive, limit = limited(arguments, drive, [samples for samples, _ in found])
         try:
             result = refine(
@@ -106,12 +109,14 @@ def print_summary(report: dict[str, Any]) -> None:
     print(f"before: {quantity(before, unit)} RMS on data not fitted ({report['before']['model']})")
     for effect in report['effects']:
         print(f"  + {effect['name']} ({effect['variable']}): "
-              f"{quantity(effect['held_out_rmse'], unit)}   {effect['in_words']}")
+              f"{quantity(effect['held_out_rmse'], unit)}   {effect['in_words']} (chosen in "
+              f"{100 * effect['chosen']:.0f} % of the searches)")
     if not report['effects']:
         print('  no effect beyond the model shows in the recordings')
     print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
           f"{quantity(report['noise_floor'], unit)}")
-    print(f"stopped because {report['stopped_because']}")
+    print(f"        {quantity(report['after']['worst_part_rmse'], unit)} in the worst part; "
+          f"to expect elsewhere: {quantity(report['after']['elsewhere_rmse'], unit)}")
     for entry in report['unexplained']:
         print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
               'variance)')

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import output_folder, progress, to_json
-from friction_comp.tools.recorded_drive import drive_of, folder_name, limited
+from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, limited
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -50,7 +50,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
             name: [samples for samples, _ in parts] for name, parts in read_arm(
                 arguments.recordings,
                 lambda name: drive_of(arguments, models.get(name)).torque_per_current,
-                lambda share: report(0.1 * share)).items()}
+                lambda share: report(0.1 * share), layout_of(arguments)).items()}
         drives, limits = {}, {}
         for name, parts in recorded.items():
             drives[name], limits[name] = limited(
@@ -95,7 +95,7 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
         model = FrictionModel.load(arguments.model)
         joint = arguments.joint or model.joint
         if not joint:
-            raise InputError(f'{arguments.model}: says of no joint: name it with --joint')
+            raise InputError(f'{arguments.model}: names no joint: give it with --joint')
         return {joint: model}
     return {name: FrictionModel.load(arguments.model, name) for name in joints
             if arguments.joint in (None, name)}

@@ -17,7 +17,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import encodable, to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
 from friction_comp.tools.processes import interrupts_deferred
-from friction_comp.tools.recorded_drive import drive_of, folder_name, limited, unit_of
+from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, limited, unit_of
 from friction_comp.tools.workers import for_workers, workers
 
 
@@ -34,7 +34,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Refined:
+class RefinedPart:
     """What was found: the report, the files by their names, and what it took."""
 
     report: dict[str, Any]
@@ -119,7 +119,7 @@ def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
     for path in found:
         try:
             joints: list[str | None] = [arguments.joint] if arguments.joint else [
-                *recorded_joints(path)]
+                *recorded_joints(path, layout_of(arguments))]
         except InputError as error:
             failures.append(str(error))
             continue
@@ -133,7 +133,7 @@ def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
     return parts, failures
 
 
-def _refined(arguments: Namespace, part: Part) -> Refined:
+def _refined(arguments: Namespace, part: Part) -> RefinedPart:
     """Refine one part, in whichever process this runs."""
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import read_recording_with_info
@@ -143,9 +143,10 @@ def _refined(arguments: Namespace, part: Part) -> Refined:
     begin = time.monotonic()
     model = FrictionModel.load(arguments.model, part.joint) if arguments.model else None
     drive = drive_of(arguments, model)
-    unit = arguments.unit or unit_of(arguments, model)
     (samples, info), = read_recording_with_info(
-        part.path, part.joint, drive.torque_constant, drive.gear_ratio)
+        part.path, part.joint, drive.torque_constant, drive.gear_ratio,
+        layout=layout_of(arguments))
+    unit = unit_of(arguments, model, [info])
     drive, limit = limited(arguments, drive, [samples])
     try:
         result = refine([samples], model, drive, unit=unit)
@@ -154,12 +155,12 @@ def _refined(arguments: Namespace, part: Part) -> Refined:
     result.report['warnings'].extend(f'{info.path}: {note}' for note in info.notes)
     name = str(part.path)
     result.model.notes = {**result.model.notes, 'refined_from': [name], 'unit': unit, **limit}
-    return Refined(result.report, {
+    return RefinedPart(result.report, {
         'report.json': to_json(result.report), 'model.yaml': to_yaml(result.model.to_dict()),
         'report.html': refinement_report(result, [name]).html()}, time.monotonic() - begin)
 
 
-def _kept(output: Path, part: Part, refined: Refined) -> dict[str, Any]:
+def _kept(output: Path, part: Part, refined: RefinedPart) -> dict[str, Any]:
     """Write what was found of a part, and return its row of the page on all."""
     with output_folder(output / part.folder) as folder:
         for name, text in refined.files.items():

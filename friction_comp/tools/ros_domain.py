@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS domain that nobody else on this machine uses, for as long as it is held."""
+"""Reserves a ROS domain that nobody else on this machine uses."""
 
 from __future__ import annotations
 

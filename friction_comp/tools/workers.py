@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many recordings at once: processes of this machine, or a cluster, by Dask.
+"""Works on many recordings in parallel, on this machine or on a cluster, with Dask.
 
 Dask is an extra. Without it, work is done in the tool's own process, one recording after the other.
 A process that is killed, for want of memory say, is replaced, and costs the recording it had.
@@ -32,7 +32,7 @@ U = TypeVar('U')
 
 # From so many recordings to refine on, processes save more time than it takes to start them: that
 # is about 6 s of processor time each, as much as four short recordings need.
-WORTH_IT = 8
+MIN_SHARED = 8
 # s within which a scheduler must answer.
 _PATIENCE = 10.0
 # s within which it must have a worker.
@@ -78,7 +78,7 @@ def installed() -> bool:
 
 
 @contextmanager
-def workers(arguments: Namespace, count: int, worth_it: bool | None = None) -> Iterator[Runner]:
+def workers(arguments: Namespace, count: int, share: bool | None = None) -> Iterator[Runner]:
     """Give what does the work, as the arguments ask for it.
 
     Parameters
@@ -87,8 +87,8 @@ def workers(arguments: Namespace, count: int, worth_it: bool | None = None) -> I
         With `jobs` and `scheduler`.
     count : int
         How many things there are to be done.
-    worth_it : bool, optional
-        Whether to share the work where the arguments leave it open; with `WORTH_IT` things and
+    share : bool, optional
+        Whether to share the work where the arguments leave it open; with `MIN_SHARED` things and
         more when omitted.
 
     Yields
@@ -103,7 +103,7 @@ def workers(arguments: Namespace, count: int, worth_it: bool | None = None) -> I
     """
     jobs = arguments.jobs
     if jobs is None:
-        shared = count >= WORTH_IT if worth_it is None else worth_it
+        shared = count >= MIN_SHARED if share is None else share
         jobs = (os.cpu_count() or 1) if shared and installed() else 1
     jobs = min(jobs, count)
     if arguments.scheduler is None and jobs < 2:

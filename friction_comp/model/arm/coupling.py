@@ -1,11 +1,16 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What other joints ask of a joint's motor, as a sum of terms found without a URDF."""
+"""What other joints ask of a joint's motor, as a sum of terms found without a URDF.
+
+Each group of terms is an energy of the arm, and what it asks of the joint follows by Lagrange's
+equations: a potential energy is a harmonic of a sum of angles, a kinetic energy such a harmonic
+times two velocities.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +18,7 @@ import numpy as np
 from friction_comp.errors import InputError
 
 # How many joints each kind of group names beside those of its angles.
-_JOINTS = {'weight': 0, 'kinetic': 3, 'inertia': 1, 'velocities': 2}
+_JOINTS = {'weight': 0, 'kinetic': 3}
 
 
 @dataclass(frozen=True)
@@ -22,15 +27,13 @@ class Group:
 
     Parameters
     ----------
-    kind : {'weight', 'kinetic', 'inertia', 'velocities'}
-        Cosine and sine of a sum of angles; what a kinetic energy of two velocities, alone or times
-        these, asks of a joint; an acceleration, or the product of two velocities, alone or times
-        these (model files of earlier versions have the last two).
+    kind : {'weight', 'kinetic'}
+        Cosine and sine of a sum of angles; or what a kinetic energy of two velocities, alone or
+        times these, asks of a joint.
     angles : tuple of (str, int)
         Joint and sign of each angle in the sum.
     joints : tuple of str
-        The joint it is asked of and whose velocities the energy has; whose acceleration; whose
-        velocities.
+        Of a kinetic energy: the joint it is asked of, and the two whose velocities it has.
     """
 
     kind: str
@@ -54,10 +57,6 @@ class Group:
         factor, slope = np.ones(len(q)), np.zeros(len(q))
         if self.kind == 'kinetic':
             factor, slope = self._by_lagrange(place, v, a)
-        elif self.kind == 'inertia':
-            factor = a[:, place[self.joints[0]]]
-        elif self.kind == 'velocities':
-            factor = v[:, place[self.joints[0]]] * v[:, place[self.joints[1]]]
         if not self.angles:
             return factor[:, None]
         total = sum(side * q[:, place[name]] for name, side in self.angles)
@@ -85,9 +84,7 @@ class Group:
         over = f' over the angle {total.removeprefix("+")}' * bool(total)
         if self.kind == 'weight':
             return f'weight{over}'
-        if self.kind == 'inertia':
-            return f'acceleration of {self.joints[0]}{over}'
-        if self.kind == 'kinetic' and self.joints[0] in self.joints[1:]:
+        if self.joints[0] in self.joints[1:]:
             return f'inertia of {" with ".join(dict.fromkeys(self.joints[1:]))}{over}'
         return f'velocities of {" and ".join(dict.fromkeys(self.joints[-2:]))}{over}'
 
@@ -101,14 +98,10 @@ class Coupling:
     groups : tuple of Group
     coefficients : tuple of tuple of float
         A per unit of each term.
-    errors : tuple of float
-        RMS error in A on what was not fitted, without and with the groups; and with them in times,
-        and in postures that were not fitted, where both could be held out.
     """
 
     groups: tuple[Group, ...]
     coefficients: tuple[tuple[float, ...], ...]
-    errors: tuple[float, ...] = field(default=(), compare=False)
 
     def current(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
                 a: np.ndarray) -> np.ndarray:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects that a model can have beside the sigmoid: one file each, and one line in the list."""
 
-from friction_comp.model.effects.actuation_lag import ActuationLag
 from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.bump import Bump
 from friction_comp.model.effects.direction_asymmetry import DirectionAsymmetry
@@ -21,6 +20,7 @@ from friction_comp.model.effects.rest_time import RestTime
 from friction_comp.model.effects.ripple import Cogging, FrictionRipple
 from friction_comp.model.effects.scene import (
     CARRIES,
+    Look,
     NEITHER,
     RESISTS,
     Scene,
@@ -58,10 +58,10 @@ def register(effect: type[Effect]) -> type[Effect]:
 for _effect in (
         Stribeck, ViscousShape, DirectionAsymmetry, Gravity, Spring, Cogging, FrictionRipple, Bump,
         Inertia, RigidBody, OtherJoints, LoadTorque, LoadFriction, CarriedLoadFriction,
-        InnerLoadFriction, Temperature, WarmUp, OffsetDrift, Hysteresis, RestTime, ActuationLag):
+        InnerLoadFriction, Temperature, WarmUp, OffsetDrift, Hysteresis, RestTime):
     register(_effect)
 
 __all__ = [
-    'CARRIES', 'EFFECTS', 'NEITHER', 'RESISTS', 'VARIABLES', 'Effect', 'LiveTerm', 'Scene',
+    'CARRIES', 'EFFECTS', 'NEITHER', 'RESISTS', 'VARIABLES', 'Effect', 'LiveTerm', 'Look', 'Scene',
     'Search', 'Signals', 'register',
 ]

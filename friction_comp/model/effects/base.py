@@ -18,6 +18,7 @@ from friction_comp.model.effects.edges import checked_range, inside
 from friction_comp.model.effects.friction_sign import sign_at
 from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
 from friction_comp.model.effects.scene import (
+    Look,
     RESISTS,
     Scene,
     Search,
@@ -56,35 +57,21 @@ class Effect(ABC):
         which all effects of a fit share.
     older : dict of str to float
         Constants that model files did not always hold, and what they amounted to then.
-    spectral : str
-        Name of a constant that is found by a spectrum over position; empty where there is none.
     signs : tuple of int
         Sign that physics asks of the first coefficients: 1, -1, or 0 where it may be either.
     most : int
         How many of the kind a model may have, with other constants.
-    expected : bool
-        Whether every drive has it, so that it takes less to believe in it.
-    shown_before : bool
-        Whether a search of its own found it in the recording, which counted its chance already.
+    physics : bool
+        Whether every drive may have it: refinement starts with it, and takes it away where the
+        data do not bear it out.
     holds_on_another_day : bool
         Whether it may be expected in another recording of the same drive.
     sees_history : bool
         Whether a sample's value depends on the samples before it.
-    reshapes : bool
-        Whether it adds no current of its own, and changes that of all others instead.
-    coulomb_column : int or None
-        The column that is Coulomb friction by another way of turning round.
     not_fed_back : str
         Why the compensator must not apply the effect; empty where it may.
     weight : bool
         Whether it holds the limb up, which the robot's own controller may do already.
-    flexible : bool
-        Whether it takes so many shapes that it may stand in for a plainer cause: refinement tries
-        to do without.
-    open_ended : tuple of str
-        Constants whose bound is a shape of its own, and no sign that the effect is another.
-    amplitudes : tuple of int
-        Coefficients that are the effect's current in A at its largest.
     gives_load : bool
         Whether it loads the teeth with a torque that depends on where the joint is.
     carried : bool
@@ -102,20 +89,13 @@ class Effect(ABC):
     needs: tuple[str, ...] = ()
     constants: dict[str, Search | None] = {}
     older: dict[str, float] = {}
-    spectral = ''
     signs: tuple[int, ...] = ()
     most = 1
-    expected = False
-    shown_before = False
+    physics = False
     holds_on_another_day = True
     sees_history = False
-    reshapes = False
-    coulomb_column: int | None = None
     not_fed_back = ''
     weight = False
-    flexible = False
-    open_ended: tuple[str, ...] = ()
-    amplitudes: tuple[int, ...] = ()
     gives_load = False
     carried = False
     fades_at_rest = False
@@ -179,6 +159,16 @@ class Effect(ABC):
         """Return the constants worth trying in a scene."""
 
     @classmethod
+    def propose(cls, look: Look) -> list[dict[str, float]]:
+        """Return the constants worth trying for a residual, where that tells more than the scene.
+
+        Parameters
+        ----------
+        look : Look
+        """
+        return [cls.carrying(constants, look.loads) for constants in cls.grid(look.scene)]
+
+    @classmethod
     def check(cls, values: dict[str, float]) -> None:
         """Raise `InputError` where constants make no sense."""
         for name, value in values.items():
@@ -191,19 +181,8 @@ class Effect(ABC):
         return value
 
     @classmethod
-    def plausible(cls, coefficients: Sequence[float] | np.ndarray, constants: dict[str, float],
-                  scene: Scene) -> bool:
-        """Tell whether physics allows these coefficients (A) and constants."""
-        return all(sign * value > 0 for sign, value in zip(cls.signs, coefficients) if sign)
-
-    @classmethod
-    def worth(cls, share: float, constants: dict[str, float], scene: Scene) -> float:
-        """Return the share of the loss that it has to take away, given the usual one."""
-        return share
-
-    @classmethod
     def holds_offset(cls, scene: Scene) -> bool:
-        """Tell whether a constant current is this effect's own, and no difference of directions."""
+        """Tell whether the constant of Eq. 6 is this effect's, and no difference of directions."""
         return False
 
     @classmethod
@@ -212,22 +191,6 @@ class Effect(ABC):
 
         Refinement warns of it, and does not name the effect then.
         """
-        return ''
-
-    @classmethod
-    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
-        """Return the name of a constant that ended where it is kept from going on; empty if none.
-
-        Such a constant was not found: the data ask for something that is not this effect.
-        """
-        for name, how in cls.constants.items():
-            if how is None or name in cls.open_ended:
-                continue
-            value = constants[name]
-            small = 0.01 * (abs(value) if how.unit is None else how.unit(scene, constants))
-            for moved in (value - small, value + small):
-                if abs(cls.limited(name, moved, constants, scene) - value) < 0.1 * small:
-                    return name
         return ''
 
     @classmethod
@@ -328,47 +291,10 @@ class Effect(ABC):
         return matrix @ np.asarray(self.coefficients)
 
     @classmethod
-    def seen_by(cls, samples: Samples, constants: dict[str, float]) -> Samples:
-        """Return the samples whose motion asks for the recorded current."""
-        return samples
-
-    @classmethod
-    def recorded_as(cls, values: np.ndarray, samples: Samples,
-                    constants: dict[str, float]) -> np.ndarray:
-        """Return the current in A that is recorded where the motion asks for another."""
-        return values
-
-    @classmethod
-    def reach(cls, constants: dict[str, float], samples: Samples) -> int:
-        """Return how many samples away `recorded_as` looks."""
-        return 0
-
-    @classmethod
-    def nearly_seen_by(cls, samples: Samples, constants: dict[str, float]) -> Samples:
-        """Return the samples whose motion asks for nearly what is recorded."""
-        return samples
-
-    @classmethod
-    def nearly(cls, constants: dict[str, float], samples: Samples) -> dict[str, float]:
-        """Return constants that are nearly the same, and the same for many that differ little."""
-        return constants
-
-    @classmethod
-    def forms(cls, scene: Scene) -> list[dict[str, float]]:
-        """Return the constants to choose between by all samples, for effects that reshape."""
-        return []
-
-    @classmethod
     def carrying(cls, constants: dict[str, Any],
                  shares: Iterable[dict[str, float]]) -> dict[str, Any]:
         """Return the constants with the load of others in them, for effects that are `carried`."""
         return constants
-
-    @classmethod
-    def moved(cls, values: np.ndarray, samples: Samples,
-              constants: dict[str, float]) -> np.ndarray:
-        """Return values, shape (N, M), computed without an effect that reshapes as with it."""
-        return values
 
     def turning(self) -> tuple[float, float] | None:
         """Return friction in A that takes a distance to turn round, and Dahl's, rad; or None."""

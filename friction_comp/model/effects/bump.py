@@ -12,7 +12,10 @@ from friction_comp.model.effects.base import Effect, geometric
 from friction_comp.model.effects.scene import CARRIES, nearly_one_speed, RESISTS, Search
 
 if TYPE_CHECKING:
-    from friction_comp.model.effects.scene import Scene, Signals
+    from friction_comp.model.effects.scene import Look, Scene, Signals
+
+# Places proposed for each width, and the fewest rows that one is judged by.
+_PLACES, _FEWEST = 2, 20
 
 
 class Bump(Effect):
@@ -24,9 +27,6 @@ class Bump(Effect):
     name = 'bump'
     variable = 'position'
     most = 3
-    flexible = True
-    open_ended = ('exponent',)
-    amplitudes = (0,)
     constants = {'position': Search(0.5, unit=lambda _, constants: constants['width']),
                  'width': Search(1.5), 'exponent': Search(2.2), 'directional': None,
                  'transition': None}
@@ -49,6 +49,30 @@ class Bump(Effect):
                        for place in places for directional in (1.0, 0.0)]
         return points
 
+    @classmethod
+    def propose(cls, look: Look) -> list[dict[str, float]]:
+        """Return for each width the places at which the residual stands out most.
+
+        The mean of the residual over a window is compared with its scatter.
+        """
+        order = np.argsort(look.position)
+        position = look.position[order]
+        found = []
+        shapes: dict[Any, list[dict[str, float]]] = {}
+        for constants in cls.grid(look.scene):
+            shapes.setdefault((constants['width'], constants['directional']), []).append(constants)
+        for (width, directional), points in shapes.items():
+            places = np.array([point['position'] for point in points])
+            values = (look.residual * (look.side if directional else 1.0))[order]
+            low = np.searchsorted(position, places - width)
+            high = np.searchsorted(position, places + width)
+            sums = np.concatenate(([0.0], np.cumsum(values)))
+            count = high - low
+            score = np.where(count < _FEWEST, 0.0,
+                             (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
+            found += [points[k] for k in np.argsort(score)[::-1][:_PLACES]]
+        return found
+
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
@@ -66,12 +90,6 @@ class Bump(Effect):
         if name == 'width':
             return min(max(value, 0.002 * scene.span, scene.resolution), 0.2 * scene.span)
         return value
-
-    @classmethod
-    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
-        """Return the name of a constant at a bound; a bump may lie at an end of the range."""
-        name = super().at_bound(constants, scene)
-        return '' if name == 'position' else name
 
     @classmethod
     def hard_to_tell(cls, scene: Scene) -> str:

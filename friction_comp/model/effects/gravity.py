@@ -24,9 +24,8 @@ class Gravity(Effect):
     name = 'gravity'
     variable = 'position'
     role = CARRIES
-    weight = True
+    physics = weight = True
     gives_load = True
-    amplitudes = (0, 1)
     constants = {}
 
     @classmethod

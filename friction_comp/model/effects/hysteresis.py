@@ -76,10 +76,6 @@ class Hysteresis(Effect):
     constants = {'distance': Search(1.6), 'exponent': Search(1.5), 'transition': None}
     signs = (1,)
     sees_history = True
-    coulomb_column = 0
-    flexible = True
-    open_ended = ('exponent',)
-    amplitudes = (0,)
     fades_at_rest = True
 
     @classmethod
@@ -120,7 +116,7 @@ class Hysteresis(Effect):
         if name == 'exponent':
             return min(max(value, 0.3), 3.0)
         if name == 'distance':
-            lowest = max(1e-5 * scene.span, 0.5 * scene.resolution)
+            lowest = max(1e-4 * scene.span, 3.0 * scene.resolution)
             return min(max(value, lowest), max(0.25 * scene.span, 2.0 * lowest))
         return value
 

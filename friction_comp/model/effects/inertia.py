@@ -25,7 +25,7 @@ class Inertia(Effect):
     role = CARRIES
     needs = ('acceleration',)
     signs = (1,)
-    expected = True
+    physics = True
     not_fed_back = (
         'acceleration from the encoder comes too late and too noisy: fed back it would lower the '
         'apparent inertia and can destabilise the joint')

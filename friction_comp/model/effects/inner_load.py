@@ -69,11 +69,6 @@ class InnerLoadFriction(Effect):
         return min(max(value, scene.slowest), 2.0 * scene.speed) if constants['fading'] else (
             constants['velocity'])
 
-    @classmethod
-    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
-        """Return the name of a constant at a bound, if it counts."""
-        return super().at_bound(constants, scene) if constants['fading'] else ''
-
     def describe(self) -> str:
         """Return the effect in words."""
         c = self.values

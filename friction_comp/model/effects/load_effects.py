@@ -23,6 +23,7 @@ class LoadTorque(Effect):
     name = 'load_torque'
     variable = 'load'
     role = NEITHER
+    physics = True
     needs = ('load',)
     not_fed_back = (
         'feeding the measured interaction torque back is admittance control, which this '

@@ -25,8 +25,7 @@ class RigidBody(Effect):
     role = CARRIES
     needs = ('rigid_body',)
     signs = (1,)
-    expected = True
-    weight = True
+    physics = weight = True
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
@@ -94,7 +93,6 @@ class OtherJoints(Effect):
     role = CARRIES
     needs = ('coupling',)
     signs = (1,)
-    shown_before = True
     weight = True
 
     @classmethod

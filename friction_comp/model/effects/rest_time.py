@@ -62,8 +62,6 @@ class RestTime(Effect):
                  'transition': None}
     signs = (1,)
     sees_history = True
-    flexible = True
-    amplitudes = (0,)
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:

@@ -10,10 +10,19 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.scene import CARRIES, Search
+from friction_comp.model.effects.scene import CARRIES, Search, Signals
+from friction_comp.model.effects.spectrum import (
+    FEWEST_PERIODS,
+    highest_frequency,
+    peaks,
+    position_spectrum,
+)
 
 if TYPE_CHECKING:
-    from friction_comp.model.effects.scene import Scene, Signals
+    from friction_comp.model.effects.scene import Look, Scene
+
+# Frequencies proposed for each shape.
+_PEAKS = 4
 
 
 class _Ripple(Effect):
@@ -22,7 +31,6 @@ class _Ripple(Effect):
     constants = {
         'frequency': Search(1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12)),
         'growth': None, 'speed': None, 'transition': None}
-    spectral = 'frequency'
     # Its size at speeds that were seen; along the way it repeats.
     held = {'velocity': 0.25}
     _word = ''
@@ -32,6 +40,29 @@ class _Ripple(Effect):
         """With or without growth with the speed; the frequency comes from a spectrum."""
         return [{'growth': growth, 'speed': scene.speed, 'transition': scene.transition}
                 for growth in (0.0, 1.0)]
+
+    @classmethod
+    def propose(cls, look: Look) -> list[dict[str, float]]:
+        """Return the frequencies at which the residual swings most over position."""
+        scene, found = look.scene, []
+        highest = highest_frequency(look.velocity, look.row_time, scene.resolution)
+        separation = 2.0 * math.pi / max(scene.span, 1e-9)
+        for constants in cls.grid(scene):
+            c = cls.Constants(frequency=0.0, **constants)
+            signals = Signals(position=look.position, velocity=look.velocity, side=look.side)
+            # At frequency zero the first column is the amplitude itself.
+            k, power = position_spectrum(
+                look.position, look.residual, cls.columns(signals, c)[0], highest)
+            found += [{'frequency': frequency, **constants}
+                      for frequency in peaks(k, power, _PEAKS, separation)]
+        return found
+
+    @classmethod
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
+        """With fewer periods over the range it is no ripple."""
+        if name == 'frequency':
+            return max(value, 2.0 * math.pi * FEWEST_PERIODS / max(scene.span, 1e-9))
+        return value
 
     def describe(self) -> str:
         """Return the effect in words."""

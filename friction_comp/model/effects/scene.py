@@ -120,6 +120,34 @@ class Scene:
 
 
 @dataclass(frozen=True)
+class Look:
+    """A residual as effects look at it to propose constants: arrays of shape (R,).
+
+    Parameters
+    ----------
+    scene : Scene
+    position, velocity : ndarray
+        rad, rad/s.
+    side : ndarray
+        Sign of friction, -1..1.
+    residual : ndarray
+        A.
+    row_time : float
+        Time in s over which each row was averaged.
+    loads : list of dict
+        What the terms of the fit carry, see `Effect.load_share`.
+    """
+
+    scene: Scene
+    position: Any
+    velocity: Any
+    side: Any
+    residual: Any
+    row_time: float
+    loads: list[dict[str, float]]
+
+
+@dataclass(frozen=True)
 class Search:
     """How a constant is searched around a first value.
 
@@ -130,13 +158,10 @@ class Search:
     unit : callable, optional
         ``unit(scene, constants)``: size of one unit of the constant, for constants that are
         searched on a linear scale; the scale is logarithmic when omitted.
-    joint_only : bool
-        Searched together with all else only, never by itself.
     """
 
     width: float
     unit: Callable[[Scene, dict[str, float]], float] | None = None
-    joint_only: bool = False
 
     @property
     def logarithmic(self) -> bool:

@@ -23,6 +23,7 @@ class Spring(Effect):
     name = 'spring'
     variable = 'position'
     role = CARRIES
+    physics = True
     gives_load = True
     held = {'position': 0.25}
     constants = {'position': None}

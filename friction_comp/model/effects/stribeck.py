@@ -20,7 +20,6 @@ class Stribeck(Effect):
 
     name = 'stribeck'
     variable = 'velocity'
-    amplitudes = (0,)
     constants = {'velocity': Search(1.6), 'exponent': None, 'transition': None}
 
     @classmethod

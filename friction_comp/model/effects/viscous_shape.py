@@ -58,11 +58,6 @@ class ViscousShape(Effect):
             return 0.85 if value < 1.0 else 1.2
         return min(max(value, 0.2), 3.5) if name == 'exponent' else value
 
-    @classmethod
-    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
-        """Return the name of a constant at a bound; next to one the shape is a shape still."""
-        return 'exponent' if not 0.21 < constants['exponent'] < 3.46 else ''
-
     def describe(self) -> str:
         """Return the effect in words."""
         gain, exponent = self.coefficients[0], self.values['exponent']

@@ -20,8 +20,6 @@ SHORTEST = 30.0
 
 class _Drift(Effect):
     variable = 'time'
-    flexible = True
-    amplitudes = (0,)
     holds_on_another_day = False
 
     @classmethod
@@ -30,11 +28,6 @@ class _Drift(Effect):
         if name == 'time_constant':
             return min(max(value, 0.02 * scene.duration), 5.0 * scene.duration)
         return value
-
-    @classmethod
-    def at_bound(cls, constants: dict[str, float], scene: Scene) -> str:
-        """Return the name of a constant at a bound; a straight line in time is a drift as well."""
-        return 'time_constant' if constants['time_constant'] < 0.021 * scene.duration else ''
 
     @classmethod
     def hard_to_tell(cls, scene: Scene) -> str:

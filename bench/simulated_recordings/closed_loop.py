@@ -1,0 +1,79 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plant, compensation law and person in one loop, without any middleware."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.simulation.person import ReferenceHold
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from friction_comp.compensation.law import CompensationLaw
+    from friction_comp.exercise.reference_movement import ReferenceMovement
+    from friction_comp.simulation.joint import Plant
+
+SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature')
+
+
+def closed_loop(plant: Plant, law: CompensationLaw, movement: ReferenceMovement, duration: float,
+                reference_period: float = 0.01, human_active: ArrayLike | None = None
+                ) -> dict[str, np.ndarray]:
+    """Run a plant under a compensation law while a person follows a movement.
+
+    Per sample, in this order: the law turns the plant's latest state into a command, then the
+    plant holds that command over the sample. The nodes in lockstep do the same and give the same
+    numbers.
+
+    Parameters
+    ----------
+    plant : Plant
+    law : CompensationLaw
+    movement : ReferenceMovement
+        Shown to the person in samples `reference_period` apart; all joints follow it.
+    duration : float
+        s.
+    reference_period : float
+        s.
+    human_active : array_like of bool, shape (J,), optional
+        False where nobody holds the joint.
+
+    Returns
+    -------
+    dict of str to ndarray
+        ``time`` (N,) and, of shape (N, J), ``position``, ``velocity``, ``current``,
+        ``interaction_torque``, ``temperature``, ``command``, ``direction``,
+        ``reference_position`` and ``reference_velocity``: the state at each time and the
+        command that it led to.
+    """
+    count = round(duration / plant.sample_time)
+    every = max(1, round(reference_period / plant.sample_time))
+    shape = (count, plant.joints)
+    log: dict[str, np.ndarray] = {name: np.zeros(shape) for name in SIGNALS + (
+        'command', 'direction', 'reference_position', 'reference_velocity')}
+    log['time'] = np.zeros(count)
+    hold = ReferenceHold()
+    direction = np.zeros(plant.joints)
+    for k in range(count):
+        state = plant.state
+        if k % every == 0:
+            position, velocity, d = movement.at(state.time)
+            direction = np.full(plant.joints, float(d))
+            hold.show(state.time, np.full(plant.joints, position),
+                      np.full(plant.joints, velocity))
+        command = law.update(state.time, state.position, state.velocity, direction,
+                             temperature=state.temperature)
+        position, velocity = hold.at(state.time)
+        log['time'][k] = state.time
+        for name in SIGNALS:
+            log[name][k] = getattr(state, name)
+        log['command'][k] = command
+        log['direction'][k] = direction
+        log['reference_position'][k] = position
+        log['reference_velocity'][k] = velocity
+        plant.step(command, position, velocity, human_active)
+    return log

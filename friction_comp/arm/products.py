@@ -1,0 +1,117 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of an arm as sums of products of columns over stretches of time.
+
+The columns are those of the links' parameters, of each joint's friction and rotor, and its current.
+Stretches are left out by subtraction: no sample is touched again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.model.arm.states import moving_states
+from friction_comp.samples import Samples
+
+if TYPE_CHECKING:
+    from friction_comp.arm.urdf import Chain
+
+# Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration.
+FRICTION = 4
+STRETCHES, FOLDS = 12, 3
+# Friction of an arm's joint turns round within this share of its usual top speed.
+_TRANSITION, _STILL = 0.03, 0.01
+
+
+@dataclass
+class Sums:
+    """Sums of products of all columns over stretches of the recordings.
+
+    Parameters
+    ----------
+    sums : ndarray, shape (S, J, 10·J + 5, 10·J + 5)
+        Of the columns of the links, of friction and of the current, for each stretch and joint; in
+        units of `variance`.
+    variance : ndarray, shape (J,)
+        One unit of each joint's squared error, A².
+    counts : ndarray, shape (J,)
+        Number of samples.
+    """
+
+    sums: np.ndarray
+    variance: np.ndarray
+    counts: np.ndarray
+
+    @property
+    def total(self) -> np.ndarray:
+        """The sums over everything."""
+        return np.asarray(self.sums.sum(axis=0))
+
+    @property
+    def folds(self) -> np.ndarray:
+        """The sums over the stretches of each fold, shape (F, J, 10·J + 5, 10·J + 5)."""
+        fold = np.arange(len(self.sums)) % FOLDS
+        return np.array([self.sums[fold == number].sum(axis=0) for number in range(FOLDS)])
+
+
+def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
+            most_rows: int) -> Sums:
+    """Return the sums over recordings of all joints, in units of the current's variance.
+
+    Parameters
+    ----------
+    chain : Chain
+    joints : list of Samples, length J
+        On one time base.
+    settings : dict
+        How velocity and acceleration are computed from position.
+    most_rows : int
+        Of more samples every second, third and so on is taken.
+    """
+    q, v, a = moving_states(joints[0], chain.tree.joints, settings)
+    every = max(1, len(q) // most_rows)
+    rows = slice(None, None, every)
+    q, v, a = q[rows], v[rows], a[rows]
+    current = np.column_stack([one.current[rows] for one in joints])
+    top = np.maximum(np.percentile(np.abs(v), 95, axis=0), 1e-9)
+    friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
+    # Stiction takes any value at rest; a joint that hardly ever moves has nothing else to show.
+    moving = np.abs(v) > _STILL * top
+    counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
+    # A gripper's effort that is never anything but zero tells nothing.
+    counts &= np.ptp(current, axis=0) > 0.0
+    variance = np.maximum(np.var(current, axis=0), 1e-12)
+    stretch = stretches_of(joints[0].recording)[rows]
+    sums = np.array([
+        _products(chain.regressor(q[own], v[own], a[own]), friction[own], current[own],
+                  counts[own] / variance)
+        for own in (stretch == number for number in range(int(stretch.max()) + 1))])
+    return Sums(sums, variance, counts.sum(axis=0).astype(float))
+
+
+def stretches_of(recording: np.ndarray) -> np.ndarray:
+    """Return which stretch each sample belongs to, shape (N,), counted from 0.
+
+    Parameters
+    ----------
+    recording : ndarray of int, shape (N,)
+        Recording of each sample; no stretch goes over the edge of one.
+    """
+    place = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
+    run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
+    return np.unique(place + (STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
+
+
+def _products(regressor: np.ndarray, friction: np.ndarray, current: np.ndarray,
+                    weights: np.ndarray) -> np.ndarray:
+    """Return each joint's sums of products, shape (J, 10·J + 5, 10·J + 5)."""
+    size = regressor.shape[2] + FRICTION + 1
+    result = np.empty((current.shape[1], size, size))
+    for joint in range(current.shape[1]):
+        columns = np.hstack(
+            (regressor[:, joint], friction[:, joint], current[:, joint, None]))
+        result[joint] = (columns * weights[:, joint, None]).T @ columns
+    return result

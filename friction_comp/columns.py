@@ -1,0 +1,301 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which column of a table holds which signal, and in which unit.
+
+One principle: **a column is a signal, a joint and a factor**. What the user says comes first, then
+the unit in the column's own name (``q [deg]``), then the names that labs commonly give. What was
+guessed is always said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+import re
+
+import numpy as np
+
+from friction_comp.errors import InputError
+
+# Files that hold a table.
+TABLES = ('.csv', '.csv.gz', '.tsv', '.parquet', '.npz')
+
+# Signal to the names that are commonly given to it, without joint and unit. `current` is an effort
+# in A.
+_NAMES = {
+    'time': 'time t timestamp stamp sec secs seconds elapsed elapsed_time',
+    'position': 'position pos q angle theta phi joint_position joint_angle actual_position',
+    'velocity': 'velocity vel dq qd qdot q_dot dot_q omega speed dtheta joint_velocity '
+                'actual_velocity',
+    'effort': 'effort torque tau motor_torque joint_torque tau_m actual_torque',
+    'current': 'current i iq i_q i_m im motor_current actual_current measured_current',
+    'command': 'command current_command commanded_current i_cmd i_des cmd',
+    'direction': 'direction d dir',
+    'load': 'load tau_b tau_ext interaction_torque interaction_wrench backdriving_torque '
+            'back_driving_torque external_torque sensor_torque',
+    'temperature': 'temperature temp motor_temperature motor_temp',
+    'reference_position': 'reference_position reference ref q_ref q_des q_d desired_position '
+                          'target_position pos_ref',
+    'reference_velocity': 'reference_velocity dq_ref dq_des qd_ref desired_velocity '
+                          'target_velocity vel_ref',
+}
+SIGNALS = tuple(_NAMES)
+_SIGNAL_OF = {name: signal for signal, names in _NAMES.items() for name in names.split()}
+
+_TURN = 2.0 * np.pi
+_ANGLES = {'rad': 1.0, 'mrad': 1e-3, 'deg': np.pi / 180.0, 'degrees': np.pi / 180.0,
+           '°': np.pi / 180.0, 'turn': _TURN, 'turns': _TURN, 'rev': _TURN, 'm': 1.0, 'mm': 1e-3}
+_SPEEDS = {**{f'{unit}/s': factor for unit, factor in _ANGLES.items()}, 'rpm': _TURN / 60.0}
+_TORQUES = {'N·m': 1.0, 'Nm': 1.0, 'N*m': 1.0, 'N.m': 1.0, 'mN·m': 1e-3, 'mNm': 1e-3, 'N': 1.0}
+_CURRENTS = {'A': 1.0, 'mA': 1e-3}
+_UNITS = {
+    'time': {'s': 1.0, 'ms': 1e-3, 'us': 1e-6, 'µs': 1e-6, 'ns': 1e-9, 'min': 60.0},
+    'position': _ANGLES, 'velocity': _SPEEDS, 'effort': {**_TORQUES, **_CURRENTS},
+    'current': _CURRENTS, 'command': _CURRENTS, 'direction': {}, 'load': _TORQUES,
+    'temperature': {'°C': 1.0, 'C': 1.0, 'degC': 1.0}, 'reference_position': _ANGLES,
+    'reference_velocity': _SPEEDS,
+}
+_COUNTS = re.compile(r'counts/(\d+(?:\.\d+)?)(/s)?')
+# A unit in brackets behind a name, or as its last part.
+_BRACKET = re.compile(r'\s*[\[(]([^\])]*)[\])]\s*$')
+_LAST = re.compile(r'_(s|ms|us|ns|deg|rad|rpm|mA|A|Nm|mNm)$')
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a user says of a table's columns.
+
+    Parameters
+    ----------
+    columns : dict of str to str
+        Signal to column; signals are time, position, velocity, effort, current, command,
+        direction, load, temperature, reference_position and reference_velocity. What is not named
+        is guessed.
+    units : dict of str to str
+        Signal to unit, such as ``{'position': 'deg', 'time': 'ms'}``; ``counts/4096`` are encoder
+        counts of 4096 to a turn. SI units where none is named.
+
+    Raises
+    ------
+    InputError
+        If a signal or a unit is not known.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for signal in (*self.columns, *self.units):
+            if signal not in _NAMES:
+                raise InputError(f'there is no signal {signal!r}; a column may hold '
+                                 f'{", ".join(SIGNALS)}')
+        if 'effort' in self.columns and 'current' in self.columns:
+            raise InputError('columns name both effort and current: one of them is the measured '
+                             'current')
+        for signal, unit in self.units.items():
+            if signal != 'effort':
+                factor_of(signal, unit)
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column that is used: its name, the signal and joint it holds, and its factor to SI."""
+
+    name: str
+    signal: str
+    joint: str
+    unit: str
+    factor: float
+
+
+@dataclass
+class Assignment:
+    """The columns of a table that are used.
+
+    Attributes
+    ----------
+    columns : list of Column
+    effort_is_current : bool
+        Whether the effort is the motor current in A already.
+    notes : list of str
+        What was guessed, in plain words.
+    """
+
+    columns: list[Column]
+    effort_is_current: bool
+    notes: list[str]
+
+    @property
+    def time(self) -> Column:
+        """The column of time."""
+        return next(column for column in self.columns if column.signal == 'time')
+
+    @property
+    def joints(self) -> list[str]:
+        """The joints, '' for one without a name."""
+        return list(dict.fromkeys(c.joint for c in self.columns if c.signal == 'position'))
+
+    def of(self, signal: str, joint: str) -> Column | None:
+        """Return the column of a signal, or None."""
+        return next((column for column in self.columns if column.signal == signal
+                     and column.joint in (joint, '')), None)
+
+
+def factor_of(signal: str, unit: str) -> float:
+    """Return what a column's numbers are multiplied with to be in SI units.
+
+    Raises
+    ------
+    InputError
+        If the unit is not known for this signal.
+    """
+    known = _UNITS[signal]
+    if unit in known:
+        return known[unit]
+    counts = _COUNTS.fullmatch(unit)
+    if counts and f'rad{counts[2] or ""}' in known and float(counts[1]) > 0:
+        return _TURN / float(counts[1])
+    if signal == 'effort':
+        # Volts, per cent of a servo's range: the figures stay in the recording's own unit.
+        return 1.0
+    listed = ', '.join(known) or 'none'
+    more = ', counts/N (N to a turn)' if 'rad' in known else ', counts/N/s' if 'rad/s' in known \
+        else ''
+    raise InputError(f'{signal} cannot be in {unit!r}; units of it are {listed}{more}')
+
+
+def read_pairs(text: str, what: str) -> dict[str, str]:
+    """Return ``a=b,c=d`` as a dictionary.
+
+    Raises
+    ------
+    InputError
+        If it has another form.
+    """
+    pairs: dict[str, str] = {}
+    for part in text.split(','):
+        name, sign, value = (piece.strip() for piece in part.partition('='))
+        if not (name and sign and value):
+            raise InputError(f'{what}: {part.strip()!r} is not of the form SIGNAL=NAME, for '
+                             'instance time=t,position=q_2')
+        if name in pairs:
+            raise InputError(f'{what}: names {name} twice')
+        pairs[name] = value
+    return pairs
+
+
+def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignment:
+    """Decide which columns hold what.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the table's columns.
+    layout : Layout, optional
+        What the user says of them.
+    where : str
+        The table, for messages.
+
+    Raises
+    ------
+    InputError
+        If a column is not there, or time, position or effort cannot be found.
+    """
+    layout = layout or Layout()
+    listed = ', '.join(map(repr, names))
+    used: list[Column] = []
+    for signal, name in layout.columns.items():
+        if name not in names:
+            raise InputError(f'{where}: has no column {name!r}, but {listed}')
+        used.append(_column(name, signal, '', layout))
+    taken = {column.name for column in used}
+    guessed = []
+    for column in _guesses([name for name in names if name not in taken], layout):
+        if column.signal in layout.columns or _one_of_two(column, used):
+            continue
+        # Once the user names a joint's columns, columns of other joints are none of it.
+        if column.joint and 'position' in layout.columns:
+            continue
+        used.append(column)
+        guessed.append(column)
+    for wanted in (('time',), ('position',), ('effort', 'current')):
+        if not any(column.signal in wanted for column in used):
+            raise InputError(f'{where}: which column is the {" or ".join(wanted)}? Name it with '
+                             f'--columns {wanted[0]}=NAME; there are {listed}')
+    notes = []
+    # A column that is called what it holds is no guess.
+    guessed = [column for column in guessed if _named(column) != column.name]
+    if guessed:
+        notes.append('columns guessed from their names: ' + ', '.join(
+            f'{_named(column)}={column.name}{f" in {column.unit}" if column.unit else ""}'
+            for column in guessed) + ' (--columns and --unit say otherwise)')
+    measured = [column for column in used if column.signal in ('effort', 'current')]
+    in_ampere = {column.signal == 'current' or column.unit in _CURRENTS for column in measured}
+    if len(in_ampere) > 1:
+        raise InputError(f'{where}: some joints have a current, others an effort: name the columns '
+                         'of one joint with --columns')
+    return Assignment([
+        Column(c.name, 'effort' if c.signal == 'current' else c.signal, c.joint, c.unit, c.factor)
+        for c in used], in_ampere == {True}, notes)
+
+
+def _named(column: Column) -> str:
+    return f'{column.joint}.{column.signal}' if column.joint else column.signal
+
+
+def _one_of_two(column: Column, used: Iterable[Column]) -> bool:
+    """Tell whether a joint's signal is there already; current is a second name of effort."""
+    alike = ('effort', 'current') if column.signal in ('effort', 'current') else (column.signal,)
+    return any(other.signal in alike and other.joint == column.joint for other in used)
+
+
+def _column(name: str, signal: str, joint: str, layout: Layout) -> Column:
+    unit = layout.units.get(signal) or _own_unit(name, signal)
+    return Column(name, signal, joint, unit or _default(signal),
+                  factor_of(signal, unit) if unit else 1.0)
+
+
+def _default(signal: str) -> str:
+    return {'time': 's', 'position': 'rad', 'velocity': 'rad/s', 'effort': '', 'current': 'A',
+            'command': 'A', 'load': 'N·m', 'temperature': '°C', 'reference_position': 'rad',
+            'reference_velocity': 'rad/s'}.get(signal, '')
+
+
+def _own_unit(name: str, signal: str) -> str:
+    """Return the unit that a column's name itself says, '' where it says none that is known."""
+    found = _BRACKET.search(name) or _LAST.search(name)
+    unit = found[1].strip() if found else ''
+    if unit and signal in ('velocity', 'reference_velocity') and f'{unit}/s' in _SPEEDS:
+        unit = f'{unit}/s'
+    return unit if unit in _UNITS[signal] else ''
+
+
+def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
+    """Return the columns whose names are common, those called most plainly first."""
+    found = []
+    for name in names:
+        signal, joint = _signal_and_joint(name)
+        if signal:
+            found.append(_column(name, signal, joint, layout))
+    # `effort` goes before `current`, where a table has both.
+    found.sort(key=lambda column: SIGNALS.index(column.signal))
+    places = {column.joint for column in found if column.signal == 'position'}
+    return [column for column in found if column.joint in (*places, '')]
+
+
+def _signal_and_joint(name: str) -> tuple[str, str]:
+    """Return the signal that a column's name stands for, and its joint; '' where there is none."""
+    bare = _BRACKET.sub('', name.strip())
+    for text in (bare, _LAST.sub('', bare)):
+        whole = text.lower().strip().replace(' ', '_').replace('-', '_')
+        if whole in _SIGNAL_OF:
+            return _SIGNAL_OF[whole], ''
+        for part in ('.', '/', '_', ''):
+            # elbow.position, elbow/position; q_2, position_elbow, q2
+            joint, split, signal = text.rpartition(part) if part in ('.', '/') else ('', '', '')
+            if split and signal.lower() in _SIGNAL_OF:
+                return _SIGNAL_OF[signal.lower()], joint
+        numbered = re.fullmatch(r'(.*?)_?(\d+)', whole)
+        if numbered and numbered[1] in _SIGNAL_OF and _SIGNAL_OF[numbered[1]] != 'time':
+            return _SIGNAL_OF[numbered[1]], numbered[2]
+    return '', ''

@@ -1,0 +1,199 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Exercises of several joints with reversals on the way, read from YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from friction_comp.checks import (
+    check_document,
+    check_list,
+    check_mapping,
+    check_number,
+    check_whole_number,
+)
+from friction_comp.errors import InputError
+from friction_comp.files import read_yaml
+
+FORMAT, VERSION = 'friction_comp_exercise', 1
+_UNITS = {'deg': math.pi / 180.0, 'rad': 1.0}
+_KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', 'steps'}
+# Angles that differ by less are one place, rad.
+_SAME = 1e-9
+# Instants at which a movement is looked at to find where it begins to slow down.
+_GRID = 200
+
+
+class ExerciseScript:
+    """A movement of several joints through waypoints, with the direction of each announced.
+
+    Between waypoints each joint follows a monotone cubic (Fritsch and Carlson 1980): it passes a
+    waypoint without stopping where it goes on, and turns round there, and only there, where it
+    does not. A movement from rest is announced ahead, as `ReferenceMovement` does it; a direction
+    changes at the very waypoint where the joint turns round, and falls back to 0 as the joint
+    begins to slow down for a rest.
+
+    Parameters
+    ----------
+    joints : sequence of str
+    times : ndarray, shape (K,)
+        s of each waypoint, increasing from 0.
+    positions : ndarray, shape (K, J)
+        rad, counted from where the joints stand at the beginning.
+    announcement : float
+        s.
+    """
+
+    def __init__(self, joints: Sequence[str], times: np.ndarray, positions: np.ndarray,
+                 announcement: float) -> None:
+        self.joints = list(joints)
+        self.duration = float(times[-1])
+        self._waypoints = times, positions, announcement
+        self._paths = [_monotone_cubic(times, column) for column in positions.T]
+        self._speeds = [path.derivative() for path in self._paths]
+        self._announced = [_spans(times, column, speed, announcement)
+                           for column, speed in zip(positions.T, self._speeds)]
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return position (rad), velocity (rad/s) and direction (-1, 0, +1), each shape (J,).
+
+        Parameters
+        ----------
+        time : float
+            s since the exercise began; before and after it the joints are held.
+        """
+        inside = min(max(time, 0.0), self.duration)
+        moving = 0.0 <= time <= self.duration
+        position = np.array([float(path(inside)) for path in self._paths])
+        velocity = np.array([float(speed(inside)) for speed in self._speeds]) * moving
+        direction = np.array([_direction(spans, time) for spans in self._announced])
+        return position, velocity, direction
+
+    def of(self, joints: Sequence[str]) -> ExerciseScript:
+        """Return the same exercise with a node's joints in their order; others are held.
+
+        Raises
+        ------
+        InputError
+            If the exercise moves a joint that is not among them.
+        """
+        unknown = sorted(set(self.joints) - set(joints))
+        if unknown:
+            raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
+                             f'{", ".join(joints)}')
+        times, positions, announcement = self._waypoints
+        columns = dict(zip(self.joints, positions.T))
+        still = np.zeros(len(times))
+        return ExerciseScript(
+            joints, times, np.column_stack([columns.get(name, still) for name in joints]),
+            announcement)
+
+
+def _monotone_cubic(times: Any, values: Any) -> Any:
+    # Imported here, since most exercises have no script and start sooner without it.
+    from scipy.interpolate import PchipInterpolator
+
+    return PchipInterpolator(times, values)
+
+
+def load_exercise(path: str | Path) -> ExerciseScript:
+    """Read an exercise.
+
+    Raises
+    ------
+    InputError
+        Naming the file, the step, and what is wrong with it.
+    """
+    document = read_yaml(path)
+    try:
+        return exercise_of(document)
+    except InputError as error:
+        raise InputError(f'{path}: {error}') from None
+
+
+def exercise_of(document: Any) -> ExerciseScript:
+    """Make an exercise of the plain values of its file."""
+    document = check_document(document, 'an exercise', FORMAT, VERSION, _KEYS)
+    unit = document.get('unit')
+    if unit not in _UNITS:
+        raise InputError(f'unit must be deg or rad, not {unit!r}')
+    joints = document.get('joints')
+    if (not isinstance(joints, list) or not joints or len(set(map(str, joints))) != len(joints)
+            or not all(isinstance(name, str) and name for name in joints)):
+        raise InputError('joints must be a list of different names')
+    announcement = check_number(document.get('announcement', 1.0), 'announcement', least=0.0)
+    count = check_whole_number(document.get('repetitions', 1), 'repetitions', least=1)
+    steps = check_list(document.get('steps'), 'steps')
+    if not steps:
+        raise InputError('steps must be a list of holds and movements')
+    return ExerciseScript(joints, *_waypoints(steps, joints, _UNITS[unit], count), announcement)
+
+
+def _waypoints(steps: list[Any], joints: list[str], unit: float,
+               count: int) -> tuple[np.ndarray, np.ndarray]:
+    times, positions = [0.0], [np.zeros(len(joints))]
+    for number, step in enumerate(steps, 1):
+        time, position = _step(f'steps[{number}]', step, joints, positions[-1], unit)
+        times.append(times[-1] + time)
+        positions.append(position)
+    if 'hold' not in steps[0]:
+        raise InputError('steps[1] must be a hold: a movement from rest has to be announced')
+    if 'hold' not in steps[-1]:
+        # The joints come to rest before the exercise ends or starts over.
+        times.append(times[-1] + _step('steps[1]', steps[0], joints, positions[-1], unit)[0])
+        positions.append(positions[-1])
+    if count > 1 and np.abs(positions[-1]).max() > _SAME:
+        raise InputError('the last step must lead back to 0 where there are repetitions')
+    once, places = np.array(times), np.array(positions)
+    return (np.concatenate([once[bool(k):] + k * once[-1] for k in range(count)]),
+            np.concatenate([places[bool(k):] for k in range(count)]))
+
+
+def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
+          unit: float) -> tuple[float, np.ndarray]:
+    """Return the duration of a step and where it leads."""
+    if isinstance(step, dict) and set(step) == {'hold'}:
+        return check_number(step['hold'], f'{name}.hold', above=0.0), before
+    if not isinstance(step, dict) or set(step) not in ({'to', 'time'}, {'to', 'speed'}):
+        raise InputError(f'{name} must have a hold (s), or to with either time (s) or speed')
+    position = before.copy()
+    for joint, angle in check_mapping(step['to'], f'{name}.to', joints).items():
+        position[joints.index(joint)] = unit * check_number(angle, f'{name}.to.{joint}')
+    way = float(np.abs(position - before).max())
+    if way < _SAME:
+        raise InputError(f'{name} moves nothing: use a hold')
+    if 'time' in step:
+        return check_number(step['time'], f'{name}.time', above=0.0), position
+    return way / (unit * check_number(step['speed'], f'{name}.speed', above=0.0)), position
+
+
+def _spans(times: np.ndarray, position: np.ndarray, speed: Any,
+           announcement: float) -> list[tuple[float, float, int]]:
+    """Return from when to when a direction is announced for one joint."""
+    steps = np.diff(position)
+    signs = np.where(np.abs(steps) < _SAME, 0, np.sign(steps)).astype(int)
+    spans: list[tuple[float, float, int]] = []
+    stopped = 0.0
+    for k, sign in enumerate(signs):
+        if sign == 0:
+            continue
+        begin, end = float(times[k]), float(times[k + 1])
+        if k == 0 or signs[k - 1] == 0:
+            # A movement that has not come to its end yet has its own direction.
+            begin = max(stopped, begin - announcement)
+        stopped = end
+        if k + 1 == len(signs) or signs[k + 1] == 0:
+            grid = np.linspace(times[k], times[k + 1], _GRID)
+            end = float(grid[int(np.argmax(np.abs(speed(grid))))])
+        spans.append((begin, end, int(sign)))
+    return spans
+
+
+def _direction(spans: list[tuple[float, float, int]], time: float) -> int:
+    return next((sign for begin, end, sign in spans if begin <= time < end), 0)

@@ -1,0 +1,140 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The note's reference movement (section 2.6) with the direction announced for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True)
+class ReferenceMovement:
+    """Standstill, acceleration, constant velocity, deceleration; forth and back, repeated.
+
+    One repetition is: standstill at the start, the positive movement, standstill at the far end,
+    the negative movement back. The direction d of the coming movement is announced while the
+    joint still stands, `announcement` seconds ahead, and falls back to 0 as the movement begins
+    to slow down: an exercise that wants the joint to stop should not make it easy to go on.
+
+    Parameters
+    ----------
+    amplitude : float
+        Angle between both ends in rad; negative moves the other way first.
+    speed : float
+        Of the constant velocity phase in rad/s.
+    acceleration_time : float
+        s from standstill to that speed and back; velocity follows a raised cosine, so that the
+        acceleration has no jump.
+    standstill : float
+        s of rest before each movement.
+    announcement : float
+        s by which the direction is announced ahead of the movement.
+    repetitions : int
+    compensated : bool
+        False keeps the direction at 0 throughout: the note's case 1.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or the amplitude leaves no phase of constant velocity.
+    """
+
+    amplitude: float = math.radians(40.0)
+    speed: float = math.radians(20.0)
+    acceleration_time: float = 0.5
+    standstill: float = 2.0
+    announcement: float = 1.0
+    repetitions: int = 10
+    compensated: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ('speed', 'acceleration_time', 'standstill'):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InputError(f'movement.{name} must be positive and finite')
+        if not math.isfinite(self.amplitude) or self.amplitude == 0.0:
+            raise InputError('movement.amplitude must be finite and not 0')
+        if not 0.0 <= self.announcement <= self.standstill:
+            raise InputError('movement.announcement must be between 0 and the standstill')
+        if self.repetitions < 1:
+            raise InputError('movement.repetitions must be at least 1')
+        if self.constant_time <= 0.0:
+            raise InputError(
+                f'movement.amplitude of {self.amplitude} rad is too short to reach the speed of '
+                f'{self.speed} rad/s within {self.acceleration_time} s')
+
+    @property
+    def constant_time(self) -> float:
+        """Duration of the constant velocity phase in s."""
+        return abs(self.amplitude) / self.speed - self.acceleration_time
+
+    @property
+    def movement_time(self) -> float:
+        """Duration of one movement in s, standstill not counted."""
+        return self.constant_time + 2.0 * self.acceleration_time
+
+    @property
+    def duration(self) -> float:
+        """Duration of the whole exercise in s, with a last standstill."""
+        return 2.0 * self.repetitions * (self.standstill + self.movement_time) + self.standstill
+
+    def begins(self, movement: int) -> float:
+        """Return when movement number 0, 1, 2 … begins, s; even ones are the first direction."""
+        return self.standstill + movement * (self.standstill + self.movement_time)
+
+    def at(self, time: ArrayLike) -> tuple[Any, Any, Any]:
+        """Return the reference at a time.
+
+        Parameters
+        ----------
+        time : float or array_like
+            s since the exercise began.
+
+        Returns
+        -------
+        position, velocity, direction : float or ndarray
+            rad, rad/s, and -1, 0 or +1, of the shape of `time`.
+        """
+        time = np.asarray(time, dtype=float)
+        period = self.standstill + self.movement_time
+        movement = np.floor(time / period)
+        over = (movement >= 2 * self.repetitions) | (time < 0.0)
+        forth = movement % 2 == 0
+        since = time - movement * period - self.standstill
+        travelled, speed = self._profile(since)
+        sign = math.copysign(1.0, self.amplitude)
+        position = np.where(forth, travelled, abs(self.amplitude) - travelled) * sign
+        velocity = np.where(forth, speed, -speed) * sign
+        announced = (since >= -self.announcement) & (
+            since < self.acceleration_time + self.constant_time)
+        direction = np.where(announced & self.compensated, np.where(forth, sign, -sign), 0.0)
+        position = np.where(over, 0.0, position)
+        velocity = np.where(over, 0.0, velocity)
+        direction = np.where(over, 0.0, direction)
+        if time.ndim == 0:
+            return float(position), float(velocity), int(direction)
+        return position, velocity, direction.astype(int)
+
+    def _profile(self, since: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return angle and speed of a positive movement that began `since` seconds ago."""
+        ramp, top = self.acceleration_time, self.speed
+        since = np.clip(since, 0.0, self.movement_time)
+
+        def angle(t: np.ndarray) -> np.ndarray:
+            return 0.5 * top * (t - ramp / math.pi * np.sin(math.pi * t / ramp))
+
+        left = self.movement_time - since
+        speeding, slowing = since < ramp, left < ramp
+        travelled = np.where(
+            speeding, angle(since), np.where(
+                slowing, abs(self.amplitude) - angle(left), top * (since - 0.5 * ramp)))
+        share = np.where(speeding, since, np.where(slowing, left, ramp)) / ramp
+        return travelled, 0.5 * top * (1.0 - np.cos(math.pi * share))

@@ -1,0 +1,104 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The one place that knows whether a recording is a rosbag2 one or a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from friction_comp.columns import Layout
+from friction_comp.recordings.scan import AnyPath, Progress, Scan, Scanner
+from friction_comp.recordings.tables import is_table, TableScanner
+from friction_comp.topics import TOPICS
+
+# Messages after which all joints have been named, where several publishers share a topic.
+_FIRST = 200
+
+
+def open_scanner(path: AnyPath, signals: Sequence[str] = tuple(TOPICS), joint: str | None = None,
+                 layout: Layout | None = None, batch: int | None = None
+                 ) -> Scanner | TableScanner:
+    """Return what reads a recording batch by batch.
+
+    Parameters
+    ----------
+    path : path-like
+        One recording, as `find_recordings` returns it.
+    signals : sequence of str
+        Which to read of a rosbag2 recording; of a table, all that it has.
+    joint : str, optional
+        Keep this joint's values only.
+    layout : Layout, optional
+        What is known of a table's columns.
+    batch : int, optional
+        Messages or rows that are read at once.
+    """
+    path = Path(path)
+    more = {} if batch is None else {'batch': batch}
+    if path.is_file() and is_table(path):
+        return TableScanner(path, layout, joint, *more.values())
+    return Scanner(path, signals, joint, **more)
+
+
+def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(TOPICS),
+                   progress: Progress | None = None, joint: str | None = None,
+                   layout: Layout | None = None) -> Scan:
+    """Read the signals of one recording.
+
+    Parameters
+    ----------
+    path : path-like
+        One recording, as `find_recordings` returns it.
+    signals : sequence of str
+        Which to read.
+    progress : callable, optional
+        Called with the share 0..1 that has been read.
+    joint : str, optional
+        Keep this joint's values only.
+    layout : Layout, optional
+        What is known of a table's columns.
+
+    Returns
+    -------
+    Scan
+
+    Raises
+    ------
+    InputError
+        If the recording cannot be read; the reason is named.
+    """
+    scanner = open_scanner(path, signals, joint, layout)
+    for _ in scanner.batches():
+        if progress:
+            progress(scanner.progress)
+    return scanner.finish()
+
+
+def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
+    """Return the joints that a recording's first joint states name.
+
+    Parameters
+    ----------
+    path : path-like
+        One recording, as `find_recordings` returns it.
+    layout : Layout, optional
+        What is known of a table's columns.
+
+    Returns
+    -------
+    list of str
+        '' for a joint without a name.
+
+    Raises
+    ------
+    InputError
+        If the recording cannot be read.
+    """
+    scanner = open_scanner(path, ('joint_states',), layout=layout, batch=_FIRST)
+    for _ in scanner.batches():
+        break
+    for store in scanner.stores.values():
+        store.flush()
+    return list(dict.fromkeys(
+        name for track in scanner.finish().of('joint_states') for name in track.names))

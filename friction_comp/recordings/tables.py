@@ -1,0 +1,356 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""CSV, Parquet and npz files as recordings.
+
+One principle: **a table is read as if its rows had been messages**. Each block of rows becomes the
+same tracks that a rosbag2 recording gives, so all that checks, streams, refines or evaluates a
+recording works on a table as well, and nothing behind this module knows the difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+import csv
+import gzip
+from pathlib import Path
+import re
+from typing import Any, IO
+import zipfile
+
+import numpy as np
+
+from friction_comp.columns import assign, Assignment, Layout, TABLES
+from friction_comp.errors import InputError
+from friction_comp.recordings.scan import Scan, Track
+from friction_comp.recordings.storage import unreadable
+from friction_comp.topics import TOPICS
+
+# Rows that are in memory at once: 20 MB of ten columns.
+_BLOCK = 250_000
+# What other signals of a table are as topics.
+_TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
+           'command': 'current_command', 'direction': 'direction'}
+Columns = dict[str, np.ndarray]
+
+
+def is_table(path: Path) -> bool:
+    """Tell whether a file is, by its name, a table."""
+    return path.name.lower().endswith(TABLES)
+
+
+class TableScanner:
+    """Reads a table block by block; the counterpart of `friction_comp.recordings.scan.Scanner`.
+
+    Parameters
+    ----------
+    path : Path
+    layout : Layout, optional
+        What the user says of the columns.
+    joint : str, optional
+        Keep this joint's values only.
+    block : int
+        Rows that are read at once.
+    """
+
+    def __init__(self, path: Path, layout: Layout | None = None, joint: str | None = None,
+                 block: int = _BLOCK) -> None:
+        self.path = path
+        self.stores: dict[str, Any] = {}
+        self.progress = 0.0
+        self._joint = joint
+        self._block = block
+        self._rows = 0
+        self._tracks: list[Track] = []
+        self._notes: list[str] = []
+        try:
+            self._table = _open(path)
+        except OSError as error:
+            raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
+        self._use = assign(self._table.names, layout, str(path))
+        self._notes += self._use.notes
+
+    def batches(self) -> Iterator[_Block]:
+        """Read on, and yield for each block that has been read."""
+        wanted = [column.name for column in self._use.columns]
+        try:
+            for columns, share in self._table.blocks(wanted, self._block):
+                size = len(columns[wanted[0]])
+                if size:
+                    self._tracks.append(_to_states(columns, self._use, self._rows, self._joint))
+                    self._tracks += _to_further(columns, self._use, self._rows)
+                    self._rows += size
+                    self.progress = share
+                    yield _Block()
+        except InputError:
+            raise
+        except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
+            raise unreadable(self.path, ' '.join(str(error).split())) from None
+        if not self._rows:
+            raise InputError(f'{self.path}: holds no row below its header')
+
+    def finish(self) -> Scan:
+        """Return what was read since the beginning, or since tracks were last taken."""
+        topics: dict[str, list[Track]] = {}
+        for track in self._tracks:
+            topics.setdefault(track.topic, []).append(track)
+        self._tracks = []
+        return Scan(self.path, [_joined(parts) for parts in topics.values()],
+                    {topic: (TOPICS[parts[0].signal], self._rows)
+                     for topic, parts in topics.items()},
+                    list(self._notes), effort_is_current=self._use.effort_is_current)
+
+
+class _Block:
+    """Says that joint states have been read, as a recording's stores do."""
+
+    signal = 'joint_states'
+
+
+def _to_states(columns: Columns, use: Assignment, first: int, joint: str | None) -> Track:
+    """Return a block's joint states."""
+    time = columns[use.time.name]
+    # A time that is missing is as far off as can be told: rows with it are left out behind.
+    finite = np.isfinite(time)
+    stamp = np.zeros(len(time), dtype=np.int64)
+    scaled = use.time.factor * 1e9 * time
+    good = finite & (np.abs(np.where(finite, scaled, 0.0)) < 9e18)
+    stamp[good] = np.round(scaled[good]).astype(np.int64)
+    values = {}
+    for name in use.joints:
+        if joint not in (None, name) and name:
+            continue
+        states = np.full((len(time), 3), np.nan)
+        for k, signal in enumerate(('position', 'velocity', 'effort')):
+            column = use.of(signal, name)
+            if column is not None:
+                states[:, k] = column.factor * columns[column.name]
+        states[~good] = np.nan
+        values[name] = states
+    if not good.all():
+        # Put beside its neighbour in time, so that it is no jump of the clock.
+        index = np.maximum.accumulate(np.where(good, np.arange(len(good)), -1))
+        stamp = np.where(index >= 0, stamp[index.clip(0)], stamp[np.argmax(good)])
+    order = first + np.arange(len(time))
+    return Track('joint_states', 'joint_states', stamp, stamp, order, use.joints, values)
+
+
+def _to_further(columns: Columns, use: Assignment, first: int) -> Iterator[Track]:
+    """Yield a block's other signals; stamps are those of the joint states."""
+    states = _to_states(columns, use, first, None)
+    for signal, topic in _TOPICS.items():
+        found = {name: column.factor * columns[column.name] for name in use.joints
+                 if (column := use.of(signal, name)) is not None}
+        if not found:
+            continue
+        if topic in ('current_command', 'direction'):
+            values = {'': np.column_stack([found.get(name, np.full(len(states.stamp), np.nan))
+                                           for name in use.joints])}
+        else:
+            values = {name: each[:, None] for name, each in found.items()}
+        yield Track(topic, topic, states.receive, states.stamp, states.order, use.joints, values)
+    references = {}
+    for name in use.joints:
+        place = use.of('reference_position', name)
+        if place is not None:
+            reference = np.full((len(states.stamp), 3), np.nan)
+            reference[:, 0] = place.factor * columns[place.name]
+            speed = use.of('reference_velocity', name)
+            if speed is not None:
+                reference[:, 1] = speed.factor * columns[speed.name]
+            references[name] = reference
+    if references:
+        yield Track('reference', 'reference', states.receive, states.stamp, states.order,
+                    use.joints, references)
+
+
+def _joined(parts: list[Track]) -> Track:
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    stamp = np.concatenate([part.stamp for part in parts])
+    return Track(
+        first.topic, first.signal, stamp, stamp, np.concatenate([part.order for part in parts]),
+        first.names,
+        {key: np.concatenate([part.values[key] for part in parts]) for key in first.values})
+
+
+def _open(path: Path) -> _Csv | _Parquet | _Npz:
+    name = path.name.lower()
+    if name.endswith('.parquet'):
+        return _Parquet(path)
+    if name.endswith('.npz'):
+        return _Npz(path)
+    return _Csv(path)
+
+
+class _Csv:
+    """A text file with one row a line; its separator is the one that its header has most of."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with self._stream() as stream:
+            lines = [line for _, line in zip(range(200), stream)]
+        if any('\0' in line for line in lines):
+            raise InputError(f'{path}: is not text')
+        # Remarks before the header; numpy.savetxt makes a remark of the header itself.
+        size = next((k for k, line in enumerate(lines) if line.strip()
+                     and not line.startswith('#')), len(lines))
+        head = lines[size] if size < len(lines) else ''
+        if _all_numbers(head) and size and _split(lines[size - 1].lstrip('# '), _separator(head)):
+            commented = _split(lines[size - 1].lstrip('# '), _separator(head))
+            size, head = (size - 1, lines[size - 1].lstrip('# ')) if len(commented) == len(
+                _split(head, _separator(head))) else (size, head)
+        if not head.strip():
+            raise InputError(f'{path}: is empty')
+        self._separator = _separator(head)
+        self.names = [name.strip() for name in _split(head, self._separator)]
+        self._skip = size + 1
+        if _all_numbers(head):
+            # Without a header, columns are called by their number.
+            self.names, self._skip = [str(k + 1) for k in range(len(self.names))], size
+        elif len(set(self.names)) < len(self.names):
+            twice = next(name for name in self.names if self.names.count(name) > 1)
+            raise InputError(f'{path}: has two columns called {twice!r}')
+
+    def _stream(self) -> IO[str]:
+        if self._path.name.lower().endswith('.gz'):
+            return gzip.open(self._path, 'rt', encoding='utf-8-sig', errors='replace', newline='')
+        return self._path.open(encoding='utf-8-sig', errors='replace', newline='')
+
+    def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
+        """Yield blocks of columns and the share of the file that has been read."""
+        places = [self.names.index(name) for name in wanted]
+        whole = max(self._path.stat().st_size, 1)
+        read = 0
+        with self._stream() as stream:
+            for _ in range(self._skip):
+                stream.readline()
+            number = self._skip
+            while lines := [line for _, line in zip(range(rows), stream)]:
+                read += sum(map(len, lines))
+                yield dict(zip(wanted, self._parse(lines, places, number).T)), min(
+                    read / whole, 1.0)
+                number += len(lines)
+
+    def _parse(self, lines: list[str], places: list[int], number: int) -> np.ndarray:
+        """Return the cells wanted, shape (rows, columns)."""
+        if self._separator == ';' and ',' in lines[0]:
+            lines = [line.replace(',', '.') for line in lines]
+        try:
+            return np.loadtxt(lines, delimiter=self._separator, usecols=places, ndmin=2,
+                              comments=None)
+        except ValueError:
+            # Cells are missing, or hold words: slower, and with a say in what is wrong.
+            return self._parse_each(lines, places, number)
+
+    def _parse_each(self, lines: list[str], places: list[int], number: int) -> np.ndarray:
+        found = []
+        for k, line in enumerate(lines):
+            if not line.strip() or line.startswith('#'):
+                continue
+            cells = _split(line, self._separator)
+            if len(cells) <= max(places):
+                # The last line of a file that broke off.
+                found.append([np.nan] * len(places))
+                continue
+            found.append([self._number(cells[place], place, number + k + 1) for place in places])
+        return np.array(found).reshape(len(found), len(places))
+
+    def _number(self, cell: str, place: int, line: int) -> float:
+        text = cell.strip()
+        if not text or text.lower() in ('nan', 'na', 'null', 'none', '-'):
+            return float('nan')
+        try:
+            return float(text)
+        except ValueError:
+            raise InputError(f'{self._path}: line {line}, column {self.names[place]!r}: {text!r} '
+                             'is no number') from None
+
+
+def _separator(line: str) -> str | None:
+    """Return the separator of a line, None for blanks."""
+    counts = {mark: line.count(mark) for mark in ('\t', ';', ',')}
+    best = max(counts, key=lambda mark: counts[mark])
+    return best if counts[best] else None
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return line.split()
+    return next(csv.reader([line.rstrip('\r\n')], delimiter=separator), [])
+
+
+def _all_numbers(line: str) -> bool:
+    return bool(re.fullmatch(r'[\s\d.,;+\-eEnaN]+', line)) and bool(re.search(r'\d', line))
+
+
+class _Parquet:
+    """A Parquet file, read with pyarrow."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            from pyarrow import ArrowException
+            from pyarrow.parquet import ParquetFile
+        except ModuleNotFoundError:
+            raise InputError(f'{path}: Parquet files need pyarrow: pip install '
+                             '"friction_comp[parquet]", or pip install pyarrow') from None
+        try:
+            self._file = ParquetFile(path)
+        except ArrowException as error:
+            raise unreadable(path, str(error)) from None
+        self._path = path
+        self.names: list[str] = list(self._file.schema_arrow.names)
+
+    def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
+        """Yield blocks of columns and the share of the file that has been read."""
+        read, whole = 0, max(self._file.metadata.num_rows, 1)
+        for batch in self._file.iter_batches(batch_size=rows, columns=list(dict.fromkeys(wanted))):
+            columns = {}
+            for name in wanted:
+                columns[name] = _numbers(batch.column(name).to_numpy(zero_copy_only=False),
+                                         name, self._path)
+            read += batch.num_rows
+            yield columns, read / whole
+
+
+class _Npz:
+    """A file of NumPy's arrays; a column of an array with two axes is called NAME_1 and so on."""
+
+    def __init__(self, path: Path) -> None:
+        self._columns: Columns = {}
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+        except (ValueError, EOFError, zipfile.BadZipFile, AttributeError, KeyError) as error:
+            raise unreadable(path, str(error) or type(error).__name__) from None
+        for name, values in arrays.items():
+            if values.ndim == 1:
+                self._columns[name] = _numbers(values, name, path)
+            elif values.ndim == 2:
+                self._columns.update({f'{name}_{k + 1}': _numbers(values[:, k], name, path)
+                                      for k in range(values.shape[1])})
+        self._path = path
+        self.names = list(self._columns)
+
+    def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
+        """Yield blocks of columns and the share that has been read."""
+        sizes = {name: len(self._columns[name]) for name in wanted}
+        size = sizes[wanted[0]]
+        if set(sizes.values()) != {size}:
+            raise InputError(f'{self._path}: its arrays differ in length: ' + ', '.join(
+                f'{name} {count}' for name, count in sizes.items()))
+        for first in range(0, size, rows):
+            part = slice(first, first + rows)
+            yield ({name: self._columns[name][part] for name in wanted},
+                   min((first + rows) / size, 1.0))
+
+
+def _numbers(values: np.ndarray, name: str, path: Path) -> np.ndarray:
+    """Return a column as float; dates become s."""
+    if np.issubdtype(values.dtype, np.datetime64):
+        return values.astype('datetime64[ns]').astype(np.int64) * 1e-9
+    try:
+        return values.astype(float)
+    except (TypeError, ValueError):
+        raise InputError(f'{path}: column {name!r} does not hold numbers') from None
+

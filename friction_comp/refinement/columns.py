@@ -1,0 +1,327 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Effects as columns of a linear fit, and the block sums of these columns.
+
+Each effect gives a column (or a few) for each point of a small grid of its constants. Eq. 6 is part
+of every fit: its plateaus and its viscous term as columns, its steepness and its shift by their
+derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Sequence
+from dataclasses import dataclass, field, replace
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.model.arm.coupling import Group
+from friction_comp.model.effects import Effect, EFFECTS, Look
+from friction_comp.refinement.joint_groups import groups_for
+from friction_comp.refinement.prepare import Rows
+from friction_comp.refinement.sums import BlockSums
+
+# Columns of Eq. 6, and those of them that are derivatives.
+BASE, DERIVATIVES = 5, (3, 4)
+# Of the top speed: what is steeper or flatter the recordings cannot tell.
+_FLATTEST, _STEEPEST = 2.0, 6000.0
+# Steepness times shift at which Eq. 6 is 15 % of Coulomb friction at rest, which is no motion.
+MOST_SHIFT = 0.3
+
+Key = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect with its constants, or a group of terms of other joints.
+
+    Parameters
+    ----------
+    kind : type
+        A subclass of `Effect`.
+    constants : dict
+    group : Group, optional
+        Terms of other joints, for an effect that is a sum of such.
+    """
+
+    kind: type[Effect]
+    constants: dict[str, Any] = field(default_factory=dict)
+    group: Group | None = None
+
+    @property
+    def key(self) -> Key:
+        """What tells it from another term: the effect's name, its constants and the group."""
+        return (self.kind.name, *self.constants.values(), self.group)
+
+    def columns(self, rows: Rows) -> np.ndarray:
+        """Return its columns on all samples, shape (N, M)."""
+        if self.group is not None:
+            assert rows.motion is not None, 'groups are made of the motion of several joints'
+            return self.group.columns(rows.joints, *rows.motion)
+        return self.kind.matrix(rows.samples, self.constants)
+
+    def with_constants(self, **changes: Any) -> Term:
+        """Return the term with other values of some constants."""
+        return replace(self, constants={**self.constants, **changes})
+
+    def same_effect(self, other: Term, span: float) -> bool:
+        """Tell whether another term is the same effect, with constants that differ little.
+
+        Parameters
+        ----------
+        other : Term
+        span : float
+            Range of position, rad.
+        """
+        if self.kind is not other.kind or self.group != other.group:
+            return False
+        if self.kind.most == 1:
+            return True
+        for name in ('frequency', 'position'):
+            if name in self.constants:
+                width = (2.0 * math.pi / span if name == 'frequency'
+                         else max(self.constants['width'], other.constants['width']))
+                return bool(abs(self.constants[name] - other.constants[name]) < width)
+        return True
+
+
+def base_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
+    """Return Eq. 6 as columns, shape (N, BASE): constant, transition, viscous, derivatives.
+
+    The last two are the derivatives of the transition by the logarithm of its steepness and by
+    its shift: a fit with them knows how it would change.
+    """
+    v = np.asarray(rows.samples.velocity)
+    half = 0.5 * steepness * (v - shift)
+    turn = np.tanh(half)
+    slope = 1.0 - turn ** 2
+    # From motion in one direction a constant cannot be told from Coulomb friction.
+    both = 1.0 if rows.scene.both_directions else 0.0
+    return np.column_stack((
+        np.full(len(v), both), turn, v, half * slope, -0.5 * both * steepness * slope))
+
+
+class Table:
+    """Columns of terms on the rows of a recording, and their block sums.
+
+    Parameters
+    ----------
+    rows : Rows
+    steepness, shift : float
+        Of the transition of Eq. 6, s/rad and rad/s.
+
+    Attributes
+    ----------
+    sums : BlockSums
+        Over cells: the rows of one block and one region of posture.
+    block, region : ndarray of int, shape (K,)
+        Of each cell.
+    columns : ndarray, shape (P, R)
+    terms : dict of Key to Term
+    """
+
+    def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
+        self.rows, self.target = rows, rows.averaged(rows.target)
+        self.steepness, self.shift = steepness, shift
+        self.terms: dict[Key, Term] = {}
+        self._places: dict[Key, list[int]] = {}
+        cells, cell = np.unique(
+            rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
+        order = np.argsort(cell, kind='stable')
+        self._cells = np.split(order, np.searchsorted(cell[order], np.arange(1, len(cells))))
+        self._blocks = [np.nonzero(rows.block == k)[0] for k in range(int(rows.block.max()) + 1)]
+        first = [own[0] for own in self._cells]
+        self.block, self.region = rows.block[first], rows.region[first]
+        gram = np.array([self.target[own] @ self.target[own] for own in self._cells])
+        self.sums = BlockSums(gram[:, None, None], np.array([len(own) for own in self._cells]),
+                              np.empty(0, dtype=int))
+        self.columns = np.empty((0, len(self.target)))
+        self._append(rows.averaged(base_columns(rows, steepness, shift)).T, [0, 1, 1, 0, 0])
+
+    def add(self, terms: Sequence[Term]) -> list[Key]:
+        """Add terms that are not there yet; return the keys of those that are there now."""
+        fresh: list[np.ndarray] = []
+        signs: list[int] = []
+        for term in terms:
+            if term.key in self.terms:
+                continue
+            own = self.rows.averaged(term.columns(self.rows)).T
+            if not np.isfinite(own).all():
+                continue
+            first = len(self.columns) + len(fresh)
+            self._places[term.key] = list(range(first, first + len(own)))
+            self.terms[term.key] = term
+            fresh += list(own)
+            signs += _signs_of(term, len(own))
+        if fresh:
+            self._append(np.array(fresh), signs)
+        return [term.key for term in terms if term.key in self.terms]
+
+    def keep(self, keys: Container[Key]) -> None:
+        """Drop all terms but some."""
+        left = [key for key in self.terms if key in keys]
+        if len(left) == len(self.terms):
+            return
+        columns = self.indices(left)
+        places, first = {}, BASE
+        for key in left:
+            size = len(self._places[key])
+            places[key] = list(range(first, first + size))
+            first += size
+        inner = [*columns, len(self.columns)]
+        self.sums = BlockSums(self.sums.gram[:, inner][:, :, inner], self.sums.rows,
+                              self.sums.signs[columns])
+        self.columns = self.columns[columns]
+        self.terms, self._places = {key: self.terms[key] for key in left}, places
+
+    def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
+        old = len(self.columns)
+        self.columns = np.vstack((self.columns, fresh))
+        size = len(self.columns)
+        gram = np.empty((self.sums.blocks, size + 1, size + 1))
+        keep = [*range(old), size]
+        gram[np.ix_(range(self.sums.blocks), keep, keep)] = self.sums.gram
+        self.sums = BlockSums(gram, self.sums.rows, np.append(self.sums.signs, signs).astype(int))
+        self._sum(slice(old, size))
+
+    def _sum(self, own: slice) -> None:
+        """Compute the sums of some columns with all others and with the target."""
+        for gram, rows in zip(self.sums.gram, self._cells):
+            every, target = self.columns[:, rows], self.target[rows]
+            products = every[own] @ every.T
+            gram[own, :-1], gram[:-1, own] = products, products.T
+            gram[own, -1] = gram[-1, own] = every[own] @ target
+
+    def places(self, key: Key) -> list[int]:
+        """Return the columns of a term."""
+        return self._places[key]
+
+    def indices(self, keys: Sequence[Key], derivatives: bool = True) -> list[int]:
+        """Return the columns of Eq. 6 and of some terms."""
+        base = [place for place in range(BASE) if derivatives or place not in DERIVATIVES]
+        return base + [place for key in keys for place in self._places[key]]
+
+    def residual(self, keys: Sequence[Key], derivatives: bool = True) -> np.ndarray:
+        """Return what a fit of some terms to all blocks leaves over, shape (R,)."""
+        indices = self.indices(keys, derivatives)
+        return np.asarray(self.target - self.sums.fit(indices) @ self.columns[indices])
+
+    def error_with(self, terms: Sequence[Term]) -> float:
+        """Return the sum of squared errors of a fit of terms that need not be in the table."""
+        parts, signs = [np.delete(self.columns[:BASE], DERIVATIVES, axis=0)], [0, 1, 1]
+        for term in terms:
+            if term.key in self.terms:
+                own = self.columns[self._places[term.key]]
+            else:
+                own = self.rows.averaged(term.columns(self.rows)).T
+                if not np.isfinite(own).all():
+                    return math.inf
+            parts.append(own)
+            signs += _signs_of(term, len(own))
+        full = np.vstack((*parts, self.target))
+        sums = BlockSums((full @ full.T)[None], np.array([full.shape[1]]), np.array(signs))
+        columns = range(len(signs))
+        return float(sums.squares(columns, sums.fit(columns)[None])[0])
+
+    def coefficients(self, keys: Sequence[Key], derivatives: bool = False) -> dict[int, float]:
+        """Return the coefficient of each column of a fit to all blocks."""
+        indices = self.indices(keys, derivatives)
+        return dict(zip(indices, map(float, self.sums.fit(indices))))
+
+    def left_out(self, columns: Sequence[int]) -> np.ndarray:
+        """Return the squared error of each cell by the fit to all other blocks, shape (K,)."""
+        return self.sums.left_out(columns, self.block)
+
+    def turn(self, keys: Sequence[Key], rounds: int = 4) -> None:
+        """Move the transition of Eq. 6 to where a fit with some terms asks for it.
+
+        By the Gauss-Newton method: the coefficients of the derivatives say how far.
+        """
+        speed = self.rows.scene.speed
+        others = self.columns[[place for key in keys for place in self._places[key]]]
+        signs = self.sums.signs[self.indices(keys)]
+        plain = [k for k in range(BASE + len(others)) if k not in DERIVATIVES]
+
+        def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
+            base = self.rows.averaged(base_columns(self.rows, steepness, shift)).T
+            full = np.vstack((base, others, self.target))
+            sums = BlockSums(np.array([full[:, own] @ full[:, own].T for own in self._blocks]),
+                             np.array([len(own) for own in self._blocks]), signs)
+            return float(sums.left_out(plain).sum()), sums
+        now = self.steepness, self.shift
+        best, sums = sums_at(*now)
+        for _ in range(rounds):
+            before, found = best, sums.fit(range(BASE + len(others)))
+            if not found[1] > 0.0:
+                break
+            growth = float(np.clip(found[3] / found[1], -1.0, 1.0))
+            step = float(np.clip(found[4] / found[1], -1.0 / now[0], 1.0 / now[0]))
+            for share in (1.0, 0.5, 0.25):
+                steepness = float(np.clip(now[0] * math.exp(share * growth), _FLATTEST / speed,
+                                          _STEEPEST / speed))
+                limit = MOST_SHIFT / steepness
+                trial = steepness, float(np.clip(now[1] + share * step, -limit, limit))
+                error, other = sums_at(*trial)
+                if error < best:
+                    best, sums, now = error, other, trial
+                    break
+            if best > (1.0 - 1e-4) * before:
+                break
+        if now != (self.steepness, self.shift):
+            self.turned(*now)
+
+    def turned(self, steepness: float, shift: float) -> None:
+        """Give Eq. 6 another steepness and shift."""
+        self.steepness, self.shift = steepness, shift
+        self.columns[:BASE] = self.rows.averaged(base_columns(self.rows, steepness, shift)).T
+        self._sum(slice(0, BASE))
+
+    def loads(self, keys: Sequence[Key]) -> list[dict[str, float]]:
+        """Return the loads that terms of a fit carry; see `Effect.load_share`."""
+        found, shares, given = self.coefficients(keys), [], False
+        for key in keys:
+            term = self.terms[key]
+            if term.group is None and not term.kind.carried:
+                own = [found[place] for place in self._places[key]]
+                shares.append(term.kind.load_share(own, term.constants))
+                given = given or term.kind.gives_load
+                if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
+                    shares.append({'offset': found[0]})
+        return shares if given else []
+
+    def look(self, keys: Sequence[Key]) -> Look:
+        """Return the residual of a fit with some terms as effects look at it."""
+        part = self.rows.at_rows
+        scene = self.rows.scene
+        velocity = np.asarray(part.velocity)
+        return Look(scene, part.position, velocity,
+                    np.tanh(velocity / scene.transition), self.residual(keys),
+                    self.rows.length * self.rows.samples.sample_time, self.loads(keys))
+
+
+def _signs_of(term: Term, number: int) -> list[int]:
+    """Return the sign that physics asks of each of a term's coefficients, 0 where it is free."""
+    wanted = list(term.kind.signs[:number]) if term.group is None else []
+    return wanted + [0] * (number - len(wanted))
+
+
+def kinds_for(rows: Rows) -> list[type[Effect]]:
+    """Return the effects that may be tried: those whose signals were recorded and varied."""
+    return [kind for kind in EFFECTS.values()
+            if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
+            and not kind.hard_to_tell(rows.scene)
+            # What a person supplies is what friction asks for: all that is missing goes with it.
+            and not (rows.load_by_mechanics and 'load' in kind.needs)]
+
+
+def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
+    """Return the terms worth trying beside those of a fit."""
+    look, terms = table.look(keys), []
+    for kind in kinds_for(table.rows):
+        if not kind.carried or look.loads:
+            terms += [Term(kind, constants) for constants in kind.propose(look)]
+    if table.rows.joints:
+        terms += [Term(EFFECTS['other_joints'], {}, group) for group in groups_for(
+            table.rows.joints, table.rows.samples.joint)]
+    return terms

@@ -1,0 +1,111 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The model of what is named, and its error where it was not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from friction_comp.drive import Drive
+from friction_comp.model.arm.arm import Arm
+from friction_comp.model.arm.coupling import Coupling
+from friction_comp.model.effects import Effect, EFFECTS
+from friction_comp.model.effects.edges import with_range
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement.attempt import Found
+from friction_comp.refinement.columns import base_columns, DERIVATIVES, Key, MOST_SHIFT, Table
+from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.prepare import for_all, Rows
+
+# Squared errors in motion that differ by less are as good as each other.
+_AS_GOOD = 1.02
+_STEEPNESSES = 16
+_MOST_SAMPLES = 30_000
+
+
+def settled(found: Found, keys: Sequence[Key]) -> Found:
+    """Return a fit of the named terms alone, with the transition that suits all samples."""
+    table = found.table
+    keys = adjusted(table, keys, 5)
+    table.turn(keys)
+    table = _turned_for_all(table, keys)
+    return replace(found, table=table, keys=keys)
+
+
+def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
+    """Return the table with the transition of Eq. 6 that predicts all samples best.
+
+    Samples beside standstill do not decide which effects there are, since a joint that sticks
+    says nothing of friction. How steeply friction changes its sign, though, is seen there alone:
+    of all transitions that explain the motion as well, the one that predicts best where the joint
+    starts, stops and turns round is taken.
+    """
+    rows = table.rows
+    speed, index = rows.scene.speed, _some(rows)
+    polished = table.steepness, table.shift
+    grid = [polished, (table.steepness, 0.0)] + [
+        (2.0 / (width * speed), shift) for width in np.geomspace(3e-4, 0.25, _STEEPNESSES)
+        for shift in dict.fromkeys((table.shift, 0.0))]
+    others = np.column_stack([table.terms[key].columns(rows) for key in keys]
+                             or [np.empty((len(rows.samples), 0))])[index]
+    trials = []
+    for steepness, shift in grid:
+        limit = MOST_SHIFT / steepness
+        table.turned(steepness, float(np.clip(shift, -limit, limit)))
+        inner = table.indices(keys, derivatives=False)
+        error = float(table.left_out(inner).sum())
+        base = np.delete(base_columns(rows, steepness, table.shift), DERIVATIVES, axis=1)[index]
+        left = np.abs(rows.target[index] - np.column_stack((base, others)) @ table.sums.fit(inner))
+        # A few samples that nothing explains do not decide.
+        left = np.minimum(left, np.quantile(left, 0.999))
+        trials.append((error, float(left @ left), steepness, table.shift))
+    least = min(error for error, *_ in trials)
+    *_, steepness, shift = min((trial for trial in trials if trial[0] <= _AS_GOOD * least),
+                               key=lambda trial: trial[1])
+    table.turned(steepness, shift)
+    return table
+
+
+def _some(rows: Rows) -> np.ndarray:
+    return np.arange(0, len(rows.samples), max(1, len(rows.samples) // _MOST_SAMPLES))
+
+
+def model_of(found: Found, drive: Drive, before: FrictionModel | None, joint: str
+             ) -> FrictionModel:
+    """Return the model of a fit."""
+    table, rows, settings = found.table, found.rows, found.settings
+    x = table.coefficients(found.keys)
+    offset, coulomb, viscous = x[0], x[1], x[2]
+    sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb, steepness=table.steepness,
+                      shift=table.shift, viscous=viscous)
+    moved = rows.samples.take(rows.usable)
+    effects: list[Effect] = []
+    groups, gains = [], []
+    for key in found.keys:
+        term, own = table.terms[key], tuple(x[place] for place in table.places(key))
+        if term.group is None:
+            effects.append(with_range(
+                term.kind({**term.constants, 'coefficients': list(own)}), moved))
+        else:
+            groups.append(term.group)
+            gains.append(own)
+    arm = before.arm if before else None
+    if groups:
+        effects.append(EFFECTS['other_joints']({'coefficients': [1.0]}))
+        arm = Arm(coupling=Coupling(tuple(groups), tuple(gains)),
+                  # The lag is applied to what they ask, as to all else, by the model.
+                  differentiation=for_all(rows.samples, {**settings, 'lag': 0.0}))
+    if rows.load_by_mechanics:
+        effects.append(EFFECTS['load_torque']({'coefficients': [rows.load_by_mechanics]}))
+    return FrictionModel(
+        drive=drive, sigmoid=sigmoid, effects=effects, differentiation=dict(settings), arm=arm,
+        joint=joint, breakaway=before.breakaway if before else None,
+        presliding=before.presliding if before else None,
+        position_limits=before.position_limits if before else None,
+        lookup_table=before.lookup_table if before else None,
+        simulation=dict(before.simulation) if before else {},
+        notes=dict(before.notes) if before else {})

@@ -1,0 +1,337 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What to expect of a model elsewhere, and how far to trust it.
+
+By how much errors grow in thirds of the recording that were not fitted says what to expect of
+another recording; see `elsewhere`. All else that a reader should know is a finding with a code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.model.effects import EFFECTS, Scene
+from friction_comp.model.effects.scene import too_coarse
+from friction_comp.refinement.attempt import Found
+from friction_comp.refinement.columns import proposals, Table
+from friction_comp.refinement.leftover import Dependence, rank_correlation
+from friction_comp.refinement.prepare import blocks_of_samples, Rows
+from friction_comp.refinement.stability import Stability
+from friction_comp.refinement.sums import BlockSums
+from friction_comp.refinement.thresholds import (
+    EXPLAINS,
+    EXPLAINS_NOTHING,
+    FOLLOWS,
+    GROWS,
+    PUSHES,
+    UNEXPLAINED,
+)
+from friction_comp.refinement.verdict import AGAIN, Finding, IN_PART
+from friction_comp.samples import Samples
+from friction_comp.signal_checks import velocity_fault, velocity_ratios
+
+# Two explanations that go together this closely are one as far as the recording can tell.
+ALIKE = 0.95
+# By which velocity and the rate of position may differ.
+AT_ODDS = 1.2
+
+_EXPERIMENTS = {
+    frozenset(('time', 'temperature')):
+        'record the motor once warm from the start, or cool it while it goes on moving',
+    frozenset(('acceleration', 'history')):
+        'record movements of the same speed with several different accelerations, and reversals',
+    frozenset(('position', 'acceleration')):
+        'record the same positions at several accelerations, such as two different tempos',
+    frozenset(('position', 'velocity')):
+        'record the same positions at several speeds and in both directions',
+    frozenset(('position', 'time')):
+        'record the same positions early and late, several times over',
+    frozenset(('velocity', 'time')):
+        'record the same speeds early and late, in another order',
+    frozenset(('velocity', 'temperature')):
+        'record the same speeds cold and warm',
+    frozenset(('velocity', 'direction')):
+        'record the same speeds in both directions',
+}
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of one model, A.
+
+    Parameters
+    ----------
+    fit : float
+        RMS in motion, of the model fitted to everything.
+    held_out : float
+        RMS in motion, of parts that were not fitted.
+    largest : float
+        Of these, the largest error of a sample.
+    r2 : float
+        Share of the current's variance that is explained there.
+    worst_part : float
+        RMS of the part with the largest.
+    standstill : float
+        RMS at standstill and beside it; NaN without such samples.
+    overall : float
+        RMS of all samples of parts that were not fitted.
+    elsewhere : float
+        What to expect on another recording, standstill included; see `Elsewhere`.
+    parts : list of float
+        RMS of each part, in motion.
+    """
+
+    fit: float
+    held_out: float
+    largest: float
+    r2: float
+    worst_part: float
+    standstill: float
+    overall: float
+    elsewhere: float
+    parts: list[float]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of report.json."""
+        return {'fit_rmse': self.fit, 'held_out_rmse': self.held_out,
+                'held_out_max': self.largest, 'held_out_r2': self.r2,
+                'worst_part_rmse': self.worst_part,
+                'standstill_rmse': None if math.isnan(self.standstill) else self.standstill,
+                'overall_rmse': self.overall, 'elsewhere_rmse': self.elsewhere,
+                'part_rmse': self.parts}
+
+
+def rms(values: np.ndarray) -> float:
+    """Return the root mean square; NaN of nothing."""
+    return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else math.nan
+
+
+def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, growth: float = 1.0) -> Errors:
+    """Return the errors of a model.
+
+    Parameters
+    ----------
+    rows : Rows
+    fit, held_out : ndarray, shape (N,)
+        Residuals of all samples by the model fitted to everything, and by that not fitted to them.
+    growth : float
+        How many times as large errors are in thirds that were not fitted.
+    """
+    moving = rows.usable
+    current = rows.target[moving]
+    block = blocks_of_samples(rows)[moving]
+    own = held_out[moving]
+    parts = [rms(own[block == k]) for k in np.unique(block)]
+    variance = float(np.var(current))
+    more = (growth ** 2 - 1.0) * rms(own) ** 2 * float(np.mean(moving))
+    return Errors(
+        rms(fit[moving]), rms(own), float(np.max(np.abs(own))),
+        1.0 - float(np.mean(own ** 2)) / variance if variance > 0.0 else 0.0,
+        max(parts), rms(held_out[~moving]), rms(held_out),
+        max(math.sqrt(rms(held_out) ** 2 + more), growth * rms(own)), parts)
+
+
+def noise_floor(rows: Rows, residual: np.ndarray) -> float:
+    """Return the standard deviation in A of what changes from one sample to the next at random.
+
+    Second differences of the residual, shape (N,), remove whatever is smooth over three samples;
+    of white noise they have six times its variance. Slow noise is not in this figure, and a signal
+    that was filtered has less of it than its sensor.
+    """
+    whole = rows.usable[2:] & rows.usable[1:-1] & rows.usable[:-2]
+    step = np.diff(rows.samples.recording)
+    whole &= (step[1:] == 0) & (step[:-1] == 0)
+    second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[whole]
+    if second.size < 50:
+        return rms(residual[rows.usable])
+    return 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6.0)
+
+
+def experiment(first: str, second: str) -> str:
+    """Return the recording that would tell two variables apart."""
+    known = _EXPERIMENTS.get(frozenset((first, second)))
+    return known or (f'record motion in which {first} changes while {second} does not, and the '
+                     'other way round')
+
+
+def ambiguities(found: Found, stability: Stability) -> list[dict[str, Any]]:
+    """Return entries of report.json's `ambiguous`."""
+    entries: list[dict[str, Any]] = []
+    seen = set()
+
+    def add(first: str, second: str, why: str) -> None:
+        pair = frozenset((first, second))
+        if first != second and pair not in seen:
+            seen.add(pair)
+            entries.append({'between': [first, second], 'why': why,
+                            'experiment': experiment(first, second)})
+    terms = found.table.terms
+    for key in found.keys[found.given:]:
+        for name, share in stability.instead.get(key, ()):
+            add(terms[key].kind.variable, EFFECTS[name].variable,
+                f'{100 * share:.0f} % of the searches repeated on parts of the recording have '
+                f"'{name}' in place of '{key[0]}'")
+    samples = found.rows.at_rows
+    variables = {terms[key].kind.variable for key in found.keys}
+    if samples.temperature is not None and variables & {'time', 'temperature'}:
+        alike = rank_correlation(samples.time, samples.temperature)
+        if alike > ALIKE:
+            add('time', 'temperature', 'temperature and time rose together in the recordings '
+                f'(rank correlation {alike:.3f})')
+    elif 'time' in variables and samples.temperature is None:
+        add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
+            'temperature was not recorded')
+    alike = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
+    if alike > 0.9 and len(np.unique(samples.recording)) == 1:
+        add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
+            f'correlation {alike:.2f}): drift over time cannot be told from the dependence on '
+            'velocity')
+    return entries
+
+
+def pushes(rows: Rows) -> bool:
+    """Tell whether friction would have to push for a plain drive to explain the current.
+
+    Eq. 6, inertia, weight, spring and load, once with the signs that physics asks for and once
+    with any. Where the second predicts much better, the current is a controller's answer, the joint
+    is moved by something that was not recorded, or a signal has the wrong sign.
+    """
+    table = Table(rows, 2.0 / rows.scene.transition)
+    keys = table.add([term for term in proposals(table, []) if term.kind.physics])
+    columns = table.indices(keys, derivatives=False)
+    free = BlockSums(table.sums.gram, table.sums.rows, np.zeros_like(table.sums.signs))
+    bounded, unbounded = (float(sums.left_out(columns, table.block).sum())
+                          for sums in (table.sums, free))
+    return unbounded < PUSHES * bounded
+
+
+def seen(samples: Samples, scene: Scene) -> list[Finding]:
+    """Return what the recordings cannot show: notes, none of which lowers the verdict."""
+    found: list[Finding] = []
+    if samples.temperature is None:
+        found.append(Finding('no_temperature', 'Motor temperature was not recorded: its effect '
+                             'can only show as drift over time.'))
+    if samples.load is None:
+        found.append(Finding('no_load', 'No load was recorded: effects of load, and an error of '
+                             'the torque constant, cannot be seen.'))
+    for kind in EFFECTS.values():
+        why = kind.hard_to_tell(scene)
+        note = Finding('not_seen', why)
+        if why and note not in found and all(
+                getattr(samples, signal) is not None for signal in kind.needs):
+            found.append(note)
+    if scene.duration < 60.0 and not any('warm-up' in one.text for one in found):
+        found.append(Finding('short', f'The longest recording lasts {scene.duration:.3g} s: '
+                             'warm-up takes minutes and cannot be seen in full.'))
+    return found
+
+
+def findings(found: Found, raw: Samples, after: Errors, grown: dict[str, float],
+             left: Sequence[Dependence], open_questions: Sequence[dict[str, Any]]
+             ) -> list[Finding]:
+    """Return all that a reader should know before using a model.
+
+    Parameters
+    ----------
+    found : Found
+    raw : Samples
+        As recorded.
+    after : Errors
+    grown : dict of str to float
+        As of `Elsewhere.growth`.
+    left : sequence of Dependence
+    open_questions : sequence of dict
+        As of `ambiguities`.
+    """
+    return [*of_errors(found.rows, after, grown), *(Finding(
+        'unexplained', f'The remaining error depends on {entry.variable}: {entry.note}.', IN_PART)
+        for entry in left if entry.strength > UNEXPLAINED), *(Finding(
+            'ambiguous', f"{' or '.join(question['between'])}: {question['why']}.", IN_PART,
+            question['experiment']) for question in open_questions),
+        *of_recording(found.rows, raw), *seen(found.rows.samples, found.rows.scene)]
+
+
+def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Finding]:
+    """Return what the errors of a model say of it; see `findings`."""
+    signal = rms(rows.target[rows.usable])
+    notes: list[Finding] = []
+    if pushes(rows):
+        notes.append(Finding(
+            'pushes', "Friction would have to push to explain the current: it is a controller's "
+            'answer, something that was not recorded moves the joint, or the sign of effort or '
+            'position is reversed.', AGAIN,
+            'check the signs of effort and position, and that effort is measured; follow a '
+            'trajectory with a softer or a position controller'))
+    way, most = max(grown.items(), key=lambda entry: entry[1])
+    if max(most, 1.0) * after.held_out > EXPLAINS_NOTHING * signal:
+        notes.append(Finding(
+            'explains_nothing', f'Where it was not fitted the model may be '
+            f'{max(most, 1.0) * after.held_out:.2g} A off in motion, of {signal:.2g} A: what '
+            'decides on the current is not in the recording.', AGAIN,
+            'record what loads the joint (torque sensor, other joints), or move it without load'))
+    elif after.held_out > EXPLAINS * signal:
+        notes.append(Finding(
+            'explains_part', f'{after.held_out:.2g} A of {signal:.2g} A are not explained.',
+            IN_PART, 'record what loads the joint (torque sensor, other joints)'))
+    if most > GROWS:
+        notes.append(Finding(
+            'extrapolates', f'A third of {way} that was not fitted is predicted with '
+            f'{most:.2g} times the error: there the recording is the only evidence.', IN_PART,
+            f'record more values of {way}, in another order'))
+    return notes
+
+
+def moves_as_one(rows: Rows) -> bool:
+    """Tell whether a joint's position is a linear function of those of the others."""
+    if rows.motion is None:
+        return False
+    position = rows.motion[0][rows.start]
+    own = list(rows.joints).index(rows.samples.joint)
+    others = np.column_stack((np.ones(len(position)), np.delete(position, own, axis=1)))
+    left = position[:, own] - others @ np.linalg.lstsq(others, position[:, own], rcond=None)[0]
+    return bool(np.var(left) < (1.0 - FOLLOWS) * np.var(position[:, own]))
+
+
+def of_recording(rows: Rows, raw: Samples) -> list[Finding]:
+    """Return what is wrong with the recordings themselves."""
+    scene = rows.scene
+    notes: list[Finding] = []
+    if rows.joints:
+        beside = ', '.join(name for name in rows.joints if name != raw.joint)
+        notes.append(Finding(
+            'other_joints', f'Other joints moved too ({beside}), and no URDF gives the torques of '
+            'their links: what holds for these postures may not hold for others.', IN_PART,
+            'move this joint alone, or give a URDF of the arm (--urdf)'))
+        if moves_as_one(rows):
+            notes.append(Finding(
+                'moves_as_one', f'Where {raw.joint} is follows from where the other joints are: '
+                'which of them the current depends on cannot be told, and other motion may be '
+                'predicted much worse.', AGAIN, 'move the joints independently of each other'))
+    fault = ''
+    if raw.velocity is not None:
+        fault = velocity_fault(velocity_ratios(
+            raw.time, raw.position, raw.velocity, scene.resolution), AT_ODDS)
+    if fault:
+        notes.append(Finding('velocity', fault[0].upper() + fault[1:] + '.', IN_PART,
+                             'let one clock stamp position, velocity and current, and check the '
+                             'units of velocity'))
+    coarse = too_coarse(scene)
+    if coarse:
+        notes.append(Finding('coarse', coarse, IN_PART,
+                             'record the motor-side encoder, or move over a wider range'))
+    if not scene.both_directions:
+        notes.append(Finding('one_direction', 'Motion was in one direction only: Coulomb friction '
+                             'cannot be told from an offset.', IN_PART, 'move in both directions'))
+    if rows.clipped.any():
+        ends = dict.fromkeys(f'{end:.4g} A' for end in (
+            raw.current[rows.clipped].min(), raw.current[rows.clipped].max()))
+        notes.append(Finding(
+            'ceiling', f'The current ends at a limit, {" and ".join(ends)}, in '
+            f'{100 * rows.clipped.mean():.1f} % of the samples, which are left out.', IN_PART,
+            'raise the limit of current or sensor, or ask for less acceleration and speed'))
+    return notes

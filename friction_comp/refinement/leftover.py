@@ -1,0 +1,218 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""On what the remaining residual still depends, whatever the shape of the dependence.
+
+A variable is cut into ranges; where the residual's mean differs between them by more than it does
+with the signs of long stretches flipped at random, it depends on the variable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from friction_comp.model.effects.base import segment_starts
+from friction_comp.samples import Samples
+from friction_comp.series import quantile_edges
+
+_FLIPS, _CHANCE = 1500, 0.001
+# Share of the residual's variance below which a dependence is not worth a word.
+LEAST_STRENGTH = 0.03
+# Errors larger than so many times the usual one count as if they were of that size.
+_OUTLYING = 8.0
+_SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
+           'load': 12, 'temperature': 10}
+_PAIRED = {'position': 12, 'velocity': 8, 'time': 12, 'acceleration': 6, 'load': 8,
+           'temperature': 6}
+# A pair of the joint's state is named unless another explains so many times as much.
+_STATE, _PLAIN = frozenset(('position', 'velocity', 'load', 'temperature')), 1.5
+_FEWEST_STRETCHES, _MOST_STRETCHES = 20, 400
+# Variables that go together more closely than this by rank cannot be told apart.
+_INSEPARABLE = 0.97
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """A variable on which the residual depends.
+
+    Parameters
+    ----------
+    variable : str
+    strength : float
+        Share of the residual's variance that the variable explains, 0..1, beyond chance.
+    note : str
+    """
+
+    variable: str
+    strength: float
+    note: str
+
+
+def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dependence]:
+    """Return what a residual still depends on, the strongest first.
+
+    The strongest is taken out before the next is looked for, so that only those are named that
+    add something of their own; then pairs of variables are tried.
+
+    Parameters
+    ----------
+    samples : Samples
+        In motion, with velocity and acceleration; gaps are allowed.
+    residual : ndarray, shape (N,)
+        A.
+    slowest : float
+        Speed of standstill, rad/s.
+    """
+    limit = _OUTLYING * 1.4826 * float(np.median(np.abs(residual))) + 1e-300
+    values = np.clip(residual, -limit, limit)
+    values = values - values.mean()
+    power = float(values @ values)
+    signals = _signals(samples, slowest)
+    side = (np.asarray(samples.velocity) > 0).astype(int)
+    found: list[Dependence] = []
+    if not power > 0.0:
+        return found
+    rng = np.random.default_rng(0)
+    cells = {name: _cells(name, signals, side) for name in _SINGLE if name in signals}
+    while cells:
+        stretch = _stretches(values)
+        share = float(values @ values) / power
+        trials = [(depends(values, cell, stretch, rng), name) for name, cell in cells.items()]
+        strength, name = max(((strength, name) for (strength, chance), name in trials
+                              if chance <= _CHANCE), default=(0.0, ''))
+        if strength * share < LEAST_STRENGTH:
+            break
+        found.append(_entry(name, strength * share, values, name))
+        cell = cells.pop(name)
+        mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
+        values = values - mean[cell]
+    share = float(values @ values) / power
+    pair, strength = _strongest_pair(values, signals, side, rng)
+    if strength * share > 2.0 * LEAST_STRENGTH:
+        known = {item.variable for item in found}
+        found += [_entry(name, strength * share, values, ' and '.join(pair))
+                  for name in pair if name not in known]
+    found.sort(key=lambda item: -item.strength)
+    return found + _inseparable(found, signals)
+
+
+def depends(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
+            rng: np.random.Generator) -> tuple[float, float]:
+    """Test whether a residual's mean differs between cells.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (N,)
+    cells, stretch : ndarray of int, shape (N,)
+        Stretches are longer than the residual's memory: without a dependence, the sign of the
+        residual in one is independent of that in the next.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    strength : float
+        Share of variance explained, beyond what flipped signs explain on average.
+    p_value : float
+    """
+    number, rows = int(cells.max()) + 1, int(stretch.max()) + 1
+    table = np.bincount(stretch * number + cells, residual, minlength=rows * number)
+    table = table.reshape(rows, number)
+    weight = 1.0 / np.maximum(np.bincount(cells, minlength=number), 1)
+    power = float(residual @ residual)
+    real = float(weight @ np.sum(table, axis=0) ** 2) / power
+    signs = rng.integers(0, 2, size=(_FLIPS, rows)) * 2.0 - 1.0
+    null = (signs @ table) ** 2 @ weight / power
+    # A strong dependence stays in the flipped table: the strength is on the careful side.
+    expected = min(float(np.mean(null)), 0.999)
+    return ((real - expected) / (1.0 - expected),
+            (float(np.sum(null >= real)) + 1.0) / (_FLIPS + 1.0))
+
+
+def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the size of the rank correlation of two signals."""
+    if np.ptp(first) == 0 or np.ptp(second) == 0:
+        return 0.0
+    return abs(float(stats.spearmanr(first, second).statistic))
+
+
+def _signals(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
+    found: dict[str, Any] = {name: getattr(samples, name) for name in (
+        'velocity', 'position', 'acceleration', 'time', 'load', 'temperature')}
+    velocity = np.asarray(samples.velocity)
+    moving = np.where(np.abs(velocity) > slowest, np.sign(velocity), 0.0)
+    start = segment_starts(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
+    first = np.maximum.accumulate(np.where(start, np.arange(len(samples)), 0))
+    # Distance since the motion last changed direction or stood still.
+    found['history'] = np.abs(samples.position - samples.position[first])
+    return {name: values for name, values in found.items() if values is not None}
+
+
+def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.ndarray:
+    """Return the cell of every sample; directions are apart, so that signs do not cancel."""
+    tails = (0.003, 0.01, 0.03) if name in ('velocity', 'acceleration') else ()
+    own = _ranges(signals[name], _SINGLE[name], tails)
+    if name == 'velocity':
+        return own
+    if name == 'position':
+        # A ripple's phase changes with the speed.
+        own = 3 * own + _ranges(np.abs(signals['velocity']), 3)
+    return own if name == 'acceleration' else 2 * own + side
+
+
+def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray,
+                    rng: np.random.Generator) -> tuple[tuple[str, ...], float]:
+    ranges = {name: _ranges(signals[name], number) for name, number in _PAIRED.items()
+              if name in signals}
+    stretch = _stretches(values)
+    best: tuple[float, float, tuple[str, ...]] = (0.0, 0.0, ())
+    for names in combinations(ranges, 2):
+        cell = ranges[names[0]] * (int(ranges[names[1]].max()) + 1) + ranges[names[1]]
+        if 'velocity' not in names:
+            cell = 2 * cell + side
+        cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
+        strength, chance = depends(values, cell, stretch, rng)
+        worth = strength * (_PLAIN if _STATE.issuperset(names) else 1.0)
+        if chance <= _CHANCE:
+            best = max(best, (worth, strength, names))
+    return best[2], best[1]
+
+
+def _inseparable(found: list[Dependence], signals: dict[str, np.ndarray]) -> list[Dependence]:
+    """Return the variables that the recording cannot tell from those found."""
+    known = {item.variable for item in found}
+    more = []
+    for item in found:
+        for name, values in signals.items():
+            if name not in known and name != 'history' and item.variable in signals and (
+                    item.variable != 'history') and rank_correlation(
+                        values, signals[item.variable]) > _INSEPARABLE:
+                known.add(name)
+                more.append(Dependence(
+                    name, item.strength, f'{name} changed with {item.variable} all through the '
+                    'recording, so that the error may depend on it instead'))
+    return more
+
+
+def _stretches(values: np.ndarray) -> np.ndarray:
+    """Return the stretch of each value; stretches are longer than the values' memory."""
+    size = len(values)
+    padded = 1 << (2 * size - 1).bit_length()
+    correlation = np.fft.irfft(np.abs(np.fft.rfft(values, padded)) ** 2)[:max(2, size // 10)]
+    below = np.nonzero(correlation < 0.2 * correlation[0])[0]
+    memory = int(below[0]) if below.size else size // 10
+    length = max(2 * memory, size // _MOST_STRETCHES)
+    return np.arange(size) // max(2, min(length, size // _FEWEST_STRETCHES))
+
+
+def _entry(name: str, strength: float, values: np.ndarray, words: str) -> Dependence:
+    size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
+    return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error depend on '
+                      f'{words}, and no effect known to the package describes how')
+
+
+def _ranges(values: np.ndarray, number: int, tails: tuple[float, ...] = ()) -> np.ndarray:
+    return np.searchsorted(quantile_edges(values, number, tails), values, side='right')

@@ -1,0 +1,153 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sums of products of columns over blocks of a recording: all that a linear fit needs.
+
+For each block k the sums ``X_kᵀX_k``, ``X_kᵀy_k``, ``y_kᵀy_k`` and the number of rows are kept, and
+no sample. Sums of chunks, recordings, days or processes are added; a block is left out by
+subtraction; blocks are resampled by weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+# Of a column's sum of squares over all blocks: keeps a column that another one repeats, or that the
+# fitted blocks hardly show, from being solved for.
+_RIDGE = 1e-7
+
+
+@dataclass
+class BlockSums:
+    """Sums over blocks.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (K, P + 1, P + 1)
+        Products of all columns, the target last.
+    rows : ndarray, shape (K,)
+        Number of rows in each block.
+    signs : ndarray of int, shape (P,)
+        1 where a coefficient must not be negative, 0 where it is free.
+    """
+
+    gram: np.ndarray
+    rows: np.ndarray
+    signs: np.ndarray
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks K."""
+        return len(self.rows)
+
+    def __add__(self, other: BlockSums) -> BlockSums:
+        """Return the sums of the blocks of both."""
+        return BlockSums(np.concatenate((self.gram, other.gram)),
+                         np.concatenate((self.rows, other.rows)), self.signs)
+
+    def left_out(self, columns: Sequence[int], fold: np.ndarray | None = None,
+                 weights: np.ndarray | None = None) -> np.ndarray:
+        """Return the squared error of each block by the fit to all blocks of other folds.
+
+        Parameters
+        ----------
+        columns : sequence of int, length S
+        fold : ndarray of int, shape (K,), optional
+            Blocks that are left out together; each by itself when omitted.
+        weights : ndarray, shape (K,), optional
+            Of the blocks that are fitted.
+
+        Returns
+        -------
+        ndarray, shape (K,)
+        """
+        own = np.arange(self.blocks) if fold is None else fold
+        train = (own != np.arange(int(own.max()) + 1)[:, None]).astype(float)
+        if weights is not None:
+            train = train * weights
+        return self.squares(columns, self.fits(columns, train)[own])
+
+    def squares(self, columns: Sequence[int], found: np.ndarray) -> np.ndarray:
+        """Return the squared error of each block by coefficients of its own, shape (K,).
+
+        Parameters
+        ----------
+        columns : sequence of int, length S
+        found : ndarray, shape (K, S)
+        """
+        inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
+        mix = np.concatenate((found, np.full((len(found), 1), -1.0)), axis=1)
+        return np.einsum('ki,kij,kj->k', mix, self.gram[:, inner[:, None], inner], mix,
+                         optimize=True)
+
+    def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
+        """Return the coefficients of fits to weighted blocks, shape (F, S).
+
+        Parameters
+        ----------
+        columns : sequence of int, length S
+        weights : ndarray, shape (F, K)
+        """
+        inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
+        mixed = np.tensordot(weights, self.gram[:, inner[:, None], inner], 1)
+        return solve(mixed, self._norms(inner[:-1]), self.signs[inner[:-1]])
+
+    def _norms(self, columns: np.ndarray) -> np.ndarray:
+        """Return the root of each column's sum of squares over all blocks."""
+        norms = np.sqrt(np.einsum('kii->i', self.gram)[columns])
+        return np.where(norms > 0.0, norms, 1.0)
+
+    def own_share(self, columns: Sequence[int]) -> np.ndarray:
+        """Return the share of each column's size that no combination of the others repeats, (S,).
+
+        Parameters
+        ----------
+        columns : sequence of int, length S
+        """
+        norms = self._norms(np.asarray(columns, dtype=int))
+        scaled = self.gram.sum(axis=0)[np.ix_(columns, columns)] / norms / norms[:, None]
+        scaled[np.diag_indices(len(scaled))] += 1e-12
+        return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
+
+    def fit(self, columns: Sequence[int]) -> np.ndarray:
+        """Return the coefficients fitted to all blocks, shape (S,)."""
+        return self.fits(columns, np.ones((1, self.blocks)))[0]
+
+
+def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
+    """Return the solutions of several least squares problems with bounds at zero.
+
+    A coefficient that would have the wrong sign is zero, the worst first, and the others are
+    solved for without it.
+
+    Parameters
+    ----------
+    sums : ndarray, shape (F, S + 1, S + 1)
+        Products of the columns, the target last.
+    norms : ndarray, shape (S,)
+        Sizes of the columns.
+    signs : ndarray of int, shape (S,)
+
+    Returns
+    -------
+    ndarray, shape (F, S)
+    """
+    size = len(norms)
+    scaled = sums[:, :-1, :-1] / norms[:, None] / norms
+    scaled.reshape(len(sums), -1)[:, ::size + 1] += _RIDGE
+    goal = sums[:, :-1, -1] / norms
+    found = np.linalg.solve(scaled, goal[:, :, None])[:, :, 0]
+    bounded = np.nonzero(signs)[0]
+    for case in np.nonzero((found[:, bounded] < 0.0).any(axis=1))[0]:
+        free = np.ones(size, dtype=bool)
+        while True:
+            values = np.where(free[bounded], found[case, bounded], 0.0)
+            if not (values < 0.0).any():
+                break
+            free[bounded[int(np.argmin(values))]] = False
+            own = np.nonzero(free)[0]
+            found[case] = 0.0
+            found[case, own] = np.linalg.solve(scaled[case][own[:, None], own], goal[case, own])
+    return np.asarray(found / norms)

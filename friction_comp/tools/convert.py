@@ -1,0 +1,57 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``convert``: a recording as a table, and a table as a recording.
+
+The name of the output says which: .csv, .parquet and .npz are tables of one row an instant, in SI
+units; any other name is the folder of a rosbag2 recording.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from friction_comp.errors import InputError
+from friction_comp.tools.common import Arguments, progress
+from friction_comp.tools.recorded_drive import layout_of
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write the recording in the other form; returns 0.
+
+    Raises
+    ------
+    InputError
+        If the recording cannot be read, or the output cannot be written or is there already.
+    """
+    parser = Arguments('convert', __doc__, (
+        'examples/elbow/with_direction.mcap.zstd --output output/with_direction.csv',
+        'output/with_direction.csv --output output/with_direction')).add_recordings(several=False)
+    parser.add_argument('--output', metavar='FILE|DIR', type=Path, required=True,
+                        help='.csv, .parquet or .npz file, or a folder that is not there yet')
+    arguments = parser.parse(argv)
+    from friction_comp.recordings import read_joints, write_samples
+    from friction_comp.recordings.table_writer import write_table
+    from friction_comp.recordings.tables import is_table
+
+    output = arguments.output
+    to_table = is_table(output)
+    if not to_table and output.exists():
+        raise InputError(f'{output}: is there already; a recording is never written over')
+    if output.resolve() == arguments.recording.resolve():
+        raise InputError(f'{output}: is the recording itself')
+    notes: list[str] = []
+    with progress('reading') as report:
+        joints = read_joints(
+            arguments.recording, [arguments.joint] if arguments.joint is not None else None,
+            progress=lambda share: report(0.5 * share), layout=layout_of(arguments), notes=notes)
+        report(0.5, 'writing')
+        output.parent.mkdir(parents=True, exist_ok=True)
+        if to_table:
+            write_table(output, joints)
+        else:
+            write_samples(output, joints)
+    names = ', '.join(samples.joint or 'one joint' for samples in joints)
+    print(f'{output}: {len(joints[0])} instants of {names}')
+    for note in notes:
+        print(f'note: {note}')
+    return 0

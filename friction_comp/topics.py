@@ -1,0 +1,16 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The package's topics and their message types."""
+
+from __future__ import annotations
+
+TOPICS = {
+    'joint_states': 'sensor_msgs/msg/JointState',
+    'current_command': 'std_msgs/msg/Float64MultiArray',
+    'direction': 'std_msgs/msg/Int8MultiArray',
+    'direction_stamped': 'sensor_msgs/msg/JointState',
+    'reference': 'sensor_msgs/msg/JointState',
+    'interaction_wrench': 'geometry_msgs/msg/WrenchStamped',
+    'motor_temperature': 'sensor_msgs/msg/Temperature',
+}
+"""Relative name to message type. A recorded topic belongs to the name that it ends with."""

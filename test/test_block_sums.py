@@ -1,0 +1,80 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sums over blocks say what fits to the samples would say."""
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from friction_comp.refinement.prepare import sums_of
+from friction_comp.refinement.sums import BlockSums
+
+FEW = settings(max_examples=30, deadline=None)
+SEED, BLOCKS, COLUMNS = st.integers(0, 2 ** 31), st.integers(2, 9), st.integers(1, 6)
+
+
+def made(seed, blocks, columns):
+    """Return columns, a target and the block of each row; blocks of different lengths."""
+    rng = np.random.default_rng(seed)
+    rows = rng.integers(columns + 2, columns + 20, blocks)
+    matrix = rng.standard_normal((rows.sum(), columns)) * rng.uniform(0.01, 100.0, columns)
+    target = matrix @ (rng.standard_normal(columns) / np.abs(matrix).mean(axis=0))
+    return matrix, target + rng.standard_normal(len(target)), np.repeat(np.arange(blocks), rows)
+
+
+@FEW
+@given(SEED, BLOCKS, COLUMNS)
+def test_a_block_left_out_is_predicted_as_by_a_fit_to_the_others(seed, blocks, columns):
+    matrix, target, block = made(seed, blocks, columns)
+    found = sums_of(matrix, target, block).left_out(range(columns))
+    for k in range(blocks):
+        fit = np.linalg.lstsq(matrix[block != k], target[block != k], rcond=None)[0]
+        expected = np.sum((target - matrix @ fit)[block == k] ** 2)
+        assert found[k] == pytest.approx(expected, rel=1e-3, abs=1e-6)
+
+
+@FEW
+@given(SEED, BLOCKS, BLOCKS, COLUMNS)
+def test_sums_of_two_recordings_are_those_of_both_together(seed, one, two, columns):
+    first, second = made(seed, one, columns), made(seed + 1, two, columns)
+    total = sums_of(*first) + sums_of(*second)
+    matrix, target = (np.concatenate((a, b)) for a, b in zip(first[:2], second[:2]))
+    whole = sums_of(matrix, target, np.concatenate((first[2], one + second[2])))
+    assert total.gram == pytest.approx(whole.gram)
+    assert total.fit(range(columns)) == pytest.approx(
+        np.linalg.lstsq(matrix, target, rcond=None)[0], rel=1e-3, abs=1e-6)
+
+
+@FEW
+@given(SEED, BLOCKS, st.integers(1, 5), st.data())
+def test_a_coefficient_never_has_the_sign_that_physics_rules_out(seed, blocks, columns, data):
+    matrix, target, block = made(seed, blocks, columns)
+    signs = np.array(data.draw(st.lists(
+        st.sampled_from([0, 1]), min_size=columns, max_size=columns)))
+    sums = sums_of(matrix, target, block, signs)
+    found = sums.fit(range(columns))
+    assert (found[signs > 0] >= 0.0).all()
+    # Those that are not at their bound are the least squares fit without the others.
+    free = np.nonzero((signs == 0) | (found > 0.0))[0]
+    if len(free):
+        alone = np.linalg.lstsq(matrix[:, free], target, rcond=None)[0]
+        assert found[free] == pytest.approx(alone, rel=1e-3, abs=1e-6)
+
+
+def test_weights_draw_blocks_as_often_as_they_say():
+    matrix, target, block = made(3, 5, 2)
+    weights = np.array([2.0, 0.0, 1.0, 3.0, 0.0])
+    drawn = np.concatenate([np.nonzero(block == k)[0] for k in (0, 0, 2, 3, 3, 3)])
+    found, = sums_of(matrix, target, block).fits(range(2), weights[None])
+    assert found == pytest.approx(
+        np.linalg.lstsq(matrix[drawn], target[drawn], rcond=None)[0], rel=1e-5)
+
+
+@pytest.mark.parametrize('broken', [0.0, 1e-200])
+def test_columns_of_zeros_explain_nothing_and_do_no_harm(broken):
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal(200)
+    sums = sums_of(np.column_stack((x, np.full(200, broken))), 2.0 * x, np.repeat([0, 1], 100))
+    assert isinstance(sums, BlockSums)
+    assert sums.fit((0, 1)) @ (1.0, broken) == pytest.approx(2.0, abs=1e-5)
+    assert sums.fit((0,)) == pytest.approx([2.0], abs=1e-5)

@@ -1,0 +1,165 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of effects, the search among them, their constants, and how sure their names are."""
+
+import numpy as np
+import pytest
+from test_prepare import swings
+
+from friction_comp.drive import Drive
+from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.columns import base_columns, proposals, Table, Term
+from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.prepare import prepare
+from friction_comp.refinement.search import Search, Split, total
+from friction_comp.refinement.stability import intervals, repeated, Stability
+from friction_comp.refinement.thresholds import table as thresholds
+
+COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
+RAW = {'method': 'zero-phase Butterworth', 'source': 'velocity', 'bandwidth': None}
+
+
+def table_of(samples):
+    rows, _ = prepare(samples, Drive(1.0, 1.0), RAW)
+    return Table(rows, 200.0)
+
+
+@pytest.fixture(scope='module')
+def plain():
+    return table_of(swings(1))
+
+
+@pytest.fixture
+def rippled():
+    """Return the table of a drive with cogging of 0.1 A, 14 times a turn."""
+    samples = swings(2)
+    return table_of(samples.with_(current=samples.current + 0.1 * np.cos(14.0 * samples.position)))
+
+
+def test_the_columns_of_a_term_are_its_effect_and_their_sums_those_of_the_rows(rippled):
+    terms = [Term(EFFECTS['gravity']), Term(EFFECTS['cogging'], COGGING)]
+    keys = rippled.add(terms)
+    assert rippled.add(terms) == keys
+    rows = rippled.rows
+    matrix = np.column_stack([rows.averaged(base_columns(rows, 200.0, 0.0)),
+                              *(rows.averaged(term.columns(rows)) for term in terms)])
+    assert rippled.columns[rippled.indices(keys)] == pytest.approx(matrix.T)
+    full = np.column_stack((matrix, rippled.target))
+    wanted = np.array([full[rows.block == k].T @ full[rows.block == k] for k in range(16)])
+    inner = [*rippled.indices(keys), -1]
+    assert rippled.sums.gram[:, inner][:, :, inner] == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+    fit = np.linalg.lstsq(matrix, rippled.target, rcond=None)[0]
+    assert rippled.residual(keys) == pytest.approx(rippled.target - matrix @ fit, abs=1e-4)
+
+
+def test_the_transition_goes_where_friction_changes_its_sign():
+    samples = swings(3)
+    shifted = 0.5 * np.tanh((samples.velocity - 0.03) / 0.05) + 0.2 * samples.velocity
+    found = table_of(samples.with_(current=shifted))
+    found.turn([], rounds=12)
+    assert found.shift == pytest.approx(0.03, abs=0.003)
+    assert found.steepness == pytest.approx(2.0 / 0.05, rel=0.05)
+
+
+def test_a_search_names_what_is_there_and_no_more(rippled):
+    search = Search(rippled, Split(rippled), rippled.add(proposals(rippled, [])))
+    found = search.forward([])
+    assert [key[0] for key in found] == ['cogging']
+    assert rippled.terms[found[0]].constants['frequency'] == pytest.approx(14.0, abs=1.0)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_search_names_nothing_on_a_plain_drive(seed):
+    plain = table_of(swings(20 + seed))
+    search = Search(plain, Split(plain), plain.add(proposals(plain, [])))
+    assert search.forward([]) == []
+
+
+def test_what_is_not_borne_out_is_taken_away_and_what_is_stays(rippled):
+    terms = [Term(EFFECTS['inertia']), Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['gravity'])]
+    keys = rippled.add(terms)
+    search = Search(rippled, Split(rippled), [])
+    assert search.backward(keys) == [terms[1].key]
+    search.fixed = keys[:1]
+    assert search.backward(keys) == [terms[0].key, terms[1].key]
+
+
+def test_a_name_is_exchanged_for_one_that_predicts_better(rippled):
+    worse, better = (rippled.add([Term(EFFECTS[name], COGGING)])[0]
+                     for name in ('friction_ripple', 'cogging'))
+    search = Search(rippled, Split(rippled), [worse, better])
+    assert search.exchange([worse]) == [better]
+    assert search.exchange([better]) == [better]
+
+
+def test_a_drawn_part_is_judged_by_the_blocks_that_were_not_drawn(plain):
+    split = Split.drawn(plain, np.random.default_rng(4))
+    weights = np.bincount(np.random.default_rng(4).integers(0, 16, 16), minlength=16)
+    columns = plain.indices([])
+    fit = plain.sums.fits(columns, weights[None].astype(float))
+    errors = plain.sums.squares(columns, np.repeat(fit, 16, axis=0))
+    assert total(split.errors(columns)) == pytest.approx(errors[weights == 0].sum())
+
+
+@pytest.mark.parametrize(('name', 'constants', 'shape', 'constant', 'first'), [
+    ('cogging', COGGING, lambda s: 0.1 * np.sin(14.0 * s.position), 'frequency', 13.4),
+    ('stribeck', {'velocity': 0.15, 'exponent': 1.0, 'transition': 0.01},
+     lambda s: 0.3 * np.exp(-np.abs(s.velocity) / 0.15) * np.tanh(s.velocity / 0.01),
+     'velocity', 0.3)])
+def test_a_constant_between_the_points_of_its_grid_is_found(name, constants, shape, constant,
+                                                            first):
+    samples = swings(5)
+    found = table_of(samples.with_(current=samples.current + shape(samples)))
+    keys = found.add([Term(EFFECTS[name], {**constants, constant: first})])
+    before = np.sum(found.residual(keys) ** 2)
+    keys = adjusted(found, keys, rounds=10)
+    found.turn(keys)
+    keys = adjusted(found, keys, rounds=10)
+    value = found.terms[keys[0]].constants[constant]
+    assert value == pytest.approx(constants[constant], rel=0.01 if name == 'cogging' else 0.15)
+    assert np.sum(found.residual(keys) ** 2) < before
+    low, high = intervals(found, keys).constants[keys[0], constant]
+    assert low < constants[constant] < high
+
+
+def test_intervals_hold_what_is_true_and_tell_what_is_not_there(rippled):
+    keys = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
+    found = intervals(rippled, keys)
+    (cosine, sine), (inertia,) = (rippled.places(key) for key in keys)
+    for place, true in ((1, 0.5), (2, 0.2), (cosine, 0.1), (sine, 0.0), (inertia, 0.0)):
+        low, high = found.coefficients[place]
+        assert low <= true <= high
+        assert high - low < 0.06
+    signs = rippled.sums.signs
+    assert found.without_zero([cosine, sine], signs[[cosine, sine]])
+    assert not found.without_zero([inertia], signs[[inertia]])
+
+
+def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(rippled, plain):
+    candidates = rippled.add(proposals(rippled, []))
+    keys = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
+    found = repeated(rippled, keys, 0, candidates)
+    assert found.chosen[keys[0]] > 0.9
+    assert found.chosen[keys[1]] < 0.2
+    assert found.named(keys[0])
+    assert not found.named(keys[1])
+    candidates = plain.add(proposals(plain, []))
+    nothing = repeated(plain, candidates, 0, candidates)
+    assert max(nothing.chosen.values()) < 0.3
+
+
+@pytest.mark.parametrize(('own', 'instead', 'named'), [
+    (0.65, 0.0, True), (0.5, 0.0, False), (0.5, 0.45, True), (0.2, 0.8, False)])
+def test_a_name_is_given_where_it_or_what_stands_for_it_is_chosen_nearly_always(own, instead,
+                                                                                named):
+    key = ('cogging', None)
+    found = Stability({key: own}, {key: [('bump', instead)]})
+    assert found.named(key) is named
+    assert found.renamed({key: ('other', None)}).named(('other', None)) is named
+
+
+def test_every_threshold_has_a_unit_and_a_reason():
+    rows = thresholds()
+    assert len(rows) > 8
+    assert all(np.isfinite(value) and len(reason) > 10 for _, value, _, reason in rows)
+    assert all(unit for name, _, unit, _ in rows)

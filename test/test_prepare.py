@@ -1,0 +1,179 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""From recordings to rows: what counts as motion, blocks of time, lag, limits, the load."""
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.prepare import (
+    averaging,
+    blocks_of,
+    clipped,
+    join,
+    load_by_mechanics,
+    prepare,
+    row_starts,
+    scene_of,
+    shifted,
+)
+from friction_comp.samples import Samples
+
+DRIVE = Drive(0.1, 100.0)
+
+
+def swings(seed, duration=40.0, step=0.01):
+    """Return samples of a joint that swings, with a plain drive's current."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, step)
+    q, v, a = (np.zeros_like(time) for _ in range(3))
+    for frequency in (0.09, 0.23, 0.41):
+        omega, phase = 2.0 * np.pi * frequency, rng.uniform(0.0, 2.0 * np.pi)
+        q += 0.4 * np.sin(omega * time + phase)
+        v += 0.4 * omega * np.cos(omega * time + phase)
+        a -= 0.4 * omega ** 2 * np.sin(omega * time + phase)
+    current = 0.5 * np.tanh(v / 0.01) + 0.2 * v + 0.02 * rng.standard_normal(time.size)
+    return Samples(time=time, position=q, velocity=v, acceleration=a, current=current)
+
+
+def test_samples_that_are_no_numbers_are_left_out_and_a_signal_that_is_hardly_there_too():
+    samples = swings(1)
+    current, temperature, load = samples.current.copy(), np.full(4000, np.nan), np.zeros(4000)
+    current[10] = np.nan
+    load[20:30] = np.inf
+    temperature[::3] = 30.0
+    joined = join([samples.with_(current=current, load=load, temperature=temperature)])
+    assert len(joined) == 4000 - 11
+    assert joined.temperature is None
+    assert np.isfinite(joined.load).all()
+
+
+@pytest.mark.parametrize(('parts', 'words'), [
+    ([], 'no samples'), ([swings(1).take(slice(0, 150))], '150 usable samples are too few'),
+    ([swings(1).with_(position=np.full(4000, 0.3))], 'never moves')])
+def test_too_little_is_refused_in_one_line(parts, words):
+    with pytest.raises(InputError, match=words) as caught:
+        join(parts)
+    assert '\n' not in str(caught.value)
+
+
+def test_a_joint_that_hardly_moves_is_refused():
+    still = swings(1)
+    step = np.where(still.time > 39.0, 0.1 * np.sin(40.0 * (still.time - 39.0)), 0.0)
+    with pytest.raises(InputError, match='hardly moves'):
+        prepare(still.with_(position=step, velocity=None, acceleration=None), DRIVE)
+
+
+def test_a_current_that_is_cut_off_is_seen_and_one_that_is_not_is_left_alone():
+    samples = swings(4)
+    limit = float(np.quantile(np.abs(samples.current), 0.8))
+    cut = clipped(np.clip(samples.current, -limit, limit))
+    assert np.array_equal(cut, np.abs(samples.current) >= limit)
+    assert not clipped(samples.current).any()
+    assert not clipped(np.zeros(100)).any()
+
+
+def test_standstill_is_not_fitted():
+    samples = swings(2)
+    rest = (samples.time > 10.0) & (samples.time < 14.0)
+    held = np.where(rest, np.interp(10.0, samples.time, samples.position), samples.position)
+    held[samples.time >= 14.0] += held[rest][0] - samples.position[samples.time >= 14.0][0]
+    rows, settings = prepare(samples.with_(position=held, velocity=None, acceleration=None), DRIVE)
+    inner = (samples.time > 10.3) & (samples.time < 13.7)
+    assert not rows.usable[inner].any()
+    assert rows.usable[~rest].mean() > 0.8
+    assert settings['source'] == 'position'
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 12), st.integers(0, 1000))
+def test_blocks_are_long_pieces_of_time_one_after_the_other(recordings, seed):
+    rng = np.random.default_rng(seed)
+    parts = [swings(k, float(rng.uniform(5.0, 20.0))) for k in range(recordings)]
+    samples = Samples.concatenate(parts)
+    start = np.arange(0, len(samples), 2)
+    block = blocks_of(samples, start)
+    assert np.isin(np.diff(block), (0, 1)).all()
+    sizes = np.bincount(block)
+    assert block[0] == 0
+    assert len(sizes) <= 16
+    assert sizes.min() > 0.3 * len(start) / 16
+
+
+def test_edges_of_blocks_are_where_recordings_end():
+    samples = Samples.concatenate([swings(k, 10.0) for k in range(16)])
+    block = blocks_of(samples, np.arange(len(samples)))
+    assert np.array_equal(block, samples.recording - samples.recording[0])
+
+
+def test_rows_are_averages_of_samples_that_belong_together():
+    samples = swings(3, duration=400.0, step=0.001)
+    usable = np.abs(samples.velocity) > 0.02
+    length = averaging(samples, int(usable.sum()))
+    # At 1 kHz about so many as leave 100 Hz.
+    assert 8 <= length <= 10
+    samples = swings(3)
+    samples = samples.take(np.r_[0:1001, 1100:4000])
+    usable = np.abs(samples.velocity) > 0.02
+    starts = row_starts(samples, usable, 4)
+    assert all(usable[k:k + 4].all() and np.ptp(samples.time[k:k + 4]) < 0.035 for k in starts)
+    assert 4 * len(starts) > 0.9 * usable.sum()
+
+
+@pytest.mark.parametrize('lag', [0.021, -0.005, 0.3])
+def test_moving_in_time_stays_within_stretches(lag):
+    rng = np.random.default_rng(11)
+    time = np.cumsum(rng.uniform(0.008, 0.012, 800))
+    time[200:] += 3.0
+    time[500:] -= 8.0
+    values = rng.standard_normal((800, 3))
+    samples = Samples(time=time, position=values[:, 0], current=values[:, 1])
+    expected = np.array(values)
+    for part in samples.segments():
+        for column in range(3):
+            expected[part, column] = np.interp(
+                samples.time[part] + lag, samples.time[part], values[part, column])
+    assert shifted(values, samples, lag) == pytest.approx(expected, abs=1e-12)
+    assert shifted(values, samples, 0.0) is values
+
+
+@pytest.mark.parametrize(('carried', 'by_mechanics'), [(0.3, True), (1.0, True), (0.0, False)])
+def test_a_load_that_a_person_carries_belongs_to_what_is_measured(carried, by_mechanics):
+    """Under a law the current follows the motion; a motor that holds the load shows it itself."""
+    samples = swings(5)
+    rng = np.random.default_rng(5)
+    if by_mechanics:
+        load = carried * samples.current * DRIVE.torque_per_current
+        current = (1.0 - carried) * samples.current
+    else:
+        load = np.cumsum(rng.standard_normal(len(samples))) / 20.0
+        current = samples.current - load / DRIVE.torque_per_current
+    block = np.repeat(np.arange(16), 250)
+    gain = load_by_mechanics(samples.with_(load=load, current=current), block, DRIVE)
+    assert gain == (-1.0 / DRIVE.torque_per_current if by_mechanics else 0.0)
+
+
+def test_the_target_is_what_motor_and_person_do_together():
+    samples = swings(6)
+    friction = samples.current
+    given = samples.with_(current=0.6 * friction, load=0.4 * friction * DRIVE.torque_per_current)
+    rows, _ = prepare(given, DRIVE)
+    assert rows.target == pytest.approx(friction)
+    rows, _ = prepare(given, DRIVE, declared=False)
+    assert rows.target == pytest.approx(0.6 * friction)
+
+
+def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
+    time = np.arange(0.0, 20.0, 0.005)
+    for speeds, one in (((0.5,), True), ((0.1, 0.5, 1.0), False)):
+        speed = np.repeat(speeds, len(time) // len(speeds) + 1)[:len(time)]
+        # To and fro, turning round within 0.2 s.
+        velocity = np.convolve(
+            speed * np.where(time % 2.0 < 1.0, 1.0, -1.0), np.ones(40) / 40.0)[:len(time)]
+        samples = Samples(time=time, position=np.cumsum(velocity) * 0.005, velocity=velocity,
+                          current=np.tanh(velocity / 0.02))
+        scene = scene_of(samples, np.abs(velocity) > 0.01, Drive(1.0, 1.0), 0.01)
+        assert ('bumps' in EFFECTS['bump'].hard_to_tell(scene)) is one

@@ -1,0 +1,198 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The model that is written, what is said of it, and when it is not to be trusted."""
+
+from dataclasses import replace
+import json
+
+import numpy as np
+import pytest
+from test_prepare import swings
+
+from friction_comp.drive import Drive
+from friction_comp.model.effects import EFFECTS
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.recordings import write_samples
+from friction_comp.refinement import refine
+from friction_comp.refinement.judge import experiment, noise_floor
+from friction_comp.refinement.leftover import leftover
+from friction_comp.refinement.prepare import prepare
+from friction_comp.refinement.units import in_unit
+from friction_comp.refinement.verdict import AGAIN, Finding, IN_PART, TRUST, Verdict
+from friction_comp.samples import JointStates
+from friction_comp.tools.refine import main as run_refine
+
+RAW = {'method': 'zero-phase Butterworth', 'source': 'velocity', 'bandwidth': None}
+
+
+def with_ripple(seed, lag=0):
+    """Return samples whose current holds cogging and comes some samples late."""
+    samples = swings(seed)
+    current = samples.current + 0.1 * np.cos(14.0 * samples.position)
+    samples = samples.with_(current=np.roll(current, lag), acceleration=None)
+    return samples.take(slice(20, -20))
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(values ** 2)))
+
+
+@pytest.mark.parametrize('case', ['plain', 'late', 'given', 'carried'])
+def test_the_model_written_is_the_model_judged(case, tmp_path):
+    """By the file, on the raw recording: its error is the one that the report gives."""
+    samples, model, drive = with_ripple(1), None, None
+    if case == 'late':
+        samples = with_ripple(1, lag=-6)
+    if case == 'given':
+        model = FrictionModel(Drive(0.1, 100.0), Sigmoid(0.4, -0.45, 150.0, 0.0, 0.1),
+                              effects=[EFFECTS['gravity']({'coefficients': [0.1, 0.0]})])
+    if case == 'carried':
+        drive = Drive(0.1, 100.0)
+        samples = samples.with_(current=0.6 * samples.current,
+                                load=0.4 * samples.current * drive.torque_per_current)
+    result = refine([samples], model, drive)
+    result.model.save(tmp_path / 'model.yaml')
+    written = FrictionModel.load(tmp_path / 'model.yaml')
+    error = samples.current - written.predict(samples, same_recording=True)
+    after = result.report['after']
+    assert rms(error[result.usable]) == pytest.approx(after['fit_rmse'], rel=1e-6)
+    assert after['fit_rmse'] < 0.025
+    assert after['fit_rmse'] == pytest.approx(after['held_out_rmse'], rel=0.1)
+    assert (written.differentiation.get('lag') is not None) == (case == 'late')
+
+
+def test_the_model_written_is_the_model_judged_where_other_joints_take_part_late(tmp_path):
+    rng = np.random.default_rng(7)
+    first, second = swings(8), swings(9)
+    q, v = (np.column_stack((getattr(first, name), getattr(second, name)))
+            for name in ('position', 'velocity'))
+    current = first.current + np.cos(q[:, 0] + q[:, 1]) + 0.01 * rng.standard_normal(len(q))
+    samples = first.with_(current=np.roll(current, -8), joint='a', arm=JointStates(
+        ('a', 'b'), q, v), acceleration=None).take(slice(20, -20))
+    result = refine([samples])
+    assert 'other_joints' in {effect.name for effect in result.model.effects}
+    assert result.model.differentiation['lag'] == pytest.approx(0.08, abs=0.01)
+    result.model.save(tmp_path / 'model.yaml')
+    error = samples.current - FrictionModel.load(tmp_path / 'model.yaml').predict(samples)
+    assert rms(error[result.usable]) == pytest.approx(
+        result.report['after']['fit_rmse'], rel=1e-6)
+    assert rms(error[result.usable]) < 1.3 * result.report['after']['held_out_rmse'] < 0.05
+
+
+def test_the_error_to_expect_elsewhere_is_not_below_that_of_another_recording():
+    result = refine([with_ripple(2)])
+    after = result.report['after']
+    for seed in (3, 4, 5):
+        other = with_ripple(seed)
+        assert rms(other.current - result.model.predict(other)) < 1.3 * after['elsewhere_rmse']
+    assert after['elsewhere_rmse'] < 0.04
+    assert max(after['part_rmse']) == after['worst_part_rmse'] >= after['held_out_rmse']
+
+
+def test_what_has_nothing_to_do_with_the_motion_gives_no_trust():
+    samples = swings(6)
+    rng = np.random.default_rng(6)
+    slow = np.convolve(rng.standard_normal(4100), np.exp(-np.arange(101) / 20.0), 'valid')
+    result = refine([samples.with_(current=slow[:4000])])
+    report = result.report
+    assert report['after']['held_out_rmse'] <= report['before']['held_out_rmse']
+    assert report['verdict'] == 'record again'
+    assert report['record_again']
+    sigmoid = result.model.sigmoid
+    assert sigmoid.upper >= sigmoid.lower
+    assert sigmoid.viscous >= 0.0
+
+
+def test_a_plain_drive_is_trusted_and_nothing_is_named():
+    for seed in range(30, 34):
+        report = refine([swings(seed)]).report
+        assert report['effects'] == []
+        assert report['unexplained'] == []
+        assert report['verdict'] == 'trust'
+        assert report['reasons']
+
+
+def test_current_of_the_wrong_sign_is_told():
+    samples = swings(7)
+    report = refine([samples.with_(current=-samples.current)]).report
+    assert 'pushes' in {finding['code'] for finding in report['findings']}
+    assert report['verdict'] == 'record again'
+
+
+def test_what_is_found_is_the_same_whatever_the_unit_and_the_order():
+    one, two = with_ripple(10), with_ripple(11)
+    first, second = refine([one, two]), refine([two, one])
+    assert json.dumps(first.report, sort_keys=True) == json.dumps(second.report, sort_keys=True)
+    large = refine([part.with_(current=1e3 * part.current) for part in (one, two)], unit='mV')
+    names = [[effect['name'] for effect in found.report['effects']] for found in (first, large)]
+    assert names[0] == names[1]
+    assert large.report['after']['held_out_rmse'] == pytest.approx(
+        1e3 * first.report['after']['held_out_rmse'], rel=1e-3)
+    assert large.report['effects'][0]['in_words'].startswith('Cogging: 100 mV') or (
+        ' mV' in large.report['effects'][0]['in_words'])
+
+
+def test_noise_is_what_changes_from_sample_to_sample():
+    rows, _ = prepare(swings(12), Drive(1.0, 1.0), RAW)
+    rng = np.random.default_rng(0)
+    slow = np.sin(rows.samples.time)
+    noise = 0.02 * rng.standard_normal(len(slow))
+    assert noise_floor(rows, slow + noise) == pytest.approx(0.02, rel=0.1)
+
+
+@pytest.mark.parametrize(('shape', 'expected'), [
+    (lambda s: np.sign(np.sin(9.0 * s.position)), 'position'),
+    (lambda s: np.where(s.time > 20.0, 1.0, -1.0), 'time'),
+    (lambda s: np.abs(s.acceleration), 'acceleration'),
+    (lambda s: 0.0 * s.time, None)])
+def test_the_residual_is_traced_to_its_variable(shape, expected):
+    samples = swings(13)
+    moving = samples.take(np.abs(samples.velocity) > 0.02)
+    rng = np.random.default_rng(1)
+    residual = 0.1 * shape(moving) + 0.02 * rng.standard_normal(len(moving))
+    found = [entry.variable for entry in leftover(moving, residual, 0.02)]
+    assert found[:1] == ([expected] if expected else [])
+
+
+def test_the_worst_finding_gives_the_verdict_and_notes_do_not_lower_it():
+    note = Finding('short', 'It is short.')
+    part = Finding('coarse', 'It is coarse.', IN_PART, 'use a finer encoder')
+    again = Finding('pushes', 'It pushes.', AGAIN, 'check the signs')
+    assert Verdict().word == Verdict([note]).word == TRUST
+    verdict = Verdict([note, part])
+    assert verdict.word == IN_PART
+    verdict.add([again, part])
+    told = verdict.to_dict()
+    assert told['verdict'] == AGAIN
+    assert told['reasons'] == ['It pushes.', 'It is coarse.']
+    assert told['record_again'] == ['check the signs', 'use a finer encoder']
+    assert told['warnings'] == ['It is short.']
+    assert [finding['code'] for finding in told['findings']] == ['short', 'coarse', 'pushes']
+
+
+def test_an_experiment_is_proposed_for_any_two_variables():
+    assert 'warm' in experiment('temperature', 'time')
+    assert experiment('load', 'history').startswith('record motion in which load changes')
+
+
+@pytest.mark.parametrize('unit', ['N·m', 'V'])
+def test_sentences_have_the_unit_of_the_recording(unit):
+    said = in_unit('Spring-like: +3.5 A per rad', unit)
+    assert said == f'Spring-like: +3.5 {unit} per rad'
+    assert in_unit('A spring of 2 A', 'A') == 'A spring of 2 A'
+
+
+def test_the_tool_says_how_often_a_name_was_chosen(tmp_path, capsys):
+    write_samples(tmp_path / 'r', with_ripple(14).with_(joint='elbow'), 0.1, 100.0)
+    assert run_refine([str(tmp_path / 'r'), '--torque-constant', '0.1', '--gear-ratio', '100',
+                       '--output', str(tmp_path / 'out')]) == 0
+    said = capsys.readouterr().out
+    assert 'cogging (position)' in said
+    assert '% of the searches' in said
+    assert 'to expect elsewhere' in said
+    page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
+    assert '% of the searches' in page
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
+    assert replace(Verdict(), findings=[Finding(**finding) for finding in report['findings']]
+                   ).word == report['verdict']

@@ -1,0 +1,236 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Who has no rosbag comes in with a table, and what was guessed of it is said."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from friction_comp import InputError, Layout, read_recording, Samples
+from friction_comp.__main__ import main
+from friction_comp.columns import assign, read_pairs
+from friction_comp.recordings import (
+    read_recording_with_info,
+    recorded_joints,
+    stream_recording,
+    write_samples,
+)
+from friction_comp.recordings.table_writer import table_of, write_table
+
+SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
+           'reference_position', 'reference_velocity')
+SPEED = 0.5
+
+
+def moving(count=2000, **changes):
+    """Return samples of a joint that swings as a joint can; `make_samples` is noise."""
+    time = 0.001 * np.arange(count)
+    position = 0.4 * np.sin(2.0 * time)
+    velocity = 0.8 * np.cos(2.0 * time)
+    samples = Samples(
+        time=time, position=position, velocity=velocity, current=0.3 * np.tanh(20.0 * velocity),
+        load=0.1 * velocity, temperature=20.0 + time, command=0.2 * np.sign(velocity),
+        direction=np.sign(velocity), reference_position=position, reference_velocity=velocity,
+        joint='elbow')
+    return samples.with_(**changes)
+
+
+def write_csv(path, samples, separator=',', names='t q dq tau', factors=(1.0, 1.0, 1.0, 1.0)):
+    columns = [factor * values for factor, values in zip(factors, (
+        samples.time, samples.position, samples.velocity, samples.current))]
+    np.savetxt(path, np.column_stack(columns), delimiter=separator, comments='', fmt='%.12g',
+               header=separator.join(names.split()))
+    return path
+
+
+def assert_alike(found, wanted, signals=('time', 'position', 'velocity', 'current')):
+    assert len(found) == len(wanted)
+    for name in signals:
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), atol=1e-9,
+                                   err_msg=name)
+
+
+@pytest.mark.parametrize('suffix', ['csv', 'npz', 'parquet'])
+def test_a_table_holds_all_that_the_recording_held(tmp_path, suffix):
+    if suffix == 'parquet':
+        pytest.importorskip('pyarrow')
+    wanted = moving()
+    path = tmp_path / f'log.{suffix}'
+    write_table(path, [wanted])
+    (found, info), = read_recording_with_info(path)
+    assert_alike(found, wanted, SIGNALS)
+    assert info.joint == 'elbow'
+    assert not any('guessed' in note for note in info.notes)
+
+
+def test_a_recording_becomes_a_table_and_a_recording_again(tmp_path, capsys):
+    wanted = moving(300)
+    write_samples(tmp_path / 'bag', wanted)
+    assert main(['convert', str(tmp_path / 'bag'), '--output', str(tmp_path / 'log.csv')]) == 0
+    assert main(['convert', str(tmp_path / 'log.csv'), '--output', str(tmp_path / 'again')]) == 0
+    first, again = read_recording([tmp_path / 'bag', tmp_path / 'again'])
+    assert_alike(again, first, SIGNALS)
+    assert main(['convert', str(tmp_path / 'log.csv'), '--output', str(tmp_path / 'again')]) == 2
+    assert 'is there already' in capsys.readouterr().err
+
+
+def test_guessed_columns_are_said(tmp_path):
+    path = write_csv(tmp_path / 'log.csv', moving(), names='t_ms q[deg] dq[deg/s] tau',
+                     factors=(1e3, 180 / np.pi, 180 / np.pi, 1.0))
+    (found, info), = read_recording_with_info(path)
+    assert_alike(found, moving())
+    said, = (note for note in info.notes if 'guessed' in note)
+    assert 'time=t_ms in ms' in said
+    assert 'position=q[deg] in deg' in said
+
+
+@pytest.mark.parametrize('separator', [',', ';', '\t', ' '])
+def test_any_separator_will_do(tmp_path, separator):
+    path = write_csv(tmp_path / 'log.csv', moving(), separator)
+    assert_alike(read_recording(path)[0], moving())
+
+
+def test_decimal_commas_compressed(tmp_path):
+    text = write_csv(tmp_path / 'log.csv', moving(), ';').read_text().replace('.', ',')
+    with gzip.open(tmp_path / 'log.csv.gz', 'wt') as stream:
+        stream.write(text)
+    assert_alike(read_recording(tmp_path / 'log.csv.gz')[0], moving())
+
+
+@pytest.mark.parametrize(('units', 'factors'), [
+    ({'time': 'ms', 'position': 'deg', 'velocity': 'rpm'}, (1e3, 180 / np.pi, 30 / np.pi, 1.0)),
+    ({'position': 'counts/4096', 'velocity': 'counts/4096/s', 'effort': 'mNm'},
+     (1.0, 4096 / (2 * np.pi), 4096 / (2 * np.pi), 1e3)),
+    ({'time': 'µs', 'position': 'turn', 'velocity': 'turn/s', 'effort': 'N·m'},
+     (1e6, 0.5 / np.pi, 0.5 / np.pi, 1.0))])
+def test_units_become_si(tmp_path, units, factors):
+    path = write_csv(tmp_path / 'log.csv', moving(), factors=factors)
+    assert_alike(read_recording(path, layout=Layout(units=units))[0], moving())
+
+
+def test_a_current_is_not_divided_by_the_torque_constant(tmp_path):
+    torque = write_csv(tmp_path / 'torque.csv', moving())
+    current = write_csv(tmp_path / 'current.csv', moving(), names='t q dq i')
+    assert_alike(read_recording(current, torque_constant=0.1, gear_ratio=100)[0], moving())
+    assert_alike(read_recording(torque, layout=Layout(units={'effort': 'mA'}), torque_constant=5.0)
+                 [0], moving(current=1e-3 * moving().current))
+    assert_alike(read_recording(torque, torque_constant=0.1, gear_ratio=100)[0],
+                 moving(current=0.1 * moving().current))
+
+
+def test_joints_of_one_table_are_told_apart(tmp_path):
+    columns = {}
+    for k in (1, 2):
+        part = moving(current=k * moving().current)
+        columns.update({'t': part.time, f'q_{k}': part.position, f'tau_{k}': part.current})
+    np.savez(tmp_path / 'arm.npz', **columns)
+    assert recorded_joints(tmp_path / 'arm.npz') == ['1', '2']
+    np.testing.assert_allclose(read_recording(tmp_path / 'arm.npz', '2')[0].current,
+                               2 * moving().current)
+    named, = read_recording(tmp_path / 'arm.npz', layout=Layout(
+        {'position': 'q_2', 'effort': 'tau_2'}))
+    np.testing.assert_allclose(named.current, 2 * moving().current)
+    with pytest.raises(InputError, match="several joints, name one with --joint: '1', '2'"):
+        read_recording(tmp_path / 'arm.npz')
+
+
+def test_an_array_with_two_axes_holds_a_joint_a_column(tmp_path):
+    one = moving()
+    np.savez(tmp_path / 'arm.npz', time=one.time, q=np.column_stack((one.position, one.position)),
+             tau=np.column_stack((one.current, 2 * one.current)))
+    np.testing.assert_allclose(read_recording(tmp_path / 'arm.npz', '2')[0].current,
+                               2 * one.current)
+
+
+def test_stretches_together_are_the_whole(tmp_path):
+    path = write_csv(tmp_path / 'log.csv', moving(6000))
+    parts = list(stream_recording(path, seconds=1.0))
+    assert len(parts) > 2
+    assert_alike(Samples.concatenate(parts), moving(6000))
+
+
+def test_rows_that_lack_something_are_left_out(tmp_path):
+    lines = write_csv(tmp_path / 'log.csv', moving()).read_text().splitlines()
+    lines[5] = ',1,1,1'
+    lines[9] = lines[9].rsplit(',', 1)[0] + ','
+    lines[-1] = lines[-1][:4]
+    (tmp_path / 'log.csv').write_text('\n'.join(lines))
+    (found, info), = read_recording_with_info(tmp_path / 'log.csv')
+    assert len(found) == 1997
+    assert '3 joint states left out: not finite' in info.notes
+
+
+@pytest.mark.parametrize(('text', 'said'), [
+    ('', 'is empty'),
+    ('t,q,tau\n', 'no row'),
+    ('t,q\n0,1\n', 'which column is the effort or current'),
+    ('q,tau\n0,1\n', 'which column is the time'),
+    ('t,q,tau,q\n0,1,2,3\n', "two columns called 'q'"),
+    ('t,q,tau\n0,1,2\n1,x,2\n', "line 3, column 'q': 'x' is no number"),
+    ('\0\0,q\n0,1\n', 'is not text')])
+def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, capsys, text, said):
+    (tmp_path / 'log.csv').write_text(text)
+    assert main(['refine', str(tmp_path / 'log.csv'), '--output', str(tmp_path / 'out')]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count('\n') == 1
+    assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    (['--columns', 'time'], 'SIGNAL=NAME'),
+    (['--columns', 'when=t'], "no signal 'when'"),
+    (['--columns', 'time=when'], "no column 'when'"),
+    (['--unit', 'position=furlong'], 'rad, mrad, deg'),
+    (['--columns', 'effort=tau,current=tau'], 'both effort and current')])
+def test_wrong_words_on_columns_say_what_is_right(tmp_path, capsys, arguments, said):
+    path = write_csv(tmp_path / 'log.csv', moving())
+    assert main(['evaluate', str(path), '--output', str(tmp_path / 'out'), *arguments]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_broken_npz_or_parquet_is_no_traceback(tmp_path, capsys):
+    pytest.importorskip('pyarrow')
+    for name in ('log.npz', 'log.parquet'):
+        (tmp_path / name).write_bytes(b'PK\x03\x04 not really')
+        assert main(['evaluate', str(tmp_path / name), '--output', str(tmp_path / 'out')]) == 2
+        assert 'not a readable recording' in capsys.readouterr().err
+    np.savez(tmp_path / 'short.npz', t=np.zeros(3), q=np.zeros(4), tau=np.zeros(3))
+    assert main(['evaluate', str(tmp_path / 'short.npz'), '--output', str(tmp_path / 'out')]) == 2
+    assert 'differ in length' in capsys.readouterr().err
+
+
+def test_arrays_and_frames_are_samples():
+    pandas = pytest.importorskip('pandas')
+    one = moving()
+    plain = Samples.from_arrays(one.time, one.position, effort=5.0 * one.current,
+                                velocity=one.velocity, torque_constant=0.05, gear_ratio=100)
+    assert_alike(plain, one)
+    frame = pandas.DataFrame({
+        't_ms': 1e3 * one.time, 'q_deg': np.degrees(one.position), 'dq': one.velocity,
+        'i': one.current, 'remark': 'x'})
+    notes = []
+    assert_alike(Samples.from_frame(frame.sample(frac=1.0, random_state=0), notes=notes), one)
+    assert 'position=q_deg in deg' in notes[0]
+    with pytest.raises(InputError, match='either effort or current'):
+        Samples.from_arrays(one.time, one.position)
+    with pytest.raises(InputError, match=r'shape \(1999,\)'):
+        Samples.from_arrays(one.time, one.position[1:], current=one.current)
+    with pytest.raises(InputError, match='does not hold numbers'):
+        Samples.from_frame(frame, Layout({'position': 'remark'}))
+
+
+def test_predict_takes_a_table_and_gives_a_row_for_each(tmp_path, capsys):
+    path = write_csv(tmp_path / 'log.csv', moving())
+    assert main(['predict', str(path), '--model', 'config/armin_configuration_2.yaml',
+                 '--output', str(tmp_path / 'current.csv')]) == 0
+    assert 'columns guessed' in capsys.readouterr().out
+    assert len((tmp_path / 'current.csv').read_text().splitlines()) == 2001
+
+
+def test_own_names_are_those_that_are_guessed():
+    use = assign(list(table_of([moving()])), None, 'table')
+    assert use.joints == ['elbow']
+    assert not use.notes
+    assert read_pairs('time=t, effort=tau_2', '--columns') == {'time': 't', 'effort': 'tau_2'}
