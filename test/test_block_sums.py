@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.refinement.prepare import sums_of
+from friction_comp.refinement.plain_drive import sums_of
 from friction_comp.refinement.sums import BlockSums
 
 FEW = settings(max_examples=30, deadline=None)

@@ -8,8 +8,8 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.columns import base_columns, proposals, Table, Term
 from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.effect_columns import base_columns, proposals, Table, Term
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import Search, Split, total
 from friction_comp.refinement.stability import intervals, repeated, Stability
@@ -54,10 +54,10 @@ def test_the_columns_of_a_term_are_its_effect_and_their_sums_those_of_the_rows(r
 
 def test_the_transition_goes_where_friction_changes_its_sign():
     samples = swings(3)
-    shifted = 0.5 * np.tanh((samples.velocity - 0.03) / 0.05) + 0.2 * samples.velocity
+    shifted = 0.5 * np.tanh((samples.velocity - 0.006) / 0.05) + 0.2 * samples.velocity
     found = table_of(samples.with_(current=shifted))
     found.turn([], rounds=12)
-    assert found.shift == pytest.approx(0.03, abs=0.003)
+    assert found.shift == pytest.approx(0.006, abs=0.002)
     assert found.steepness == pytest.approx(2.0 / 0.05, rel=0.05)
 
 

@@ -104,7 +104,7 @@ def test_package_xml_names_what_the_modules_import():
         for name in imported(path) - set(sys.stdlib_module_names):
             # Optional ones are extras for pip, dependencies of the tests for rosdep.
             if name not in ('friction_comp', INTERFACES, 'pinocchio', 'bokeh', 'dask',
-                            'distributed'):
+                            'distributed', 'pyarrow'):
                 needed.add(ROSDEP_KEYS.get(name, name))
     assert needed - declared == set()
 
@@ -336,8 +336,8 @@ def test_colcon_installs_the_shared_files(workspace):
     for folder, ending in (('launch', '.launch.py'), ('config', '.yaml'), ('msg_docs', '.md')):
         here = {path.name for path in (ROOT / folder).glob('*' + ending)}
         assert here
-        there = (share / 'friction_comp' / folder).iterdir()
-        assert {path.name for path in there if path.is_file()} == here
+        there = {path.name for path in (share / 'friction_comp' / folder).iterdir()}
+        assert here <= there
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ def one_line(error):
     ('missing', None, 'no such file'),
     ('empty.mcap', b'', 'empty'),
     ('text.mcap', b'these are words, not a recording at all', 'magic'),
-    ('table.csv', b'time,position\n', 'not a recording'),
+    ('table.csv', b'time,position\n', 'which column is the effort'),
     ('broken.db3', b'SQLite format 3\0' + b'x' * 200, 'not a readable recording'),
 ])
 def test_files_that_are_no_recordings(tmp_path, name, content, words):

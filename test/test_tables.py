@@ -3,6 +3,8 @@
 """Who has no rosbag comes in with a table, and what was guessed of it is said."""
 
 import gzip
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +15,14 @@ from friction_comp.columns import assign, read_pairs
 from friction_comp.recordings import (
     read_recording_with_info,
     recorded_joints,
-    stream_recording,
+    stream_recording_with_info,
     write_samples,
 )
 from friction_comp.recordings.table_writer import table_of, write_table
 
 SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
            'reference_position', 'reference_velocity')
-SPEED = 0.5
+ROOT = Path(__file__).resolve().parent.parent
 
 
 def moving(count=2000, **changes):
@@ -145,7 +147,7 @@ def test_an_array_with_two_axes_holds_a_joint_a_column(tmp_path):
 
 def test_stretches_together_are_the_whole(tmp_path):
     path = write_csv(tmp_path / 'log.csv', moving(6000))
-    parts = list(stream_recording(path, seconds=1.0))
+    parts = [part for part, _ in stream_recording_with_info(path, seconds=1.0) if len(part)]
     assert len(parts) > 2
     assert_alike(Samples.concatenate(parts), moving(6000))
 
@@ -234,3 +236,18 @@ def test_own_names_are_those_that_are_guessed():
     assert use.joints == ['elbow']
     assert not use.notes
     assert read_pairs('time=t, effort=tau_2', '--columns') == {'time': 't', 'effort': 'tau_2'}
+
+
+def test_the_notebook_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
+    pytest.importorskip('pandas')
+    book = json.loads((ROOT / 'docs' / 'without_ros.ipynb').read_text(encoding='utf-8'))
+    (tmp_path / 'examples').symlink_to(ROOT / 'examples')
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for cell in book['cells']:
+        if cell['cell_type'] == 'code':
+            exec(''.join(cell['source']), names)
+    said = capsys.readouterr().out
+    assert 'position=q_deg in deg' in said
+    assert 'verdict:' in said
+    assert (tmp_path / 'output' / 'current.csv').exists()

@@ -74,15 +74,16 @@ class Comparison:
 def asked(first: Help, second: Help, plainest: Help) -> bool:
     """Tell whether comparing two conditions answers a question.
 
-    What does any help bring, against none; what does the direction bring, with the same law or
-    after kinetic compensation, and the same model; what does a better model bring, with the same
-    law and direction. Differences in several respects at once answer none.
+    What does any help bring, against the plainest without a direction; what does the direction
+    bring after kinetic compensation with the same model; what does law, model or direction bring,
+    where the other two are the same. Differences in several respects at once answer none.
     """
-    if first == plainest:
+    if first == plainest and not first.led:
         return True
-    if first.model == second.model:
-        return first.law in (second.law, 'kinetic')
-    return (first.law, first.announced) == (second.law, second.announced)
+    if first.law == 'kinetic' and first.model == second.model:
+        return True
+    return sum((first.law != second.law, first.model != second.model,
+                first.announced != second.announced)) == 1
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:

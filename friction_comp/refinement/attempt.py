@@ -16,19 +16,25 @@ from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement.columns import base_columns, DERIVATIVES, Key, proposals, Table, Term
 from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.effect_columns import (
+    base_columns,
+    DERIVATIVES,
+    Key,
+    proposals,
+    Table,
+    Term,
+)
 from friction_comp.refinement.joint_groups import neighbourhood
+from friction_comp.refinement.plain_drive import held_out, plain_columns
 from friction_comp.refinement.prepare import (
     blocks_of_samples,
-    differentiations,
-    held_out,
     moved_again,
-    plain_columns,
     prepare,
     Rows,
     shifted,
 )
+from friction_comp.refinement.recorded_motion import differentiations
 from friction_comp.refinement.search import Search, Split
 from friction_comp.refinement.thresholds import LAG, LEAST_SHARE, NAMED, SAME
 from friction_comp.samples import Samples

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from friction_comp.model.effects.scene import Search as Range
-from friction_comp.refinement.columns import Key, Table, Term
+from friction_comp.refinement.effect_columns import Key, Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from friction_comp.refinement.columns import Key, Table
+from friction_comp.refinement.effect_columns import Key, Table
 from friction_comp.refinement.sums import BlockSums
 from friction_comp.refinement.thresholds import EXPLAINS_NOTHING
 

@@ -17,9 +17,16 @@ from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.attempt import Found
-from friction_comp.refinement.columns import base_columns, DERIVATIVES, Key, MOST_SHIFT, Table
 from friction_comp.refinement.constants import adjusted
-from friction_comp.refinement.prepare import for_all, Rows
+from friction_comp.refinement.effect_columns import (
+    base_columns,
+    DERIVATIVES,
+    Key,
+    MOST_SHIFT,
+    Table,
+)
+from friction_comp.refinement.prepare import Rows
+from friction_comp.refinement.recorded_motion import for_all
 
 # Squared errors in motion that differ by less are as good as each other.
 _AS_GOOD = 1.02

@@ -18,7 +18,7 @@ import numpy as np
 from friction_comp.model.effects import EFFECTS, Scene
 from friction_comp.model.effects.scene import too_coarse
 from friction_comp.refinement.attempt import Found
-from friction_comp.refinement.columns import proposals, Table
+from friction_comp.refinement.effect_columns import proposals, Table
 from friction_comp.refinement.leftover import Dependence, rank_correlation
 from friction_comp.refinement.prepare import blocks_of_samples, Rows
 from friction_comp.refinement.stability import Stability

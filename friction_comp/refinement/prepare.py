@@ -1,10 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""From recordings to rows: motion, target, and which samples show friction.
+"""From recordings to rows: what a fit sees, and in which long part of time each row is.
 
-Velocity and acceleration come from one zero-phase filter. Its source and bandwidth, the time
-between current and motion and the velocity over which friction changes sign are chosen by the
-error of a plain drive (Eq. 6, inertia, weight, load) on blocks that were not fitted.
+The time between current and motion, and the velocity over which friction changes sign, are chosen
+by how well a plain drive predicts blocks that were not fitted.
 """
 
 from __future__ import annotations
@@ -22,20 +21,25 @@ from scipy.cluster.vq import kmeans2
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
-from friction_comp.model.differentiation import differentiate, earlier, METHOD
+from friction_comp.model.differentiation import differentiate, earlier
 from friction_comp.model.effects import Scene
-from friction_comp.refinement.sums import BlockSums
-from friction_comp.refinement.thresholds import BLOCKS, FEWEST, ROWS, SAME
+from friction_comp.refinement.plain_drive import held_out, plain_columns, sums_of, TURNS
+from friction_comp.refinement.recorded_motion import (
+    blocks_of,
+    choose_motion,
+    excerpt,
+    for_all,
+    in_motion,
+    moved_beside,
+    row_starts,
+    smooth_motion,
+    standstill_speed,
+)
+from friction_comp.refinement.thresholds import FEWEST, ROWS, SAME
 from friction_comp.samples import Samples
 
-BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 _SLOWEST_RATE = 100.0
-_EXCERPT = 150_000
-# Shares of the top speed over which friction may change sign.
-_TURNS = (0.3, 0.1, 0.03, 0.01, 0.003)
 _REGIONS = 3
-# Beside a rest of this many s and for as long, motion slower than this share of the top speed.
-_START, _SLOW = 0.1, 0.05
 _SIGNALS = ('velocity', 'load', 'temperature')
 
 
@@ -152,111 +156,6 @@ def clipped(current: np.ndarray) -> np.ndarray:
     return mark
 
 
-def differentiations(samples: Samples) -> list[dict[str, Any]]:
-    """Return the ways to differentiate that are compared."""
-    rate = 1.0 / max(samples.sample_time, 1e-9)
-    values = [*(value for value in BANDWIDTHS if value <= 0.3 * rate), None]
-    sources = ['position']
-    if samples.velocity is not None and np.any(samples.velocity):
-        sources.append('velocity')
-    return [{'method': METHOD, 'source': source, 'bandwidth': value}
-            for source in sources for value in values]
-
-
-def excerpt(samples: Samples, *masks: np.ndarray) -> tuple[Any, ...]:
-    """Return pieces from all over the samples, not too many, and the same of masks."""
-    size, pieces = len(samples), 15
-    if size <= _EXCERPT:
-        return (samples, *masks)
-    length = _EXCERPT // pieces
-    starts = np.linspace(0, size - length, pieces).astype(int)
-    keep = np.concatenate([np.arange(start, start + length) for start in starts])
-    return (samples.take(keep), *(mask[keep] for mask in masks))
-
-
-def standstill_speed(samples: Samples) -> float:
-    """Return the speed in rad/s below which the joint counts as standing still.
-
-    That is a hundredth of the usual top speed, or more where the resolution of position does not
-    let slower motion be told from rest.
-    """
-    speed = np.abs(np.asarray(samples.velocity))
-    top = float(np.percentile(speed, 95))
-    quiet = speed[speed < 0.02 * top]
-    noise = 3.0 * float(np.sqrt(np.mean(quiet ** 2))) if quiet.size > 50 else 0.0
-    return float(min(max(0.01 * top, noise), 0.05 * top))
-
-
-def beside(mark: np.ndarray, width: int) -> np.ndarray:
-    """Return which samples are within so many samples of marked ones, shape (N,)."""
-    if width < 1:
-        return mark
-    sums = np.concatenate(([0], np.cumsum(mark)))
-    place = np.arange(len(mark))
-    low, high = np.maximum(place - width, 0), np.minimum(place + width + 1, len(mark))
-    return sums[high] > sums[low]
-
-
-def rests(still: np.ndarray, length: int) -> np.ndarray:
-    """Return which samples are in a run of standstill of at least so many samples, shape (N,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
-    result = np.zeros(len(still), dtype=bool)
-    for first, stop in zip(edges[::2], edges[1::2]):
-        result[first:stop] = stop - first >= length
-    return result
-
-
-def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
-              bandwidth: float | None) -> np.ndarray:
-    """Return which samples show friction: the joint moves, and filtering does not blur it.
-
-    Beside standstill and beside gaps, the filter mixes in what is no motion over about the inverse
-    of its bandwidth; slow motion beside a rest is presliding, where friction still builds up. Those
-    samples are left out, unless little else would remain.
-
-    Raises
-    ------
-    InputError
-        If they are too few.
-    """
-    speed = np.abs(np.asarray(samples.velocity))
-    still = speed <= slowest
-    moving = ~still & ~unusable
-    ends = np.zeros(len(samples), dtype=bool)
-    for part in samples.segments():
-        ends[[part.start, part.stop - 1]] = True
-    blurred = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
-    near = round(_START / max(samples.sample_time, 1e-9))
-    starts = beside(rests(still, near), near) & (speed < _SLOW * np.percentile(speed, 95))
-    for mark in (beside(still, blurred), beside(ends, blurred), starts):
-        inner = moving & ~mark
-        if inner.sum() > 0.8 * moving.sum():
-            moving = inner
-    if moving.sum() < FEWEST:
-        raise InputError('the joint hardly moves in the recordings: '
-                         f'{int(moving.sum())} samples of motion are too few')
-    return moving
-
-
-def blocks_of(samples: Samples, start: np.ndarray, number: int = int(BLOCKS)) -> np.ndarray:
-    """Return the block of each row, shape (R,): long pieces of time with as many rows each.
-
-    An edge between two blocks is moved to the nearest edge between runs (recordings, or data with
-    a gap between), where there is one within a third of a block.
-    """
-    gap = max(0.5, 20.0 * samples.sample_time)
-    broken = (np.diff(samples.time) > gap) | (np.diff(samples.time) < 0)
-    broken |= np.diff(samples.recording) != 0
-    run = np.concatenate(([0], np.cumsum(broken)))[start]
-    size = len(start)
-    between = np.nonzero(np.diff(run))[0] + 1
-    edges = []
-    for place in np.linspace(0, size, number + 1)[1:-1]:
-        near = between[np.argmin(np.abs(between - place))] if len(between) else -size
-        edges.append(int(near if abs(near - place) < size / number / 3.0 else place))
-    return np.searchsorted(np.unique(edges), np.arange(size), side='right')
-
-
 def blocks_of_samples(rows: Rows) -> np.ndarray:
     """Return the block of every sample, shape (N,)."""
     first = np.nonzero(np.diff(rows.block, prepend=-1))[0]
@@ -279,143 +178,10 @@ def regions_of(position: np.ndarray) -> np.ndarray:
         return np.asarray(kmeans2(spread, _REGIONS, minit='++', seed=0)[1])
 
 
-def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
-    """Return the first sample of each row of so many consecutive usable samples."""
-    starts = []
-    for part in samples.segments():
-        number = (part.stop - part.start) // length
-        cut = usable[part.start:part.start + number * length].reshape(number, length).all(axis=1)
-        starts.append(part.start + length * np.nonzero(cut)[0])
-    return np.concatenate(starts) if starts else np.empty(0, dtype=int)
-
-
 def averaging(samples: Samples, usable: int) -> int:
     """Return how many samples make a row: as few as keep rows manageable, at 100 Hz at least."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
     return max(1, min(math.ceil(usable / ROWS), int(rate / _SLOWEST_RATE)))
-
-
-def plain_columns(samples: Samples, transitions: Sequence[float],
-                  motion: tuple[np.ndarray, ...] | None = None, own: int = 0) -> np.ndarray:
-    """Return what the current of any drive depends on: friction, inertia, weight and load."""
-    v, q = np.asarray(samples.velocity), samples.position
-    columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
-               samples.acceleration, np.cos(q), np.sin(q)]
-    if np.ptp(q) < 2.0:
-        columns.append(q)
-    if samples.load is not None:
-        columns += [samples.load, np.abs(samples.load) * np.tanh(v / transitions[-1])]
-    if samples.rigid_body is not None:
-        columns += [samples.rigid_body, np.abs(samples.rigid_body) * np.tanh(v / transitions[-1])]
-    if motion is not None:
-        angles, _, accelerations = motion
-        for first in range(own + 1):
-            for last in range(own, angles.shape[1]):
-                if first < last:
-                    total = angles[:, first:last + 1].sum(axis=1)
-                    columns += [np.cos(total), np.sin(total)]
-        columns += [one for k, one in enumerate(accelerations.T) if k != own]
-    return np.column_stack(columns)
-
-
-def held_out(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Return the squared error of each block by least squares on all others, shape (K,)."""
-    return sums_of(columns, target, block).left_out(range(columns.shape[1]))
-
-
-def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray,
-            signs: np.ndarray | None = None, weights: np.ndarray | None = None) -> BlockSums:
-    """Return the block sums of columns, shape (R, P), and a target, shape (R,).
-
-    Rows of a block follow each other.
-    """
-    matrix = np.column_stack((columns, target))
-    weighted = matrix if weights is None else matrix * weights[:, None]
-    number = int(block.max()) + 1
-    edges = np.searchsorted(block, np.arange(number + 1))
-    gram = np.array([weighted[a:b].T @ matrix[a:b] for a, b in zip(edges[:-1], edges[1:])])
-    if signs is None:
-        signs = np.zeros(columns.shape[1], dtype=int)
-    return BlockSums(gram, np.diff(edges), signs)
-
-
-def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.ndarray]:
-    """Return samples with smooth velocity, and the samples in motion by it, (some of) them.
-
-    What moves is decided by a smooth velocity: unfiltered, an encoder's steps are standstill and
-    bursts.
-    """
-    choices = differentiations(samples)
-    smooth = max((one for one in choices if (one['bandwidth'] or np.inf) <= 20.0),
-                 key=lambda one: (one['bandwidth'], one['source']), default=choices[-1])
-    moved = differentiate(samples, smooth)
-    usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
-    speed = np.abs(np.asarray(moved.velocity))
-    fast = usable & (speed > _TURNS[1] * np.percentile(speed[usable], 95))
-    # Where friction changes its sign a smooth velocity hides what happens.
-    usable = fast if fast.sum() > 0.5 * usable.sum() else usable
-    return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
-
-
-def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str], load: float
-                  ) -> dict[str, Any]:
-    """Return the way to differentiate by which a plain drive predicts other blocks best.
-
-    Parameters
-    ----------
-    samples : Samples
-    unusable : ndarray of bool, shape (N,)
-    joints : sequence of str
-        Joints that moved beside it, its own among them; empty where there are none.
-    load : float
-        A per N·m, where the load is part of what is predicted.
-    """
-    samples, unusable = excerpt(samples, unusable)
-    if load:
-        samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
-                                load=None)
-    choices = differentiations(samples)
-    _, start = smooth_motion(samples, unusable)
-    block = blocks_of(samples, start)
-    errors: list[tuple[float, int, dict[str, Any]]] = []
-    for choice in choices:
-        moved = differentiate(samples, choice)
-        top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
-        if not top > 0.0:
-            # Unfiltered, a coarse encoder stands still in nearly all samples.
-            continue
-        motion = None
-        if joints:
-            motion = tuple(one[start] for one in moving_states(samples, joints, for_all(
-                samples, choice)))
-        part = moved.take(start)
-        columns = plain_columns(part, [share * top for share in _TURNS], motion,
-                                list(joints).index(samples.joint) if joints else 0)
-        errors.append((float(held_out(columns, part.current, block).sum()), len(errors), choice))
-    least = min(error for error, *_ in errors)
-    # Narrower than needed blunts reversals: the widest of those that are as good. What explains
-    # little of the current says little of a bandwidth.
-    open_share = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
-    return max(((choice['bandwidth'] or math.inf, place, choice) for error, place, choice in errors
-                if error <= ((1.0 + SAME) ** 2 + 0.4 * open_share) * least))[-1]
-
-
-def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings for the motion of all joints, whose velocity may not be recorded."""
-    if samples.arm is not None and samples.arm.velocity is None:
-        return {**settings, 'source': 'position'}
-    return dict(settings)
-
-
-def moved_beside(samples: Samples) -> list[str]:
-    """Return all joints that moved, where no links say what they ask of this one; or none."""
-    known = samples.rigid_body is not None or samples.coupling is not None
-    if samples.arm is None or known or samples.joint not in samples.arm.joints:
-        return []
-    span = np.ptp(samples.arm.position, axis=0)
-    names = [name for name, moved in zip(samples.arm.joints, span)
-             if moved > 1e-3 or name == samples.joint]
-    return names if len(names) > 1 else []
 
 
 def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
@@ -481,7 +247,7 @@ def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> f
     moved, start = smooth_motion(*excerpt(samples, unusable))
     part = moved.take(start)
     top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
-    columns = plain_columns(part.with_(load=None), [share * top for share in _TURNS])
+    columns = plain_columns(part.with_(load=None), [share * top for share in TURNS])
     columns = np.column_stack((columns, np.asarray(part.load)))
     found = sums_of(columns, part.current, blocks_of(moved, start)).fit(
         range(columns.shape[1]))[-1]

@@ -14,7 +14,7 @@ import numpy as np
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.attempt import Found, Question
-from friction_comp.refinement.columns import Key
+from friction_comp.refinement.effect_columns import Key
 from friction_comp.refinement.elsewhere import Elsewhere
 from friction_comp.refinement.judge import (
     ambiguities,

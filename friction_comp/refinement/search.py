@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from friction_comp.refinement.columns import Key, Table
+from friction_comp.refinement.effect_columns import Key, Table
 from friction_comp.refinement.joint_groups import plain_name
 from friction_comp.refinement.thresholds import (
     AGREE,

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
-from friction_comp.refinement.columns import Key, Table
 from friction_comp.refinement.constants import Knob, knobs_of, slopes
+from friction_comp.refinement.effect_columns import Key, Table
 from friction_comp.refinement.search import Search, Split
 from friction_comp.refinement.sums import BlockSums
 from friction_comp.refinement.thresholds import NAMED, SEARCHES

@@ -61,7 +61,7 @@ class Report:
         self._parts: list[str] = []
         self._sections: list[str] = []
         self._figures = 0
-        self._live: list[tuple[int, Sequence[Sequence[Panel]]]] = []
+        self._live: list[tuple[int, str, Sequence[Sequence[Panel]]]] = []
         self._origin: list[str] = []
         self._moves = False
 
@@ -125,7 +125,7 @@ class Report:
             Value with its unit, and what it is.
         """
         cells = ''.join(
-            f'<div class="tile"><b>{escape(str(value))}</b><span>{_inline(label)}</span></div>'
+            f'<div class="tile"><b>{_held(str(value))}</b><span>{_inline(label)}</span></div>'
             for value, label in tiles)
         self._parts.append(f'<div class="tiles">{cells}</div>')
 
@@ -159,7 +159,7 @@ class Report:
                     for k, number in enumerate(numeric)]
         kinds = [' class="number"' if number else '' for number in numeric]
         head = ''.join(
-            f'<th scope="col"{kind}>{_inline(str(name))}</th>'
+            f'<th scope="col"{kind}>{_inline(str(name))}</th>' if name else '<td></td>'
             for kind, name in zip(kinds, header))
         body = ''.join(
             '<tr>' + ''.join(
@@ -188,10 +188,10 @@ class Report:
             scripts run. Without Bokeh, and on paper, the drawing stays.
         """
         self._figures += 1
-        if live is not None and bokeh_version() is not None:
-            self._live.append((self._figures, live))
-            caption += thinned(live)
         words = escape(_plain(alternative or caption), quote=True)
+        if live is not None and bokeh_version() is not None:
+            self._live.append((self._figures, words, live))
+            caption += thinned(live)
         content = for_page(figure)
         if isinstance(content, str):
             # Ids inside the drawing must differ from those of the page's other drawings.
@@ -243,9 +243,11 @@ class Report:
         contents = f'<nav aria-label="Sections">{links}</nav>' if len(self._sections) > 2 else ''
         parts, scripts = '\n'.join(self._parts), ''
         if self._live:
-            script, elements = plots([panels for _, panels in self._live])
-            for (number, _), element in zip(self._live, elements):
-                parts = parts.replace(f'<!--live {number}-->', f'<div class="live">{element}</div>')
+            script, elements = plots([panels for _, _, panels in self._live])
+            for (number, words, _), element in zip(self._live, elements):
+                parts = parts.replace(
+                    f'<!--live {number}-->',
+                    f'<div class="live" role="group" aria-label="{words}">{element}</div>')
             # Marked before anything is laid out, so that nothing jumps.
             scripts = ("<script>document.documentElement.classList.add('scripted');</script>\n"
                        f'{library()}\n{script}\n')
@@ -366,6 +368,11 @@ def _inline(text: object) -> str:
         piece = re.sub(r'\*\*(.+?)\*\*', r'<b>\1</b>', piece)
         pieces[k] = re.sub(r'(?<![\w*])\*(?!\s)([^*]+?)(?<!\s)\*(?![\w*])', r'<em>\1</em>', piece)
     return ''.join(pieces)
+
+
+def _held(value: str) -> str:
+    """Return an escaped value whose number and unit stay on one line."""
+    return escape(re.sub(r'(?<=\d) (?=\S+$)', '\u00a0', value))
 
 
 def _plain(text: object) -> str:

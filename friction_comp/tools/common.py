@@ -122,7 +122,9 @@ class Arguments(argparse.ArgumentParser):
 def command_line(name: str, argv: Sequence[str] | None) -> str:
     """Return the command that made a page, for its foot, marked as code."""
     given = list(sys.argv[1:] if argv is None else argv)
-    return f'`friction_comp {shlex.join([name, *given])}`'
+    # The process's own arguments begin with the name.
+    named = given if argv is None and given[:1] == [name] else [name, *given]
+    return f'`friction_comp {shlex.join(named)}`'
 
 
 def positive(text: str) -> float:

@@ -19,7 +19,7 @@ from friction_comp.package_files import package_file
 from friction_comp.recordings import read_recording
 from friction_comp.refinement import refine
 from friction_comp.reports.demo_report import demo_report, EvaluatedTrial, residuals, table_rows
-from friction_comp.tools.common import progress, to_json
+from friction_comp.tools.common import command_line, progress, to_json
 from friction_comp.tools.demo_stage import Stage
 from friction_comp.tools.processes import Nodes
 
@@ -158,6 +158,7 @@ class Demo(Stage):
         before, after = residuals(refined)
         effects = refined.report['effects']
         report = demo_report(trials, refined, FrictionModel.load(model_file), self._undeclared)
+        report.made_by(command_line('demo', None))
         report.save(self._output / 'report.html')
         simulated = sum(pair[0] for pair in self._speeds)
         real = sum(pair[1] for pair in self._speeds)

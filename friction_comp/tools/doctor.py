@@ -30,7 +30,9 @@ _PACKAGES = (
     ('numpy', 'numpy', '', False), ('scipy', 'scipy', '', False), ('numba', 'numba', '', False),
     ('yaml', 'PyYAML', '', False), ('matplotlib', 'matplotlib', '', False),
     ('rich', 'rich', '', False), ('rosbags', 'rosbags', '', False),
-    ('pinocchio', 'pin', 'refine --urdf', True))
+    ('pinocchio', 'pin', 'refine --urdf', True),
+    ('bokeh', 'bokeh', 'watch, and curves to hover and zoom in pages', True),
+    ('pyarrow', 'pyarrow', 'Parquet files', True))
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
 _STYLES = {'ok': ('green', 'ok'), 'note': ('cyan', 'note'), 'warning': ('yellow', 'warning'),
            'problem': ('bold red', 'PROBLEM')}
@@ -198,3 +200,18 @@ def _print(findings: list[Finding]) -> None:
     Console(highlight=False).print(table)
     count = {level: sum(finding.level == level for finding in findings) for level in _STYLES}
     print(f"{count['problem']} problems, {count['warning']} warnings")
+    print(readiness(findings))
+
+
+def readiness(findings: list[Finding]) -> str:
+    """Return the last line: ready, or what is missing."""
+    from friction_comp.monitoring.observation import PROBLEM
+
+    missing = list(dict.fromkeys(f.about for f in findings if f.level == PROBLEM))
+    if not missing:
+        return 'ready'
+    needed = {name for _, name, _, optional in _PACKAGES if not optional}
+    if needed.isdisjoint(missing) and 'ROS 2' in missing:
+        return ('ready for recordings (convert, evaluate, refine, predict); for the nodes and the '
+                f'demo look after: {", ".join(missing)}')
+    return f'not ready: look after {", ".join(missing)}'

@@ -1,0 +1,136 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pages can be read off, move as was recorded, and say the same without a script."""
+
+import importlib.util
+from pathlib import Path
+import re
+from xml.dom import minidom
+
+import numpy as np
+import pytest
+
+from friction_comp.evaluation.compare import Comparison
+from friction_comp.evaluation.effect_size import effect_size, pairs_to_decide
+from friction_comp.evaluation.intervals import mean_interval
+from friction_comp.evaluation.repetitions import Help
+from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.reports.evaluation_report import evaluation_report, scenes_of
+from friction_comp.reports.figures import new_figure
+from friction_comp.reports.html import Report
+from friction_comp.reports.interactive import Line, Panel, thin_extremes
+from friction_comp.reports.moving_joint import moving_joint, Scene, still_joint
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope='module')
+def evaluation():
+    found, = evaluate_recordings([ROOT / 'examples' / 'elbow'])
+    return found
+
+
+def test_peaks_survive_thinning():
+    time = 1e-3 * np.arange(600_000)
+    torque = np.sin(time)
+    torque[123_456] = 7.0
+    torque[300_000:310_000] = np.nan
+    x, y = thin_extremes(time, torque)
+    assert len(x) <= 2000
+    assert np.nanmax(y) == 7.0
+    assert x[np.nanargmax(y)] == time[123_456]
+    assert np.isnan(y).any()
+    assert (np.diff(x) > 0).all()
+
+
+def test_ten_minutes_at_a_kilohertz_are_a_page_of_three_megabytes():
+    pytest.importorskip('bokeh')
+    time = 1e-3 * np.arange(600_000)
+    panels = [[Panel('time (s)', 'current (A)', [
+        Line(name, time, np.sin(time + k), 'blue') for k, name in enumerate(('a', 'b', 'c'))])]
+        for _ in range(6)]
+    page = Report('Long')
+    page.figure(new_figure()[0], 'Curves.', live=panels)
+    text = page.html()
+    assert len(text.encode()) < 3_000_000
+    assert 'the lowest and highest of each of 1000 stretches are drawn' in text
+
+
+def test_a_page_says_the_same_without_script_and_without_bokeh(evaluation, monkeypatch):
+    pytest.importorskip('bokeh')
+    page = evaluation_report([evaluation]).html()
+    assert 'Bokeh' in page
+    assert not re.search(r'<(script|link)[^>]*(src|href)=', page)
+    monkeypatch.setattr('friction_comp.reports.html.bokeh_version', lambda: None)
+    plain = evaluation_report([evaluation]).html()
+    assert 'Bokeh' not in plain
+    for text in (page, plain):
+        body = re.sub(r'<script.*?</script>', '', text, flags=re.DOTALL)
+        assert 'd = ±1' in body
+        assert len(re.findall(r'<figure', body)) == 2
+
+
+def test_the_first_screen_needs_no_training(evaluation):
+    page = evaluation_report([evaluation]).html()
+    first = re.sub(r'<[^>]+>', ' ', page[page.index('<div class="verdict"'):page.index(
+        '>In detail</h2>')])
+    assert 'When the robot knows the direction, the person needs' in first
+    assert len(re.findall(r'class="tile"', page)) == 3
+    for word in ('d\u00a0=', 'continuous', '.yaml', 'RMS', 'p ='):
+        assert word not in first
+
+
+def test_the_joint_moves_as_it_was_recorded(evaluation):
+    scenes = scenes_of(evaluation)
+    assert [scene.title for scene in scenes] == ['Direction unknown', 'Direction known']
+    drawings = moving_joint(scenes)
+    for scene, drawing in zip(scenes, drawings):
+        turning, = (node for node in minidom.parseString(drawing).getElementsByTagName(
+            'animateTransform'))
+        angles = [float(value.split()[0]) for value in turning.getAttribute('values').split(';')]
+        # Up is negative in SVG.
+        assert np.ptp(angles) == pytest.approx(np.degrees(np.ptp(scene.position)), abs=0.5)
+        assert f'peak {np.abs(scene.torque).max():.2f} N·m' in drawing
+
+
+def test_a_torque_that_is_not_measured_has_no_arrow():
+    drawing = still_joint(0.3, float('nan'), 1.0, 0.0)
+    assert 'not measured' in drawing
+    assert 'y2="120.0"' in drawing
+    minidom.parseString(drawing)
+    steady = Scene('still', np.arange(3.0), np.zeros(3), np.zeros(3))
+    assert 'peak 0.00 N·m' in moving_joint([steady])[0]
+
+
+def test_the_picture_of_the_readme_is_drawn_from_the_examples():
+    spec = importlib.util.spec_from_file_location('moving', ROOT / 'docs' / 'moving_picture.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    stored = (ROOT / 'docs' / 'moving.svg').read_text(encoding='utf-8')
+    numbers = [np.array(re.findall(r'-?\d+\.\d+', text), dtype=float)
+               for text in (stored, module.picture())]
+    np.testing.assert_allclose(numbers[1], numbers[0], atol=0.2)
+
+
+def of(differences):
+    one, two = Help('none', '', 0), Help('continuous', '', 1)
+    return Comparison('peak_torque', one, two, len(differences), 1.0, 0.5,
+                      mean_interval(differences), None)
+
+
+def test_how_many_repetitions_decide():
+    random = np.random.default_rng(0)
+    large = of(list(-1.0 + 0.3 * random.standard_normal(10)))
+    small = of(list(-0.3 + 0.5 * random.standard_normal(40)))
+    assert effect_size(large).mean < -2.0
+    assert effect_size(large).low < effect_size(large).mean < effect_size(large).high
+    # Six differences of one sign have p = 2/2^6 = 0.031; five cannot have less than 0.05.
+    assert pairs_to_decide(large) == 6
+    assert pairs_to_decide(large, tests=9) > 6
+    wanted = pairs_to_decide(small)
+    assert 10 < wanted < 200
+    share = abs(effect_size(small).mean)
+    found = np.mean([np.abs(sample.mean()) / sample.std(ddof=1) * np.sqrt(wanted) > 2.0
+                     for sample in share + random.standard_normal((2000, wanted))])
+    assert found == pytest.approx(0.8, abs=0.06)
+    assert effect_size(of([0.5, 0.5])) is None
