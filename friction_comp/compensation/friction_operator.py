@@ -248,7 +248,7 @@ def announced(p: Any, s: Any, direction: float) -> float:
     s.changes = max(0.0, s.changes - s.step)
     if direction != s.direction:
         s.direction = direction
-        s.changes += CHANGE_TIME
+        s.changes = min(s.changes + CHANGE_TIME, (MOST_CHANGES + 1.0) * CHANGE_TIME)
     return 0.0 if s.changes > MOST_CHANGES * CHANGE_TIME else direction
 
 
@@ -256,9 +256,11 @@ def announced(p: Any, s: Any, direction: float) -> float:
 def unless_opposed(p: Any, s: Any, direction: float) -> float:
     """Return the share that is left to a joint that moves against the announced direction.
 
-    It is to stop and turn round: help that keeps it going is taken back.
+    It is to stop and turn round: help that keeps it going is taken back. A joint that springs back
+    near its place of rest is on no way anywhere, and is held as before.
     """
-    opposes = s.mode == FREE and s.z * direction < 0.0
+    opposes = (s.mode == FREE and s.z * direction < 0.0
+               and abs(s.position - s.home) > p.moved_way)
     s.opposed = approach(s.opposed, 1.0 if opposes else 0.0, s.step / p.lead_time)
     return 1.0 - s.opposed
 
