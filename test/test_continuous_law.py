@@ -328,6 +328,32 @@ def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
     assert current[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
 
 
+def test_help_ends_where_the_joint_moves_against_the_announcement():
+    """A therapist announces the way back: the joint is to stop, and gets no help to go on."""
+    law = CompensationLaw([small_model()])
+    forward = np.arange(2000) * 2e-4
+    assert drive_along(law, forward[:1000])[-1] == pytest.approx(0.9 * LEVEL, rel=1e-2)
+    against = drive_along(law, forward[1000:], direction=-1, begin=1000)
+    assert np.all(np.diff(against) < 1e-9)
+    np.testing.assert_allclose(against[200:], 0.0, atol=1e-9)
+    # On the way back it is there again.
+    back = drive_along(law, forward[::-1], direction=-1, begin=2000)
+    assert back[-1] == pytest.approx(-0.9 * LEVEL, rel=1e-2)
+
+
+@pytest.mark.parametrize('period', [0.2, 0.4])
+def test_announcements_that_flicker_are_not_believed(period):
+    law, currents = CompensationLaw([small_model()]), []
+    for k in range(6000):
+        direction = 1 if (1e-3 * k) % period < 0.5 * period else -1
+        currents.append(law.update(1e-3 * k, [0.0], None, [direction])[0])
+    np.testing.assert_allclose(currents[1500:], 0.0, atol=1e-3 * LEVEL)
+    # One that stays is believed again.
+    for k in range(6000, 9000):
+        current = law.update(1e-3 * k, [0.0], None, [1])[0]
+    assert current == pytest.approx(0.9 * LEVEL, rel=1e-2)
+
+
 def slip(law, places):
     """Let a joint give way under its preload and go on along the places, from the last one."""
     drive_along(law, np.zeros(500), direction=0)

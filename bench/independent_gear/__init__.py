@@ -2,8 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A world of geared joints for judging the compensation law, written apart from the package's own.
 
-Nothing here uses the package's simulation or the law's code. The package is touched in two places:
-`subject` (the law and the identification under test) and `truth` (the model files' classes).
+Nothing here uses the package's simulation or the law's code; `law_judge` brings them together.
 
 Draws with an even seed are for tuning on, draws with an odd seed are kept for judging.
 """
@@ -14,10 +13,11 @@ from pathlib import Path
 def _forget_stale_machine_code():
     """Remove compiled code older than any source here: numba looks at a function's own file only.
 
-    What `plant` compiles holds the functions of `friction` and `person` too.
+    What `plant` compiles holds the functions of `friction` and of `law_judge.person` too.
     """
     here = Path(__file__).parent
-    newest = max(source.stat().st_mtime for source in here.glob('*.py'))
+    sources = [*here.glob('*.py'), here.parent / 'law_judge' / 'person.py']
+    newest = max(source.stat().st_mtime for source in sources)
     for index in (here / '__pycache__').glob('*.nbi'):
         if index.stat().st_mtime < newest:
             index.unlink(missing_ok=True)

@@ -221,3 +221,13 @@ def _electronics(gear, random):
     g['velocity_noise'] = g['resolution'] / random.uniform(0.005, 0.05)
     if g['velocity_kind'] == DIFFERENCE:
         g['velocity_time'] = 1e-3
+
+
+def frictionless(gears):
+    """Return the same drives without friction of any kind."""
+    free = gears.copy()
+    free['friction'] = CLAMP
+    for name in ('coulomb', 'static', 'viscous', 'link_coulomb', 'link_viscous', 'load_friction',
+                 'cogging'):
+        free[name] = 0.0
+    return free

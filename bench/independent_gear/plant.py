@@ -13,8 +13,8 @@ from numba import njit
 import numpy as np
 
 from independent_gear.friction import clamped, motor_friction, turned
-from independent_gear.person import arm_inertia, person_torque, remember
 from independent_gear.state import CLAMP, DIFFERENCE, FILTERED, LONGEST_COMMAND_DELAY, STATE
+from law_judge.person import arm_inertia, person_torque, remember
 
 STILL = 2e-3  # rad/s below which a joint counts as resting
 REST = 0.2  # s of rest after which a start finds other breakaway friction
@@ -191,3 +191,12 @@ class Plant:
         advance_all(self.gears, self.states, self.persons, self.time,
                     np.ascontiguousarray(current, dtype=float), self.sample_time, self.steps)
         self.time += self.sample_time
+
+    def knock(self, speed):
+        """Change the speed of every joint, rad/s."""
+        self.states['motor_velocity'] += speed
+        self.states['link_velocity'] += speed
+
+    def repeat_first(self, times):
+        """Let every so many joints in a row begin as the first of them: same noise, same rest."""
+        self.states[:] = self.states[::times].repeat(times)

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
+from independent_gear import truth
 from independent_gear.gears import draw_gears, KINDS, log_uniform, set_presliding
 from independent_gear.state import BOUC_WEN, DAHL, LUGRE
-from independent_gear.truth import SPEEDS, steady_friction, true_models
+from independent_gear.truth import steady_friction
+from law_judge.model import REFERENCE_TEMPERATURE, SPEEDS, true_models
 
 REFINED = ('with_gravity', 'with_cogging', 'with_friction_ripple', 'with_temperature',
            'with_load_friction', 'with_stribeck', 'with_hysteresis')
-REFERENCE_TEMPERATURE = 25.0
 
 
 def draw_refined(kind, draws, seed, repetitions=48):
@@ -22,7 +23,7 @@ def draw_refined(kind, draws, seed, repetitions=48):
         draw_gears(KINDS[(k + REFINED.index(kind)) % len(KINDS)], 1, seed + 2 * k)
         for k in range(draws)])
     effects = [_EFFECTS[kind](gear, random) for gear in gears]
-    documents = true_models(gears, seed, repetitions)
+    documents = true_models(truth, gears, seed, repetitions)
     for gear, document, (name, parameters) in zip(gears, documents, effects):
         sigmoid = document['sigmoid']['coefficients']
         transition = 2.0 / sigmoid[1]

@@ -4,18 +4,15 @@
 
 import numpy as np
 
+from law_judge.person import floats as _floats, PERSON_STATE
+
 ELEMENTS = 6
-LONGEST_DELAY = 256
 LONGEST_COMMAND_DELAY = 4
 
 MAXWELL_SLIP, LUGRE, CLAMP, DAHL, BOUC_WEN = range(5)
 FRICTIONS = {'maxwell_slip': MAXWELL_SLIP, 'lugre': LUGRE, 'clamp': CLAMP, 'dahl': DAHL,
              'bouc_wen': BOUC_WEN}
 DIFFERENCE, FILTERED, DRIVER = range(3)
-
-
-def _floats(names):
-    return [(name, 'f8') for name in names.split()]
 
 
 # All at the joint: a motor's angle divided by the gear ratio, its torque times the ratio. SI.
@@ -45,28 +42,10 @@ GEAR = np.dtype([
 ])
 
 STATE = np.dtype([
-    ('random', 'u8'), ('count', 'i8'), ('let_go', 'i8'),
+    ('random', 'u8'), *PERSON_STATE,
     *_floats('motor motor_velocity link link_velocity bristle link_bristle current slid resting '
-             'breakaway_factor measured measured_velocity person temperature offset origin '
-             'friction friction_work'),
+             'breakaway_factor measured measured_velocity temperature offset friction '
+             'friction_work'),
     ('element', 'f8', (ELEMENTS,)), ('slipping', 'i8', (ELEMENTS,)),
-    ('commands', 'f8', (LONGEST_COMMAND_DELAY,)), ('errors', 'f8', (LONGEST_DELAY,)),
+    ('commands', 'f8', (LONGEST_COMMAND_DELAY,)),
 ])
-
-# A person holds the link from `touch` to `release`, and follows a reference that starts at
-# `start`. Or, with `push`, they push with a torque that grows from `start` on, as on a joystick,
-# and let go for good when the link has moved by `push_travel`.
-PERSON = np.dtype([
-    ('delay', 'i8'),
-    *_floats('touch release arm stiffness damping voluntary tremor tremor_frequency tremor_phase '
-             'start speed acceleration_time cruise_time sway sway_frequency '
-             'push push_rate push_travel'),
-])
-
-
-def nobody(joints):
-    """Return persons who never touch the joint, shape (joints,)."""
-    persons = np.zeros(joints, dtype=PERSON)
-    persons['touch'] = np.inf
-    persons['acceleration_time'] = 1.0
-    return persons

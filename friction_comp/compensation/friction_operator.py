@@ -27,6 +27,9 @@ CREEP_TIME = 1.0
 """s that a joint may creep under its preload; a push takes tenths of a second."""
 TRUST_TIME, RECOVERY_TIME = 0.5, 30.0
 """s within which all trust goes beyond the identified speeds, and comes back."""
+MOST_CHANGES, CHANGE_TIME = 2.5, 1.0
+"""Changes of the announced direction, of which one is forgotten in so many s, beyond which none is
+believed."""
 PACE_TIME, CHANGE_SHARE, CHANGE_SPEED = 0.05, 0.02, 0.003
 """s over which the speed is averaged, and by which share and how many rad/s it has changed when
 all is withheld that may be."""
@@ -118,6 +121,8 @@ def lead(p: Any, s: Any, aim: float) -> None:
         s.starting, s.caution, s.creeping = 1, 0, 0.0
         if slipped or (abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp)):
             # The level that comes back after a slip is watched as a preload is.
+            s.z *= 1.0 - s.opposed
+            s.opposed = 0.0
             s.mode, s.ramp, s.mark, s.still_time = LEADING, s.z, s.position, 0.0
         else:
             s.mode, s.ramp = HELD, aim
@@ -235,6 +240,32 @@ def while_steady(p: Any, s: Any, speed: float) -> float:
 
 
 @njit(cache=True)
+def announced(p: Any, s: Any, direction: float) -> float:
+    """Return the direction to act on: none while it changes faster than in any exercise.
+
+    What one announcement stores is bounded; announcements are not.
+    """
+    s.changes = max(0.0, s.changes - s.step)
+    if direction != s.direction:
+        s.direction = direction
+        s.changes = min(s.changes + CHANGE_TIME, (MOST_CHANGES + 1.0) * CHANGE_TIME)
+    return 0.0 if s.changes > MOST_CHANGES * CHANGE_TIME else direction
+
+
+@njit(cache=True)
+def unless_opposed(p: Any, s: Any, direction: float) -> float:
+    """Return the share that is left to a joint that moves against the announced direction.
+
+    It is to stop and turn round: help that keeps it going is taken back. A joint that springs back
+    near its place of rest is on no way anywhere, and is held as before.
+    """
+    opposes = (s.mode == FREE and s.z * direction < 0.0
+               and abs(s.position - s.home) > p.moved_way)
+    s.opposed = approach(s.opposed, 1.0 if opposes else 0.0, s.step / p.lead_time)
+    return 1.0 - s.opposed
+
+
+@njit(cache=True)
 def rise(p: Any, s: Any, wanted: float, direction: float) -> None:
     """Let friction's current rise gently and fall at once.
 
@@ -265,14 +296,15 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     if s.step == 0.0:
         return min(p.limit, max(-p.limit, s.current))
     s.bump = 0.0
+    direction = announced(p, s, direction)
     if s.doubt == 0.0:
         follow(p, s)
         lead(p, s, direction if p.gain > 0.0 else 0.0)
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    friction = while_steady(p, s, speed) * trusted(p, s, speed) * (
-        level * s.z + p.share * p.turning * s.turned)
+    share = while_steady(p, s, speed) * trusted(p, s, speed) * unless_opposed(p, s, direction)
+    friction = share * (level * s.z + p.share * p.turning * s.turned)
     if in_doubt(p, s):
         s.friction = wanted = 0.0
     elif s.doubt > 0.0:

@@ -4,8 +4,8 @@
 
 import numpy as np
 
-from independent_gear.refined import REFERENCE_TEMPERATURE
-from independent_gear.subject import CompensationLaw
+from law_judge.model import REFERENCE_TEMPERATURE
+from law_judge.subject import CompensationLaw
 
 NONE = 'none'
 
@@ -15,34 +15,45 @@ class Bare:
 
     def __init__(self, gears):
         self._size = gears['gravity'] / gears['torque_per_current']
-        self._phase = gears['gravity_phase']
+        self._phase = (gears['gravity_phase'] if 'gravity_phase' in gears.dtype.names
+                       else np.zeros(len(gears)))
 
     def update(self, time, position, velocity, direction, temperature=None, load=None):
         """Return the currents, A, shape (J,)."""
         return self._size * np.cos(position - self._phase)
 
 
-class WithoutVelocity:
-    """A law that has to differentiate the position by itself."""
+class Slower:
+    """A law that gets every so many samples only, or has to differentiate the position."""
 
-    def __init__(self, law):
-        self._law = law
+    def __init__(self, law, every=1, velocity=True):
+        self._law, self._every, self._velocity, self._count = law, every, velocity, 0
 
     def update(self, time, position, velocity, direction, **extra):
         """Return the currents, A, shape (J,)."""
-        return self._law.update(time, position, None, direction, **extra)
+        if self._count % self._every == 0:
+            self._held = self._law.update(
+                time, position, velocity if self._velocity else None, direction, **extra)
+        self._count += 1
+        return self._held
 
 
 def make_law(name, joints):
-    """Return the law under test for an experiment: 'continuous', 'continuous:position', 'none'."""
+    """Return the law under test for an experiment.
+
+    One of CompensationLaw's, or 'none'. ``continuous:position`` gets no velocity,
+    ``continuous:4`` every fourth sample.
+    """
     if name == NONE:
         return Bare(joints.gears)
-    name, _, unknown = name.partition(':')
+    name, _, option = name.partition(':')
     law = CompensationLaw(joints.models, law=name)
-    return WithoutVelocity(law) if unknown == 'position' else law
+    if option == 'position':
+        return Slower(law, velocity=False)
+    return Slower(law, every=int(option)) if option else law
 
 
-def run(plant, law, seconds, direction, watch, every=1, corrupt=None):
+def run(plant, law, seconds, direction, watch, every=1, corrupt=None, knock=None):
     """Run the closed loop and return what was watched.
 
     Parameters
@@ -59,6 +70,8 @@ def run(plant, law, seconds, direction, watch, every=1, corrupt=None):
     corrupt : callable, optional
         ``corrupt(k, time, position, velocity)`` gives what the law gets to see of sample k, or
         None where it sees nothing.
+    knock : tuple of float and ndarray, optional
+        When, s, and by how much every joint's speed changes, rad/s.
 
     Returns
     -------
@@ -72,6 +85,8 @@ def run(plant, law, seconds, direction, watch, every=1, corrupt=None):
     warm = bool(np.any(plant.gears['heating'] != 0.0))
     command, raised = np.zeros(joints), 0
     for k in range(samples):
+        if knock is not None and k == round(knock[0] / plant.sample_time):
+            plant.knock(knock[1])
         position, velocity = plant.sample()
         seen = plant.time, position, velocity
         if corrupt is not None:

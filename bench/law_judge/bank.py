@@ -1,21 +1,20 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Gears with their true models, and the joints of an experiment made of them."""
+"""Gears with their models, and the joints of an experiment made of them."""
 
 from dataclasses import dataclass
 import itertools
 
 import numpy as np
 
-from independent_gear.gears import draw_gears, KINDS
-from independent_gear.refined import draw_refined, REFINED
-from independent_gear.truth import scaled, true_models
+from law_judge.model import scaled, true_models
 
 
 @dataclass
 class Bank:
-    """Gears, shape (G,), their kinds' names and the documents of their true models."""
+    """Gears of a world, shape (G,), their kinds' names and the documents of their models."""
 
+    world: object
     kinds: list
     gears: np.ndarray
     documents: list
@@ -25,14 +24,20 @@ class Bank:
         """Return the indices of the gears of a kind."""
         return [g for g, name in enumerate(self.kinds) if name == kind]
 
+    def chosen(self, gears, documents):
+        """Return a bank of some of the gears, with other models."""
+        return Bank(self.world, [self.kinds[g] for g in gears], self.gears[gears], documents,
+                    self.seed)
 
-def make_bank(kinds, draws, seed, repetitions=48):
+
+def make_bank(world, kinds, draws, seed, repetitions=48):
     """Draw gears of several kinds and find their true models.
 
     Parameters
     ----------
+    world : module
     kinds : sequence of str
-        Of `gears.KINDS` or `refined.REFINED`.
+        Of the world's ``KINDS`` or ``REFINED``.
     draws : int
         Gears of each kind.
     seed : int
@@ -42,17 +47,15 @@ def make_bank(kinds, draws, seed, repetitions=48):
     """
     names, gears, documents = [], [], []
     for kind in kinds:
-        if kind in KINDS:
-            drawn = draw_gears(kind, draws, seed)
-            found = true_models(drawn, seed, repetitions)
-        elif kind in REFINED:
-            drawn, found = draw_refined(kind, draws, seed, repetitions)
+        if kind in world.KINDS:
+            drawn = world.draw_gears(kind, draws, seed)
+            found = true_models(world, drawn, seed, repetitions)
         else:
-            raise ValueError(f'unknown kind {kind!r}: one of {", ".join([*KINDS, *REFINED])}')
+            drawn, found = world.draw_refined(kind, draws, seed, repetitions)
         names += [kind] * draws
         gears.append(drawn)
         documents += found
-    return Bank(names, np.concatenate(gears), documents, seed)
+    return Bank(world, names, np.concatenate(gears), documents, seed)
 
 
 class Joints:
@@ -80,13 +83,22 @@ class Joints:
             name: np.array([c[k] for c in combinations] * len(bank.gears))
             for k, name in enumerate(conditions)}
         self.gears = bank.gears[self.gear]
-        self.kinds = np.array(bank.kinds)[self.gear]
 
     def __len__(self):
         return len(self.gear)
 
     def __getitem__(self, name):
         return self.conditions[name]
+
+    def plant(self, persons, gears=None):
+        """Return the world's joints with these persons."""
+        return self.bank.world.Plant(self.gears if gears is None else gears, persons,
+                                     self.bank.seed)
+
+    @property
+    def sides(self):
+        """+1 and -1 in turn."""
+        return np.where(np.arange(len(self)) % 2 == 0, 1.0, -1.0)
 
     @property
     def models(self):
@@ -101,7 +113,12 @@ class Joints:
         return models
 
     @property
+    def torque(self):
+        """True friction at rest of every joint, N·m."""
+        return self.gears['static'] + self.gears['link_coulomb']
+
+    @property
     def breakaway(self):
-        """True mean breakaway current of every joint, A."""
+        """Mean breakaway current of every joint's model, A."""
         return np.array([
             self.bank.documents[g]['breakaway']['positive']['mean'] for g in self.gear])

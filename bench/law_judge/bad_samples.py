@@ -4,11 +4,10 @@
 
 import numpy as np
 
-from independent_gear.bank import Joints
-from independent_gear.loop import announced, make_law, run
-from independent_gear.plant import Plant
-from independent_gear.rows import DEGREE, share_row
-from independent_gear.state import nobody
+from law_judge.bank import Joints
+from law_judge.loop import announced, make_law, run
+from law_judge.person import nobody
+from law_judge.rows import count, DEGREE
 
 AT, SECONDS = 2000, 6.0  # sample of the fault
 STUCK = 2000  # samples
@@ -43,35 +42,35 @@ CLOCKS = ('equal times', 'time back by 10 ms', 'time NaN', 'time ahead by 10 s',
 
 
 def bad_samples(bank, law, quick=False):
-    """Return rows, one a fault, over all kinds of gears."""
-    joints = Joints(bank, direction=[0, 1], factor=[1.0] if quick else [1.0, 1.1],
-                    fault=list(FAULTS))
-    reference = Joints(bank, direction=[0, 1], factor=[1.0] if quick else [1.0, 1.1],
-                       fault=['none'])
+    """Return how many joints travel, or do not get their current back, over all faults."""
+    joints = Joints(bank, direction=[0, 1], factor=[1.0], fault=list(FAULTS))
+    reference = Joints(bank, direction=[0, 1], factor=[1.0], fault=['none'])
     normal = _run(reference, law, None)
     found = _run(joints, law, _spoil(joints))
-    rows = []
-    copy = np.arange(len(reference)).repeat(len(FAULTS))
+    rows, copy = [], np.arange(len(reference)).repeat(len(FAULTS))
     for fault, (_, _, last) in FAULTS.items():
         here = joints['fault'] == fault
         always = fault.endswith('always')
         # a jump for good is over when it has happened
         end = None if always else AT if last == FOREVER else last
-        rows += _rows(fault, law, {name: found[name][:, here] for name in ('x', 'i')},
-                      normal['i'][:, copy[here]], joints.breakaway[here], end, found['raised'])
+        rows.append(_fails({name: found[name][:, here] for name in ('x', 'i')},
+                           normal['i'][:, copy[here]], joints.breakaway[here], end))
     for fault in CLOCKS:
         spoiled = _run(reference, law, _spoil_clock(fault))
-        rows += _rows(fault, law, spoiled, normal['i'], reference.breakaway,
-                      AT + 300 if fault.startswith('300') else AT, spoiled['raised'])
-    return rows
+        found['raised'] += spoiled['raised']
+        rows.append(_fails(spoiled, normal['i'], reference.breakaway,
+                           AT + 300 if fault.startswith('300') else AT))
+    each = dict(zip([*FAULTS, *CLOCKS], (int(row.sum()) for row in rows)))
+    everyone = Joints(bank, direction=[0, 1], factor=[1.0], fault=[*FAULTS, *CLOCKS])
+    return [count(f'bad samples, {len(rows)} kinds: travels, or no current after', law, everyone,
+                  np.stack(rows, axis=1).ravel(), 0.01, each=each, raised=found['raised'])]
 
 
 def _run(joints, law, corrupt):
     # Every fault meets the same joint: the same gear, noise and rest.
-    plant = Plant(joints.gears, nobody(len(joints)), joints.bank.seed, steps=15)
     faults = len(dict.fromkeys(joints['fault'].tolist()))
-    first = Plant(joints.gears[::faults], nobody(len(joints) // faults), joints.bank.seed)
-    plant.states = first.states.repeat(faults)
+    plant = joints.plant(nobody(len(joints)))
+    plant.repeat_first(faults)
     side = np.where(np.arange(len(joints)) // faults % 4 < 2, 1, -1)
     return run(plant, make_law(law, joints), SECONDS, announced(side * joints['direction'], 0.5),
                {'x': 'motor', 'i': 'command'}, EVERY, corrupt)
@@ -110,7 +109,7 @@ def _spoil_clock(fault):
     return corrupt
 
 
-def _rows(fault, law, found, normal, breakaway, end, raised):
+def _fails(found, normal, breakaway, end):
     before = AT // EVERY - 1
     rest = 9  # after the first half second
     start = rest if end is None else before
@@ -118,12 +117,9 @@ def _rows(fault, law, found, normal, breakaway, end, raised):
     if end is not None:
         travel = np.abs(found['x'][before:] - found['x'][before]).max(axis=0)
     fails = ~(travel < TRAVEL)
-    late = np.zeros(len(fails), dtype=bool)
-    if end is not None:
-        from_here = (end + round(RECOVER * 1000)) // EVERY + 1
-        wrong = np.abs(found['i'] - normal)[from_here:]
-        late = ~(np.median(wrong, axis=0) < NORMAL * breakaway) | ~np.isfinite(wrong).all(axis=0)
-    row = share_row(f'bad sample: {fault}', 'all', law, fails | late,
-                    travels=int(fails.sum()), not_normal=int(late.sum()),
-                    travel_worst=np.max(travel) / DEGREE, raised=raised)
-    return [row]
+    if end is None:
+        return fails
+    from_here = (end + round(RECOVER * 1000)) // EVERY + 1
+    wrong = np.abs(found['i'] - normal)[from_here:]
+    late = ~(np.median(wrong, axis=0) < NORMAL * breakaway) | ~np.isfinite(wrong).all(axis=0)
+    return fails | late

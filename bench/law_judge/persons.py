@@ -5,17 +5,22 @@
 Arm inertia about the joint 0.03 to 0.3 kg·m² (forearm to whole arm; Winter 2009). Stiffness of a
 relaxed arm 2 to 12 N·m/rad and of a tense one 30 to 200 (elbow and shoulder: Bennett, Hollerbach,
 Xu and Hunter 1992; Perreault, Kirsch and Crago 2002), damping ratio 0.2 to 0.7, reaction after
-80 to 200 ms. Where a task needs it, stiffness is chosen so that the person can move the joint.
+80 to 200 ms. Where a task needs it, stiffness is chosen so that the person can move the joint. Who
+leans does so with 0.2 to 0.5 of friction.
 """
 
 import math
 
 import numpy as np
 
-from independent_gear.gears import log_uniform
-from independent_gear.state import PERSON
+from law_judge.person import PERSON
 
-SOFT, FIRM, ABLE = range(3)
+SOFT, FIRM, ABLE, LEANING = range(4)
+
+
+def log_uniform(random, low, high):
+    """Return a number whose logarithm is uniform."""
+    return math.exp(random.uniform(math.log(low), math.log(high)))
 
 
 def draw_persons(grips, breakaway_torque, seed):
@@ -24,7 +29,8 @@ def draw_persons(grips, breakaway_torque, seed):
     Parameters
     ----------
     grips : sequence of int
-        SOFT, FIRM or ABLE: firm enough to set the bare joint going with a lag of 0.1 to 0.5 rad.
+        SOFT, FIRM, LEANING (soft), or ABLE: firm enough to set the bare joint going with a lag of
+        0.1 to 0.5 rad.
     breakaway_torque : ndarray, shape (J,)
         N·m.
     seed : int
@@ -37,7 +43,7 @@ def draw_persons(grips, breakaway_torque, seed):
     persons = np.zeros(len(grips), dtype=PERSON)
     for who, grip, torque in zip(persons, grips, breakaway_torque):
         who['arm'] = log_uniform(random, 0.03, 0.3)
-        between = {SOFT: (2.0, 12.0), FIRM: (30.0, 200.0), ABLE: (torque / 0.5, torque / 0.1)}[grip]
+        between = {FIRM: (30.0, 200.0), ABLE: (torque / 0.5, torque / 0.1)}.get(grip, (2.0, 12.0))
         who['stiffness'] = log_uniform(random, *between)
         who['damping'] = 2.0 * random.uniform(0.2, 0.7) * math.sqrt(who['stiffness'] * who['arm'])
         who['voluntary'] = random.uniform(0.0, 0.4) * who['stiffness']
@@ -46,6 +52,8 @@ def draw_persons(grips, breakaway_torque, seed):
         who['tremor_phase'] = random.uniform(-math.pi, math.pi)
         who['release'] = who['start'] = np.inf
         who['acceleration_time'] = 1.0
+        if grip == LEANING:
+            who['lean'] = random.uniform(0.2, 0.5) * torque * random.choice([-1.0, 1.0])
     return persons
 
 

@@ -11,8 +11,37 @@ the joint has moved.
 import math
 
 from numba import njit
+import numpy as np
 
-from independent_gear.state import LONGEST_DELAY
+LONGEST_DELAY = 256
+
+
+def floats(names):
+    """Return the fields of a record that are floats."""
+    return [(name, 'f8') for name in names.split()]
+
+
+# A person holds the link from `touch` to `release`, and follows a reference that starts at
+# `start`: a movement, which turns round at its end where `returns` is set, or a sway. Or, with
+# `push`, they push with a torque that grows from `start` on, as on a joystick, and let go for good
+# when the link has moved by `push_travel`. `lean` is a torque that is always there.
+PERSON = np.dtype([
+    ('delay', 'i8'), ('returns', 'i8'),
+    *floats('touch release arm stiffness damping voluntary lean tremor tremor_frequency '
+            'tremor_phase start speed acceleration_time cruise_time sway sway_frequency '
+            'push push_rate push_travel')])
+
+# What a world's state of a joint holds for its person.
+PERSON_STATE = [('count', 'i8'), ('let_go', 'i8'), *floats('person origin'),
+                ('errors', 'f8', (LONGEST_DELAY,))]
+
+
+def nobody(joints):
+    """Return persons who never touch the joint, shape (joints,)."""
+    persons = np.zeros(joints, dtype=PERSON)
+    persons['touch'] = np.inf
+    persons['acceleration_time'] = 1.0
+    return persons
 
 
 @njit(cache=True)
@@ -37,9 +66,15 @@ def reference(who, time):
     if t < ramp + cruise:
         return speed * (t - 0.5 * ramp), speed
     left = 2.0 * ramp + cruise - t
+    way = speed * (ramp + cruise)
+    if who.returns == 1:
+        # Through zero with the same acceleration, and back as fast.
+        if left > -ramp:
+            return way - 0.5 * speed * left * left / ramp, speed * left / ramp
+        return way - 0.5 * speed * ramp + speed * (left + ramp), -speed
     if left > 0.0:
-        return speed * (ramp + cruise) - 0.5 * speed * left * left / ramp, speed * left / ramp
-    return speed * (ramp + cruise), 0.0
+        return way - 0.5 * speed * left * left / ramp, speed * left / ramp
+    return way, 0.0
 
 
 @njit(cache=True)
@@ -55,9 +90,9 @@ def remember(who, s, time):
 @njit(cache=True)
 def person_torque(who, s, time, position, velocity):
     """Return the back-driving torque on the link, N·m."""
-    torque = 0.0
+    torque = who.lean
     if who.tremor != 0.0:
-        torque = who.tremor * math.sin(
+        torque += who.tremor * math.sin(
             2.0 * math.pi * who.tremor_frequency * time + who.tremor_phase)
     if who.push != 0.0:
         t = time - who.start

@@ -1,0 +1,82 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How much of friction's part of the peak torque at the start of a movement is taken away.
+
+A person follows the note's movement (rest, acceleration, constant speed). The peak of the torque
+(low pass at 20 Hz) is taken without compensation, with each law, and with a joint of the same
+inertia that has no friction: the floor. Removed = (none - law) / (none - frictionless), each the
+mean over repetitions and both directions.
+"""
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from law_judge.bank import Joints
+from law_judge.loop import make_law, NONE, run
+from law_judge.persons import ABLE, draw_persons
+from law_judge.rows import DEGREE, Row
+
+START = 1.5
+# When the direction is announced, s; the floors of the median and of the worst tenth, %.
+WHEN = {'1 s ahead': (0.5, 88.0, 78.0), 'with the push': (START, 86.0, 78.0),
+        'not announced': (np.inf, 50.0, None)}
+BAND = 20.0
+COUNTS = 10.0   # of presliding, from which on an unannounced push is to be helped
+
+
+def peak(bank, law, quick=False):
+    """Return rows for announcements ahead, with the push, and none."""
+    joints = Joints(bank, repetition=list(range(2 if quick else 4)), side=[1.0, -1.0])
+    persons, seconds = _movements(joints)
+    floor = _peaks(joints, persons, seconds, NONE, bank.world.frictionless(joints.gears))
+    bare = _peaks(joints, persons, seconds, NONE, joints.gears)
+    rows = []
+    for when, (at, median, tenth) in WHEN.items():
+        with_law = _peaks(joints, persons, seconds, law, joints.gears, at)
+        share = 100.0 * (bare - with_law) / np.maximum(bare - floor, 1e-9)
+        name = f"friction's part of the peak removed, {when}"
+        detail = {f'{kind} {g}': round(float(s), 1) for g, (kind, s) in enumerate(
+            zip(bank.kinds, share))}
+        if tenth is not None:
+            rows += [Row(name, law, float(np.median(share)), median, ' %', True, detail=detail),
+                     Row(f'{name}: worst tenth', law, float(np.percentile(share, 10)), tenth,
+                         ' %', True)]
+            continue
+        known = np.array(['presliding' in document and document['presliding']['distance']
+                          >= COUNTS * gear['resolution']
+                          for document, gear in zip(bank.documents, bank.gears)])
+        for which, among, least in (('presliding known, ≥ 10 counts', known, median),
+                                    ('otherwise', ~known, None)):
+            if among.any():
+                rows.append(Row(f'{name}, {which}', law, float(np.median(share[among])), least,
+                                ' %', True, detail=detail))
+        rows.append(Row(f'{name}: worst', law, float(share.min()), -2.0, ' %', True))
+    return rows
+
+
+def _movements(joints):
+    bank = joints.bank
+    # each gear has one person and one movement, whatever the repetition
+    torque = bank.gears['static'] + bank.gears['link_coulomb']
+    persons = draw_persons([ABLE] * len(bank.gears), torque, bank.seed)
+    random = np.random.default_rng([bank.seed, 91])
+    number = len(bank.gears)
+    persons['start'] = START
+    persons['speed'] = random.uniform(8.0, 25.0, number) * DEGREE
+    persons['acceleration_time'] = random.uniform(0.5, 2.0, number)
+    persons['cruise_time'] = 10.0
+    persons['tremor'] = random.uniform(0.0, 0.01, number) * torque
+    persons = persons[joints.gear]
+    persons['speed'] *= joints['side']
+    return persons, START + 2.0 + 2.0
+
+
+def _peaks(joints, persons, seconds, law, gears, at=np.inf):
+    plant = joints.plant(persons, gears)
+    side = joints['side']
+    record = run(plant, make_law(law, joints), seconds,
+                 lambda time: side * (at <= time), {'torque': 'person'})
+    rate, first = 1.0 / plant.sample_time, round(START / plant.sample_time)
+    torque = sosfiltfilt(butter(2, BAND, fs=rate, output='sos'), record['torque'] * side, axis=0)
+    peaks = torque[first:].max(axis=0)
+    return np.bincount(joints.gear, peaks) / np.bincount(joints.gear)

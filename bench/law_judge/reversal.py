@@ -1,0 +1,58 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A movement that turns round, announced: what the person feels, beside the bare joint."""
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from law_judge.bank import Joints
+from law_judge.loop import make_law, NONE, run
+from law_judge.persons import ABLE, draw_persons
+from law_judge.rows import DEGREE, Row
+
+START, CRUISE, AFTER = 1.5, 1.0, 1.0
+BAND = 20.0
+AHEAD = (0.1, 0.3)     # s before the turn at which the other direction is announced
+FIRMER = (30.0,)     # than who is just able to move the joint: leads it through the turn
+
+
+def reversal(bank, law, quick=False):
+    """Return by how much peak and RMS of the torque about the turn are lower than bare, %."""
+    joints = Joints(bank, side=[1.0, -1.0], ahead=AHEAD, firmer=FIRMER)
+    torque = bank.gears['static'] + bank.gears['link_coulomb']
+    persons = draw_persons([ABLE] * len(bank.gears), torque, bank.seed)
+    random = np.random.default_rng([bank.seed, 92])
+    persons['start'], persons['returns'] = START, 1
+    persons['speed'] = random.uniform(8.0, 25.0, len(bank.gears)) * DEGREE
+    ramp = random.uniform(0.4, 1.0, len(bank.gears))
+    persons['acceleration_time'], persons['cruise_time'] = ramp, CRUISE
+    persons = persons[joints.gear]
+    persons['speed'] *= joints['side']
+    persons['stiffness'] *= joints['firmer']
+    persons['damping'] *= np.sqrt(joints['firmer'])
+    turn = (START + CRUISE + 2.0 * ramp)[joints.gear]
+    bare, with_law = (_felt(joints, persons, turn, name) for name in (NONE, law))
+    rows = []
+    for k, (name, least) in enumerate((('peak', 20.0), ('RMS', 65.0))):
+        lower = 100.0 * (1.0 - with_law[k] / bare[k])
+        rows.append(Row(f'reversal announced: {name} lower than bare', law,
+                        float(np.median(lower)), least, ' %', True,
+                        detail={'worst': float(lower.min()), 'each': lower.round(1).tolist()}))
+    return rows
+
+
+def _felt(joints, persons, turn, law):
+    """Return peak and RMS of the torque from half a second before the turn on, per gear."""
+    plant = joints.plant(persons)
+    side, flips = joints['side'], turn - joints['ahead']
+    seconds = turn.max() + AFTER
+    record = run(plant, make_law(law, joints), seconds,
+                 lambda time: side * np.where(time < 0.5, 0.0, np.where(time < flips, 1.0, -1.0)),
+                 {'torque': 'person'})
+    rate = 1.0 / plant.sample_time
+    torque = sosfiltfilt(butter(2, BAND, fs=rate, output='sos'), record['torque'], axis=0)
+    felt = np.zeros((2, len(joints)))
+    for j, at in enumerate(turn):
+        part = torque[round((at - 0.5) * rate):round((at + AFTER) * rate), j]
+        felt[:, j] = np.abs(part).max(), np.sqrt(np.mean(part ** 2))
+    return [np.bincount(joints.gear, values) / np.bincount(joints.gear) for values in felt]

@@ -1,0 +1,12 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What `law_judge` asks of a world."""
+
+from mujoco_gear.gears import draw_gears, frictionless, KINDS
+from mujoco_gear.plant import Plant
+from mujoco_gear.truth import breakaway_currents, presliding_and_stiffness, steady_friction
+
+NAME = 'mujoco'
+
+__all__ = ['breakaway_currents', 'draw_gears', 'frictionless', 'KINDS', 'NAME', 'Plant',
+           'presliding_and_stiffness', 'steady_friction']
