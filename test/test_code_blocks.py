@@ -162,12 +162,14 @@ def test_commands(command, workplace, monkeypatch):
         # What is converted is read by the commands that follow.
         if kind not in TRIED or name == 'convert':
             TRIED.add(kind)
+            write_what_is_read(workplace, arguments, output)
             if '--jobs' in arguments:
                 pytest.importorskip('distributed', reason='Dask is not in this environment')
             assert main([name, *arguments]) == 0
             assert (workplace / output).exists()
             return
         # The same with other files, which are there.
+        write_what_is_read(workplace, arguments, output)
         files = {word for word in arguments if not (word.startswith('--') or word.isdigit())}
         assert [word for word in files - {output} if not (workplace / word).exists()] == []
     parse = Arguments.parse
@@ -177,6 +179,19 @@ def test_commands(command, workplace, monkeypatch):
     monkeypatch.setattr(Arguments, 'parse', parse_only)
     with pytest.raises(SystemExit, match='0'):
         main([name, *arguments])
+
+
+def write_what_is_read(workplace, arguments, output):
+    """Run the commands of the documentation that write what one reads, where it is not there."""
+    for block in commands():
+        words = shlex.split(block.values[0], comments=True)
+        if '--output' not in words or words[:3] != ['python3', '-m', 'friction_comp']:
+            continue
+        written = words[words.index('--output') + 1]
+        if written != output and not (workplace / written).exists() and any(
+                word == written or word.startswith(written + '/') for word in arguments):
+            write_what_is_read(workplace, words[3:], written)
+            assert main(words[3:]) == 0
 
 
 def report_of(workplace, start):

@@ -80,8 +80,8 @@ class Errors:
         RMS at standstill and beside it; NaN without such samples.
     overall : float
         RMS of all samples of parts that were not fitted.
-    elsewhere : float
-        What to expect on another recording, standstill included; see `Elsewhere`.
+    elsewhere, elsewhere_motion : float
+        What to expect on another recording, with standstill and in motion alone; see `Elsewhere`.
     parts : list of float
         RMS of each part, in motion.
     """
@@ -94,6 +94,7 @@ class Errors:
     standstill: float
     overall: float
     elsewhere: float
+    elsewhere_motion: float
     parts: list[float]
 
     def to_dict(self) -> dict[str, Any]:
@@ -103,6 +104,7 @@ class Errors:
                 'worst_part_rmse': self.worst_part,
                 'standstill_rmse': None if math.isnan(self.standstill) else self.standstill,
                 'overall_rmse': self.overall, 'elsewhere_rmse': self.elsewhere,
+                'elsewhere_motion_rmse': self.elsewhere_motion,
                 'part_rmse': self.parts}
 
 
@@ -133,7 +135,7 @@ def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, growth: float =
         rms(fit[moving]), rms(own), float(np.max(np.abs(own))),
         1.0 - float(np.mean(own ** 2)) / variance if variance > 0.0 else 0.0,
         max(parts), rms(held_out[~moving]), rms(held_out),
-        max(math.sqrt(rms(held_out) ** 2 + more), growth * rms(own)), parts)
+        max(math.sqrt(rms(held_out) ** 2 + more), growth * rms(own)), growth * rms(own), parts)
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:

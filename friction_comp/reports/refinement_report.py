@@ -45,7 +45,7 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     page.numbers([
         (quantity(before['held_out_rmse'], unit), 'error before, on data not fitted'),
         (quantity(after['held_out_rmse'], unit), 'error after, on data not fitted'),
-        (quantity(after['elsewhere_rmse'], unit), 'to expect in another recording'),
+        (quantity(after['elsewhere_motion_rmse'], unit), 'to expect elsewhere, in motion'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
     page.text('Why this verdict:\n\n' + verdict_words(report))

@@ -98,6 +98,8 @@ def stages_of(evaluation: Evaluation, marks: dict[str, float], count: int
     first = every[0].help.model
     before = [r for r in every if r.help.model == first]
     after = [r for r in every if r.help.model != first]
+    # In the last of them the refined model may have been loaded already.
+    before = before[:-1] if after and len(before) > 2 * count else before
     late = [r for r in before if r.begin >= marks['warned']] or before
     return {'at first': before[:2 * count], 'model no longer fits': late[-2 * count:],
             'refined model': after[:2 * count]}

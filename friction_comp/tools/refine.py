@@ -115,8 +115,11 @@ def print_summary(report: dict[str, Any]) -> None:
         print('  no effect beyond the model shows in the recordings')
     print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
           f"{quantity(report['noise_floor'], unit)}")
-    print(f"        {quantity(report['after']['worst_part_rmse'], unit)} in the worst part; "
-          f"to expect elsewhere: {quantity(report['after']['elsewhere_rmse'], unit)}")
+    own = report['after']
+    print(f"        {quantity(own['worst_part_rmse'], unit)} in the worst part; to expect "
+          f"elsewhere: {quantity(own['elsewhere_motion_rmse'], unit)} in motion, "
+          f"{quantity(own['elsewhere_rmse'], unit)} with standstill, where friction is whatever "
+          'holds the joint')
     for entry in report['unexplained']:
         print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
               'variance)')
