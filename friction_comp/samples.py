@@ -166,6 +166,34 @@ class Samples:
             changes['arm'] = self.arm.take(index)
         return replace(self, **changes)
 
+    def averaged(self, length: int) -> Samples:
+        """Return averages over so many consecutive samples, segment by segment.
+
+        What is left over at the end of a segment is dropped. Of what is not measured (direction,
+        recording) the first of each is kept.
+
+        Parameters
+        ----------
+        length : int
+        """
+        if length == 1 or not len(self):
+            return self
+        starts = np.concatenate([np.arange(part.start, part.stop - length + 1, length)
+                                 for part in self.segments()])
+        rows = starts[:, None] + np.arange(length)
+        changes: dict[str, Any] = {}
+        for name in ('time', 'position', 'current') + _OPTIONAL:
+            value = getattr(self, name)
+            if value is not None:
+                changes[name] = (value[starts] if name == 'direction'
+                                 else value[rows].mean(axis=1))
+        if self.arm is not None:
+            speed = self.arm.velocity
+            changes['arm'] = JointStates(
+                self.arm.joints, self.arm.position[rows].mean(axis=1),
+                None if speed is None else speed[rows].mean(axis=1))
+        return replace(self, recording=self.recording[starts], **changes)
+
     def with_(self, **changes: Any) -> Samples:
         """Return a copy with some signals replaced."""
         return replace(self, **changes)

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from friction_comp.columns import Layout
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings import clocks
 from friction_comp.recordings.activity import Activity
@@ -77,6 +78,12 @@ class RecordingInfo:
     activity: list[tuple[float, Activity]] = field(default_factory=list)
     effort_is_current: bool = False
 
+    def check_joint(self, other: RecordingInfo) -> None:
+        """Raise InputError if another recording holds another joint."""
+        if self.joint != other.joint:
+            raise InputError(f'{self.path}: holds joint {self.joint!r}, but {other.path} holds '
+                             f'{other.joint!r}: name one with --joint')
+
 
 def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    torque_constant: float = 1.0, gear_ratio: float = 1.0,
@@ -134,7 +141,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
     -------
     list of (Samples, RecordingInfo)
     """
-    torque_per_current = effort_per_ampere(torque_constant, gear_ratio)
+    torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
     found = find_recordings(paths)
     results: list[tuple[Samples, RecordingInfo]] = []
     for number, path in enumerate(found):
@@ -146,10 +153,8 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
         samples, info = to_samples(scan, joint, torque_per_current)
         if others and len(info.joints) > 1:
             samples = samples.with_(arm=beside(samples, info, usable_joints(scan)))
-        if joint is None and results and info.joint != results[0][1].joint:
-            raise InputError(
-                f'{path}: holds joint {info.joint!r}, but {results[0][1].path} holds '
-                f'{results[0][1].joint!r}: name one with --joint')
+        if results:
+            info.check_joint(results[0][1])
         samples = samples.with_(recording=np.full(len(samples), number))
         results.append((samples, info))
         report(1.0)
@@ -186,14 +191,6 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambd
     if not read and reason:
         raise reason
     return read
-
-
-def effort_per_ampere(torque_constant: float, gear_ratio: float) -> float:
-    """Return k_t · n in N·m/A; raises InputError unless both are positive numbers."""
-    for name, value in (('torque constant', torque_constant), ('gear ratio', gear_ratio)):
-        if not np.isfinite(value) or value <= 0:
-            raise InputError(f'{name} must be a positive number, not {value}')
-    return torque_constant * gear_ratio
 
 
 def with_states(signals: Sequence[str]) -> tuple[str, ...]:
@@ -246,7 +243,7 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
     read = []
     for joint in joints:
         constants = (drives or {}).get(joint, (1.0, 1.0))
-        samples, info = to_samples(scan, joint, effort_per_ampere(*constants))
+        samples, info = to_samples(scan, joint, Drive(*constants).torque_per_current)
         read.append(samples)
         if notes is not None:
             notes.extend(note for note in info.notes if note not in notes)

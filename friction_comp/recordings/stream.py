@@ -9,17 +9,20 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from friction_comp.columns import Layout
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings.clocks import gap_length, GAPS
+from friction_comp.recordings.joint_motion import beside
 from friction_comp.recordings.reader import (
-    effort_per_ampere,
     RecordingInfo,
     to_samples,
+    usable_joints,
     with_states,
 )
 from friction_comp.recordings.scan import (
     AnyPath,
     find_recordings,
+    Progress,
     Scan,
     Scanner,
     Track,
@@ -36,7 +39,8 @@ _MARGIN = 2.0
 def stream_recording_with_info(path: AnyPath, joint: str | None = None,
                                torque_constant: float = 1.0, gear_ratio: float = 1.0,
                                seconds: float = 60.0, signals: Sequence[str] = tuple(TOPICS),
-                               layout: Layout | None = None
+                               layout: Layout | None = None, others: bool = False,
+                               progress: Progress | None = None
                                ) -> Iterator[tuple[Samples, RecordingInfo]]:
     """Read one joint of one recording stretch by stretch, each with its `RecordingInfo`.
 
@@ -59,6 +63,10 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         Topics to read besides ``joint_states``.
     layout : Layout, optional
         What is known of a table's columns.
+    others : bool
+        Whether the samples are to hold the motion of the other joints too, as `arm`.
+    progress : callable, optional
+        Called with the share 0..1 of the recording that has been read.
 
     Yields
     ------
@@ -69,13 +77,13 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     InputError
         If the recording, the joint or a value cannot be used.
     """
-    gain = effort_per_ampere(torque_constant, gear_ratio)
+    gain = Drive(torque_constant, gear_ratio).torque_per_current
     if not seconds > 0:
         raise InputError(f'seconds must be positive, not {seconds}')
     found = find_recordings(path)
     if len(found) != 1:
         raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scanner = open_scanner(found[0], with_states(signals), joint, layout)
+    scanner = open_scanner(found[0], with_states(signals), None if others else joint, layout)
     cutter = _Cutter(seconds)
     clock = _OneClock()
     info, samples = None, None
@@ -84,6 +92,10 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
             info.notes = list(scan.notes)
             break
         samples, info = to_samples(scan, joint, gain)
+        if others and len(info.joints) > 1:
+            samples = samples.with_(arm=beside(samples, info, usable_joints(scan)))
+        if progress:
+            progress(scanner.progress)
         # Gaps are counted over all stretches.
         info.notes = [note for note in info.notes if GAPS not in note]
         samples = clock.follow(samples, info)

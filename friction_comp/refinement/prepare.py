@@ -40,6 +40,9 @@ from friction_comp.samples import Samples
 
 _SLOWEST_RATE = 100.0
 _REGIONS = 3
+# Of `ROWS`: more are not searched, where averages at the slowest rate are still as many; and the
+# rows that are kept or left out together.
+_MOST, _PIECE = 4.0, 100
 _SIGNALS = ('velocity', 'load', 'temperature')
 
 
@@ -184,6 +187,20 @@ def averaging(samples: Samples, usable: int) -> int:
     return max(1, min(math.ceil(usable / ROWS), int(rate / _SLOWEST_RATE)))
 
 
+def spread(start: np.ndarray) -> np.ndarray:
+    """Return the first samples of as many rows as a search can use, in pieces from everywhere.
+
+    Parameters
+    ----------
+    start : ndarray of int, shape (R,)
+    """
+    share = _MOST * ROWS / max(len(start), 1)
+    if share >= 1.0:
+        return start
+    # Multiples of the golden ratio are spread evenly without a period.
+    return start[(np.arange(len(start)) // _PIECE * 0.5 * (math.sqrt(5.0) - 1.0)) % 1.0 < share]
+
+
 def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = None,
             declared: bool = True) -> tuple[Rows, dict[str, Any]]:
     """Return the rows that effects are fitted to, and how motion was computed.
@@ -209,7 +226,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     if joints:
         motion = moving_states(samples, joints, for_all(samples, settings))
     length = averaging(moved, int(usable.sum()))
-    start = row_starts(moved, usable, length)
+    start = spread(row_starts(moved, usable, length))
     block = blocks_of(moved, start)
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
     scene = scene_of(moved, usable, drive, slowest)

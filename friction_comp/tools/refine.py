@@ -57,17 +57,16 @@ def main(argv: list[str] | None = None) -> int:
 
         return refine_whole_arm(arguments)
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import read_recording_with_info
+    from friction_comp.recordings.condense import read_condensed
     from friction_comp.refinement import refine
     from friction_comp.reports.refinement_report import refinement_report
 
     model = FrictionModel.load(arguments.model, arguments.joint) if arguments.model else None
     drive = drive_of(arguments, model)
-    layout = layout_of(arguments)
     with progress('reading') as report:
-        found = read_recording_with_info(
+        found = read_condensed(
             arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
-            progress=lambda share, *_: report(0.2 * share), layout=layout)
+            progress=lambda share: report(0.2 * share), layout=layout_of(arguments))
         unit = unit_of(arguments, model, [info for _, info in found])
         drive, limit = limited(arguments, drive, [samples for samples, _ in found])
         try:

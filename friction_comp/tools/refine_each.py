@@ -136,14 +136,14 @@ def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
 def _refined(arguments: Namespace, part: Part) -> RefinedPart:
     """Refine one part, in whichever process this runs."""
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import read_recording_with_info
+    from friction_comp.recordings.condense import read_condensed
     from friction_comp.refinement import refine
     from friction_comp.reports.refinement_report import refinement_report
 
     begin = time.monotonic()
     model = FrictionModel.load(arguments.model, part.joint) if arguments.model else None
     drive = drive_of(arguments, model)
-    (samples, info), = read_recording_with_info(
+    (samples, info), = read_condensed(
         part.path, part.joint, drive.torque_constant, drive.gear_ratio,
         layout=layout_of(arguments))
     unit = unit_of(arguments, model, [info])

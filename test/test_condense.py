@@ -1,0 +1,85 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Long recordings are read as averages, in memory that does not grow with them."""
+
+import numpy as np
+import pytest
+
+from friction_comp.drive import Drive
+from friction_comp.recordings import read_recording, write_samples
+from friction_comp.recordings.condense import read_condensed
+from friction_comp.refinement import refine
+from friction_comp.samples import JointStates, Samples
+
+RATE, NOISE = 500.0, 0.01
+
+
+def recorded(seconds, seed=0, joint='elbow'):
+    """A drive with a ripple that nobody declared, 24 times a turn."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(seconds * RATE)) / RATE
+    position = np.sum([0.08 / f * np.sin(2 * np.pi * f * time + rng.uniform(0, 6))
+                       for f in (0.05, 0.083, 0.131, 0.27)], axis=0)
+    velocity = np.gradient(position, 1.0 / RATE)
+    current = 0.3 * np.tanh(velocity / 0.02) + 0.1 * velocity + 0.05 * np.sin(24 * position)
+    return Samples(time=time, position=position, velocity=velocity, joint=joint,
+                   current=current + NOISE * rng.standard_normal(len(time)))
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('long')
+    for k in range(2):
+        write_samples(folder / f'r{k}', recorded(150.0, k))
+    return folder
+
+
+def test_what_is_short_is_read_as_it_was_recorded(folder):
+    (whole, _), _ = read_condensed(folder)
+    same, _ = read_recording(folder)
+    assert np.array_equal(whole.current, same.current)
+    assert np.array_equal(whole.position, same.position)
+
+
+def test_averages_are_of_the_same_samples_and_it_is_said(folder):
+    found = read_condensed(folder, limit=40_000)
+    assert '4 samples at a time were averaged' in found[0][1].notes[-1]
+    whole, _ = read_recording(folder)
+    kept, info = found[0]
+    assert kept.sample_time == pytest.approx(4.0 / RATE)
+    for name in ('time', 'position', 'velocity', 'current'):
+        averages = getattr(whole, name)[:len(kept) * 4].reshape(-1, 4).mean(axis=1)
+        # Read in stretches of a minute, each of which may end with less than four.
+        assert np.allclose(getattr(kept, name), averages, atol=1e-9)
+    assert [samples.recording[0] for samples, _ in found] == [0, 1]
+
+
+def test_pieces_from_everywhere_are_kept_where_averages_are_too_many(folder):
+    found = read_condensed(folder, limit=10_000)
+    kept = sum(len(samples) for samples, _ in found)
+    assert 5_000 <= kept <= 15_000
+    for samples, _ in found:
+        assert samples.time[0] < 50.0 and samples.time[-1] > 100.0
+
+
+def test_a_ripple_is_found_in_averages(folder):
+    found = [samples for samples, _ in read_condensed(folder, limit=20_000)]
+    report = refine(found, drive=Drive(1.0, 1.0)).report
+    assert [effect['name'] for effect in report['effects']] == ['cogging']
+    # The noise of averages is that much smaller.
+    assert report['after']['held_out_rmse'] < 1.2 * NOISE / 5 ** 0.5
+
+
+def test_the_other_joints_of_an_arm_are_averaged_too(tmp_path):
+    samples = recorded(60.0)
+    arm = JointStates(('elbow', 'wrist'), np.column_stack((samples.position, samples.time)))
+    kept = samples.with_(arm=arm).averaged(5)
+    assert np.allclose(kept.arm.position[:, 1], kept.time)
+    assert np.allclose(kept.arm.position[:, 0], kept.position)
+
+
+def test_averages_do_not_reach_across_a_gap():
+    samples = recorded(10.0)
+    time = samples.time + np.where(samples.time > 5.0, 3.0, 0.0)
+    kept = samples.with_(time=time).averaged(7)
+    assert not np.any((kept.time > 5.01) & (kept.time < 8.0))
