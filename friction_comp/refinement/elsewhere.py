@@ -74,17 +74,21 @@ class Elsewhere:
             How many of the first stay whatever they do.
         """
         keys = list(keys)
-        error = sum(self.squares(keys).values())
+        error = self._score(keys)
         while True:
             some = keys[given:]
             # Two that cancel are of use together alone, and mislead together.
-            trials = [(sum(self.squares([key for key in keys if key not in out]).values()), out)
+            trials = [(self._score([key for key in keys if key not in out]), out)
                       for number in (1, 2) for out in combinations(some, number)]
             least, out = min(trials, default=(math.inf, ()), key=lambda trial: trial[0])
             if not (least < error or (some and self._useless(keys))):
                 return keys
             error = least
             keys = [key for key in keys if key not in out]
+
+    def _score(self, keys: Sequence[Key]) -> float:
+        """Return the mean logarithm of these errors: no way to cut decides alone."""
+        return float(np.mean(np.log(list(self.squares(keys).values()))))
 
     def _useless(self, keys: Sequence[Key]) -> bool:
         """Tell whether zero would predict some third about as well."""

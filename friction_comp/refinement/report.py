@@ -27,7 +27,6 @@ from friction_comp.refinement.judge import (
 from friction_comp.refinement.leftover import Dependence, leftover
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.stability import Intervals, Stability
-from friction_comp.refinement.thresholds import SAME_LOAD
 from friction_comp.refinement.units import in_unit
 from friction_comp.refinement.verdict import AGAIN, Finding, Verdict
 
@@ -191,21 +190,9 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
         error, place = min(trials)
         chosen += together[place]
         rest = [key for key in rest if key not in together[place]]
-        if carried_as_mechanics_asks(o, together[place][0]):
-            continue
         entry = (_group_entry if together[place][0][-1] is not None else _entry)(o, together[place])
         entries.append({**entry, 'held_out_rmse': error})
     return entries
-
-
-def carried_as_mechanics_asks(o: Outcome, key: Key) -> bool:
-    """Tell whether a term is the measured load with the coefficient -1/(k_t·n): no lack."""
-    by_mechanics = EFFECTS[key[0]].by_mechanics(o.question.drive)
-    if by_mechanics is None or not o.question.declared:
-        return False
-    place, = o.found.table.places(key)
-    found = o.found.table.coefficients(o.found.keys)[place]
-    return abs(found / by_mechanics[0] - 1.0) < SAME_LOAD
 
 
 def _entry(o: Outcome, keys: Sequence[Key]) -> dict[str, Any]:
