@@ -79,8 +79,8 @@ class BlockSums:
         """
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
         mix = np.concatenate((found, np.full((len(found), 1), -1.0)), axis=1)
-        return np.einsum('ki,kij,kj->k', mix, self.gram[:, inner[:, None], inner], mix,
-                         optimize=True)
+        return np.asarray((mix[:, None] @ self.gram[:, inner[:, None], inner]
+                           @ mix[:, :, None])[:, 0, 0])
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
         """Return the coefficients of fits to weighted blocks, shape (F, S).
@@ -96,7 +96,7 @@ class BlockSums:
 
     def _norms(self, columns: np.ndarray) -> np.ndarray:
         """Return the root of each column's sum of squares over all blocks."""
-        norms = np.sqrt(np.einsum('kii->i', self.gram)[columns])
+        norms = np.sqrt(self.gram[:, columns, columns].sum(axis=0))
         return np.where(norms > 0.0, norms, 1.0)
 
     def own_share(self, columns: Sequence[int]) -> np.ndarray:
