@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 import numpy as np
 
 _SPEED_WINDOW = 0.03   # s over which the speed is taken
@@ -20,140 +19,72 @@ _MISFIT = 0.13         # of the way slid, by which the fit may be wrong
 _LONGEST_WINDOW = 0.6
 
 
-@njit(cache=True)
 def slide_begin(time: np.ndarray, position: np.ndarray, begin: int, end: int, sign: float,
-                 resolution: float, runaway_speed: float) -> tuple[float, float]:
+                resolution: float, runaway_speed: float) -> tuple[float, float]:
     """Return when the joint began to slide, NaN where it did not, and its rest time before."""
     still = 2.5 * resolution + 1e-12
-    last = begin
-    while last > 0 and abs(position[last - 1] - position[begin]) <= still:
-        last -= 1
-    rest = time[begin] - time[last]
-
-    # The run-away: a speed that holds over the window, and goes on.
-    tail, found = begin, -1
-    for i in range(begin, end):
-        while time[i] - time[tail] > _SPEED_WINDOW:
-            tail += 1
-        elapsed = time[i] - time[tail]
-        if elapsed < 0.5 * _SPEED_WINDOW:
-            continue
-        way = sign * (position[i] - position[tail])
-        if way > runaway_speed * elapsed and way > 4.0 * resolution:
-            found = i
-            break
-    if found < 0:
-        return np.nan, rest
-    window, instant = _LONGEST_WINDOW, np.nan
+    moved = np.flatnonzero(np.abs(position[:begin] - position[begin]) > still)
+    rest = float(time[begin] - time[moved[-1] + 1 if len(moved) else 0])
+    runaway = _runaway(time, position, begin, end, sign, resolution, runaway_speed)
+    if runaway < 0:
+        return math.nan, rest
+    window, instant = _LONGEST_WINDOW, math.nan
     for _ in range(4):
-        first = found
-        while first > begin and time[found] - time[first] < window:
-            first -= 1
-        instant = _hinge(time, position, first, found, sign, resolution)
-        window = min(max(4.0 * (time[found] - instant), 0.15), _LONGEST_WINDOW)
+        first = max(begin, int(np.searchsorted(time, time[runaway] - window, side='right')) - 1)
+        instant = _hinge(time[first:runaway + 1], sign * position[first:runaway + 1], resolution)
+        window = min(max(4.0 * (time[runaway] - instant), 0.15), _LONGEST_WINDOW)
     return instant, rest
 
 
-@njit(cache=True)
-def _hinge(time: np.ndarray, position: np.ndarray, first: int, last: int, sign: float,
-           resolution: float) -> float:
-    """Least-squares instant at which creep turns into a slide.
+def _runaway(time: np.ndarray, position: np.ndarray, begin: int, end: int, sign: float,
+             resolution: float, speed: float) -> int:
+    """Return the first sample at which a speed has held over a window, -1 where none does."""
+    now = np.arange(begin, end)
+    tail = np.maximum(begin, np.searchsorted(time, time[now] - _SPEED_WINDOW, side='left'))
+    elapsed, way = time[now] - time[tail], sign * (position[now] - position[tail])
+    fast = (elapsed >= 0.5 * _SPEED_WINDOW) & (way > speed * elapsed) & (way > 4.0 * resolution)
+    return int(now[np.argmax(fast)]) if fast.any() else -1
+
+
+def _hinge(time: np.ndarray, position: np.ndarray, resolution: float) -> float:
+    """Return the instant at which creep turns into a slide, by least squares.
 
     Creep is a parabola; the slide adds to it an acceleration and a growing one, no jump in speed,
     none of them backwards. No formula holds far into the slide, so the farther the joint has
     gone, the less a sample weighs.
     """
-    count = min(_POINTS, last - first + 1)
+    count = min(_POINTS, len(time))
     if count < 12:
-        return time[first]
-    t, x, weight = np.empty(count), np.empty(count), np.empty(count)
-    span = time[last] - time[first]
-    for k in range(count):
-        i = first + (last - first) * k // (count - 1)
-        t[k] = (time[i] - time[first]) / span
-        x[k] = sign * (position[i] - position[first])
+        return float(time[0])
+    index = (len(time) - 1) * np.arange(count) // (count - 1)
+    span = float(time[-1] - time[0])
+    t, x = (time[index] - time[0]) / span, position[index] - position[0]
     early = max(6, int(0.4 * count))
-    t_mean, x_mean = t[:early].mean(), x[:early].mean()
-    away = t[:early] - t_mean
-    speed = np.sum(away * (x[:early] - x_mean)) / np.sum(away ** 2)
-    for k in range(count):
-        gone = max(0.0, x[k] - x_mean - speed * (t[k] - t_mean))
-        weight[k] = 1.0 / math.hypot(0.5 * resolution + 1e-12, _MISFIT * gone)
-    best, instant = np.inf, 0.0
-    low, high, steps = 0.02, 0.97, 40
+    gone = np.maximum(0.0, x - np.polyval(np.polyfit(t[:early], x[:early], 1), t))
+    weight = 1.0 / np.hypot(0.5 * resolution + 1e-12, _MISFIT * gone)
+    knees = np.linspace(0.02, 0.97, 41)
     for _ in range(3):
-        for k in range(steps + 1):
-            knee = low + (high - low) * k / steps
-            error = _hinge_error(t, x, weight, knee)
-            if error < best:
-                best, instant = error, knee
-        width = (high - low) / steps
-        low, high, steps = max(0.0, instant - width), min(0.97, instant + width), 12
-    return time[first] + instant * span
+        knee = float(knees[np.argmin(_hinge_errors(t, x, weight, knees))])
+        width = knees[1] - knees[0]
+        knees = np.linspace(max(0.0, knee - width), min(0.97, knee + width), 13)
+    return float(time[0]) + knee * span
 
 
-@njit(cache=True)
-def _hinge_error(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knee: float) -> float:
-    """Weighted sum of squares left by a parabola and the powers 2 and 3 of (t - knee)₊."""
-    design = np.empty((t.size, 5))
-    for k in range(t.size):
-        slide = max(t[k] - knee, 0.0)
-        design[k, 0] = weight[k]
-        design[k, 1] = weight[k] * t[k]
-        design[k, 2] = weight[k] * t[k] ** 2
-        for power in range(2, 4):
-            design[k, 6 - power] = weight[k] * slide ** power
-    target = weight * x
-    kept = np.ones(5, dtype=np.bool_)
-    error = np.inf
-    for _ in range(4):
-        columns = np.nonzero(kept)[0]
-        error, coefficients = _least_squares(np.ascontiguousarray(design[:, columns]), target)
-        backwards, lowest = -1, 0.0
-        for j in range(3, columns.size):
-            if coefficients[j] < lowest:
-                backwards, lowest = columns[j], coefficients[j]
-        if backwards < 0:
-            break
-        kept[backwards] = False
-    return error
-
-
-@njit(cache=True)
-def _least_squares(design: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray]:
-    """Sum of squares and coefficients, by Gram-Schmidt."""
-    size = design.shape[1]
-    basis, rest = design.copy(), target.copy()
-    triangle = np.zeros((size, size))
-    projection, coefficients = np.zeros(size), np.zeros(size)
-    for k in range(size):
-        for j in range(k):
-            triangle[j, k] = _dot(basis[:, j], basis[:, k])
-            _subtract(basis[:, k], triangle[j, k], basis[:, j])
-        triangle[k, k] = np.sqrt(_dot(basis[:, k], basis[:, k]))
-        if triangle[k, k] > 1e-12:
-            for i in range(rest.size):
-                basis[i, k] /= triangle[k, k]
-            projection[k] = _dot(basis[:, k], rest)
-            _subtract(rest, projection[k], basis[:, k])
-    for k in range(size - 1, -1, -1):
-        value = projection[k]
-        for j in range(k + 1, size):
-            value -= triangle[k, j] * coefficients[j]
-        coefficients[k] = value / triangle[k, k] if triangle[k, k] > 1e-12 else 0.0
-    return _dot(rest, rest), coefficients
-
-
-@njit(cache=True)
-def _dot(first: np.ndarray, second: np.ndarray) -> float:
-    total = 0.0
-    for i in range(first.size):
-        total += first[i] * second[i]
-    return total
-
-
-@njit(cache=True)
-def _subtract(values: np.ndarray, factor: float, others: np.ndarray) -> None:
-    """Take a multiple of others from values, in place."""
-    for i in range(values.size):
-        values[i] -= factor * others[i]
+def _hinge_errors(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knees: np.ndarray
+                  ) -> np.ndarray:
+    """Return the weighted squares left by a parabola and powers of (t - knee)₊, shape (K,)."""
+    slide = np.maximum(t - knees[:, None], 0.0)
+    creep = [np.broadcast_to(t ** power, slide.shape) for power in range(3)]
+    design = weight[:, None] * np.stack((*creep, slide ** 2, slide ** 3), axis=2)
+    target, best = weight * x, np.full(len(knees), np.inf)
+    for columns in ([0, 1, 2, 3, 4], [0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2]):
+        part = design[:, :, columns]
+        size = np.sqrt(np.sum(part ** 2, axis=1)) + 1e-300
+        scaled = part / size[:, None]
+        turned = np.swapaxes(scaled, 1, 2)
+        found = np.linalg.solve(turned @ scaled + 1e-12 * np.eye(len(columns)),
+                                turned @ target[:, None])
+        error = np.sum((target[:, None] - scaled @ found)[:, :, 0] ** 2, axis=1)
+        forwards = (found[:, 3:, 0] >= 0.0).all(axis=1)
+        best = np.where(forwards, np.minimum(best, error), best)
+    return best
