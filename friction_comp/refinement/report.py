@@ -26,12 +26,15 @@ from friction_comp.refinement.judge import (
 )
 from friction_comp.refinement.leftover import Dependence, leftover
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.stability import Intervals, Stability
+from friction_comp.refinement.stability import Intervals, Number, Stability
+from friction_comp.refinement.thresholds import SAME_LOAD
 from friction_comp.refinement.units import in_unit
 from friction_comp.refinement.verdict import AGAIN, Finding, Verdict
 
 # Ranges of a variable in which it is counted how many samples are at a limit.
 _RANGES = 15
+# Rank correlation from which two numbers are named together, and how many such pairs at most.
+_CLOSE, _PAIRS = 0.8, 8
 
 
 @dataclass(frozen=True)
@@ -101,6 +104,7 @@ def report_of(o: Outcome) -> dict[str, Any]:
         'noise_floor': noise_floor(rows, o.after),
         'effects': effects,
         'friction': friction_of(o),
+        'correlations': [] if o.kept else correlations_of(o),
         'unexplained': [{'variable': one.variable, 'strength': one.strength,
                          'note': in_unit(one.note, o.unit)} for one in left],
         'ambiguous': open_questions,
@@ -165,6 +169,25 @@ def friction_of(o: Outcome) -> dict[str, Any]:
                     ('offset', 'coulomb', 'viscous')) if place in ends}}
 
 
+def correlations_of(o: Outcome) -> list[dict[str, Any]]:
+    """Return the pairs of numbers of which the recording tells a sum better than each."""
+    table = o.found.table
+    names: dict[Number, str] = {}
+    for place, name in zip((0, 1, 2), ('offset', 'Coulomb friction', 'viscous friction')):
+        names[place] = name
+    for key in o.found.keys:
+        kind = table.terms[key].kind
+        spoken = kind.name.replace('_', ' ')
+        for k, place in enumerate(table.places(key)):
+            own = kind.numbers[k][0] if k < len(kind.numbers) else f'coefficient {k + 1}'
+            names[place] = f'{spoken}: {own}'
+        for name in kind.constants:
+            names[key, name] = f'{spoken}: {name.replace("_", " ")}'
+    return [{'between': [names[a], names[b]], 'correlation': value}
+            for (a, b), value in o.intervals.correlations.items()
+            if abs(value) > _CLOSE and a in names and b in names][:_PAIRS]
+
+
 def effects_of(o: Outcome) -> list[dict[str, Any]]:
     """Return the entries of the effects, in the order in which they lower the error most.
 
@@ -190,9 +213,24 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
         error, place = min(trials)
         chosen += together[place]
         rest = [key for key in rest if key not in together[place]]
+        if known_load(o, together[place][0]):
+            continue
         entry = (_group_entry if together[place][0][-1] is not None else _entry)(o, together[place])
         entries.append({**entry, 'held_out_rmse': error})
     return entries
+
+
+def known_load(o: Outcome, key: Key) -> bool:
+    """Tell whether a term is the load with the coefficient -1/(k_t·n), beside a model given.
+
+    `FrictionModel.measured` counts that for every model: it is no lack of this one.
+    """
+    by_mechanics = EFFECTS[key[0]].by_mechanics(o.question.drive)
+    if by_mechanics is None or o.question.model is None:
+        return False
+    place, = o.found.table.places(key)
+    found = o.found.table.coefficients(o.found.keys)[place]
+    return abs(found / by_mechanics[0] - 1.0) < SAME_LOAD
 
 
 def _entry(o: Outcome, keys: Sequence[Key]) -> dict[str, Any]:

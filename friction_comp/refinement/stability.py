@@ -22,6 +22,8 @@ from friction_comp.refinement.search import Search, Split
 from friction_comp.refinement.sums import BlockSums
 from friction_comp.refinement.thresholds import NAMED, SEARCHES
 
+# A column of the table, or a constant of a term.
+Number = int | tuple[Key, str]
 _LEVEL = 0.95
 _DRAWS = 200
 # Share of the searches that have something else in an effect's place, before that is said.
@@ -111,10 +113,14 @@ class Intervals:
     coefficients : dict of int to (float, float)
         By column of the table.
     constants : dict of (Key, str) to (float, float)
+    correlations : dict of (int or (Key, str), same) to float
+        How coefficients and constants scatter together over the blocks drawn, those that do so
+        most first.
     """
 
     coefficients: dict[int, tuple[float, float]]
     constants: dict[tuple[Key, str], tuple[float, float]]
+    correlations: dict[tuple[Number, Number], float] = field(default_factory=dict)
 
     def without_zero(self, places: Sequence[int], signs: np.ndarray) -> bool:
         """Tell whether the interval of any of a term's coefficients leaves zero out.
@@ -162,4 +168,23 @@ def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
         term = table.terms[keys[knob.place]]
         value, size = term.constants[knob.name], h * knob.unit(term, table)
         constants[keys[knob.place], knob.name] = (float(value - size), float(value + size))
-    return Intervals({k: (float(a), float(b)) for k, (a, b) in ends.items()}, constants)
+    names: list[Number] = [*indices, *((keys[knob.place], knob.name) for knob in knobs)]
+    return Intervals({k: (float(a), float(b)) for k, (a, b) in ends.items()}, constants,
+                     correlations(names, found))
+
+
+def correlations(names: Sequence[Number], draws: np.ndarray) -> dict[tuple[Number, Number], float]:
+    """Return how pairs of numbers scatter together, by ranks, the closest first.
+
+    Parameters
+    ----------
+    names : sequence, length P
+    draws : ndarray, shape (D, P)
+    """
+    ranks = stats.rankdata(draws, axis=0)
+    ranks -= ranks.mean(axis=0)
+    size = np.sqrt(np.sum(ranks ** 2, axis=0)) + 1e-300
+    matrix = (ranks / size).T @ (ranks / size)
+    pairs = {(names[j], names[k]): float(matrix[j, k])
+             for k in range(len(names)) for j in range(k)}
+    return dict(sorted(pairs.items(), key=lambda pair: -abs(pair[1])))

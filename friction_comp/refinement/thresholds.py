@@ -50,6 +50,8 @@ EXPLAINS = Threshold(0.4, 'of the current', 'that is left in motion: something d
                      'current that was not recorded')
 EXPLAINS_NOTHING = Threshold(0.9, 'of the current', 'to be expected as error elsewhere: zero '
                              'would be about as good')
+SAME_LOAD = Threshold(0.02, 'of the coefficient', 'of the load by which it may differ from '
+                      '-1/(k_t·n) before the torque constant is called wrong')
 FOLLOWS = Threshold(0.99, 'of the variance', "of a joint's position that the other joints' "
                     'positions explain: they move as one')
 PUSHES = Threshold(0.5, 'of the squared error', 'is left where friction may push: the current is '

@@ -16,13 +16,8 @@ from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.interactive import Line, Panel
 from friction_comp.reports.moving_joint import moving_joint, Scene
-from friction_comp.reports.refinement_report import (
-    formula,
-    honesty,
-    model_words,
-    residual_figure,
-    steps_figure,
-)
+from friction_comp.reports.refinement_figures import residual_figure, steps_figure
+from friction_comp.reports.refinement_report import formula, honesty, model_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -211,7 +206,8 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                 for effect in effects] or [['none', '', None, '']])
     page.figure(steps_figure(refined), 'Error on data not fitted as effects were added.')
     for name, label in (('position', 'position (rad)'), ('velocity', 'velocity (rad/s)')):
-        page.figure(residual_figure(refined, name, label), f'Residual over {name}.')
+        drawn = residual_figure(refined, name, label)
+        page.figure(drawn.figure, f'Residual over {name}.', live=drawn.live)
     page.heading('The refined model')
     page.text(model_words(refined.model))
     page.code(formula(refined.model))

@@ -4,25 +4,38 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.model.effects.spectrum import highest_frequency, position_spectrum
+from friction_comp.model.effects import EFFECTS
+from friction_comp.refinement.thresholds import LEAST_SHARE
 from friction_comp.refinement.units import in_unit
-from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
 from friction_comp.reports.html import number, quantity, Report
+from friction_comp.reports.refinement_figures import (
+    Drawn,
+    friction_figure,
+    parts_figure,
+    residual_figure,
+    spectrum,
+    spectrum_figure,
+    steps_figure,
+    time_figure,
+)
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.refinement.refine import RefineResult
-    from friction_comp.samples import Samples
+
+# Units of the effects' constants.
+_UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
+          'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'a turn',
+          'time_constant': 's', 'reference_temperature': '°C', 'lag': 's'}
 
 
-def refinement_report(result: RefineResult, names: list[str]) -> Report:
+def refinement_report(result: RefineResult, names: list[str], command: Sequence[str] = ()
+                      ) -> Report:
     """Return the page on a `RefineResult`.
 
     Parameters
@@ -30,6 +43,8 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
     result : RefineResult
     names : list of str
         Of the recordings.
+    command : sequence of str
+        Lines for the foot: what made the page.
 
     Returns
     -------
@@ -50,8 +65,22 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
     page.text('Why this verdict:\n\n' + verdict_words(report))
     page.text(rest)
+    show(page, time_figure(result), 'Measured and predicted current in a stretch from the middle '
+         'of the recording, each part predicted by a fit to all others; below, what each effect '
+         'of the new model adds.')
+    show(page, friction_figure(result), 'Friction over velocity: the measured current less what '
+         'the effects explain, and Eq. 6 before and after.')
+    page.heading('What was found')
+    page.table(['effect', 'number', 'value', 'unit', '95 % interval'], interval_rows(report))
+    if report['correlations']:
+        page.text('Of these pairs the recording tells a sum or a difference better than each by '
+                  'itself (correlation over parts drawn at random):\n\n' + '\n'.join(
+                      f"- {' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
+                      for pair in report['correlations']))
+    changed = change_rows(result)
+    if changed:
+        page.table(['number of the model given', 'before', 'after', 'unit'], changed)
     if report['effects']:
-        page.table(['effect', 'number', 'value', '95 % interval'], interval_rows(report))
         page.table(
             ['effect', f'RMS with it, held out ({unit})', 'chosen in'],
             [[effect['name'].replace('_', ' '), effect['held_out_rmse'],
@@ -73,6 +102,8 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
               'the error there is given by itself. Elsewhere: what to expect where the model was '
               'not fitted, by how much errors grow in thirds of position, speed, time and '
               'acceleration that are left out of the fit.')
+    show(page, parts_figure(result), 'Error of each long part, predicted by a fit to all others, '
+         'and of the samples at standstill.')
     page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
                 'time. The dashed line is the noise from sample to sample.')
     page.heading('What is left, before and after')
@@ -83,14 +114,14 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
                         ('temperature', 'motor temperature (°C)')):
         wanted = name != 'acceleration' or name in spoken
         if wanted and getattr(result.samples, name) is not None:
-            page.figure(residual_figure(result, name, label),
-                        f'Residual over {name}: measured minus predicted current of data not '
-                        'fitted. The lines are averages over ranges, positive direction and '
-                        'negative direction apart.')
-    figure = spectrum_figure(result)
-    if figure is not None:
-        page.figure(figure, 'Spectrum of the residual over position: ripple shows as a peak at '
-                    'its number of periods a turn.')
+            show(page, residual_figure(result, name, label),
+                 f'Residual over {name}: measured minus predicted current of data not fitted. The '
+                 'lines are averages over ranges, positive direction and negative direction '
+                 'apart.')
+    drawn = spectrum_figure(result)
+    if drawn is not None:
+        show(page, drawn, 'Spectrum of the residual over position: ripple shows as a peak at its '
+             'number of periods a turn. ' + wave_words(result))
     page.heading('The model')
     page.text(model_words(result.model, unit))
     page.code(formula(result.model, unit))
@@ -98,6 +129,7 @@ def refinement_report(result: RefineResult, names: list[str]) -> Report:
         page.text(online_words(result.model))
     page.heading('What the recordings cannot tell')
     page.text(honesty(report))
+    page.made_by(*command, f'Recordings: {", ".join(names)}')
     return page
 
 
@@ -138,19 +170,65 @@ def verdict_words(report: dict[str, Any]) -> str:
 
 
 def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
-    """Return a row for every number that was found: effect, name, value, interval."""
-    rows = []
+    """Return a row for every number that was found: effect, name, value, unit, interval."""
+    unit, friction = report['unit'], report['friction']
+    rows = [['Eq. 6', name, number(friction[key]), own.replace('A', unit, 1),
+             between(friction['intervals'][key]) if key in friction['intervals'] else 'as before']
+            for key, name, own in (('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
+                                   ('viscous', 'viscous friction', 'A·s/rad'))]
     for effect in report['effects']:
         name, bounds = effect['name'].replace('_', ' '), effect['intervals']
+        kind = EFFECTS.get(effect['name'])
         for key, value in effect['parameters'].items():
             # What was not searched has no interval, or one without width.
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
-                rows.append([name, key.replace('_', ' '), number(value), between(bounds[key])])
-        rows += [[name, f'coefficient {place + 1}', number(value), between(ends)]
-                 for place, (value, ends) in enumerate(zip(
-                     effect['parameters'].get('coefficients', ()),
-                     bounds.get('coefficients', ())))]
+                rows.append([name, key.replace('_', ' '), number(value), _UNITS.get(key, ''),
+                             between(bounds[key])])
+        for place, (value, ends) in enumerate(zip(
+                effect['parameters'].get('coefficients', ()), bounds.get('coefficients', ()))):
+            known = kind.numbers[place:place + 1] if kind else ()
+            what, own = known[0] if known else (f'coefficient {place + 1}', '')
+            rows.append([name, what, number(value), own.replace('A', unit, 1), between(ends)])
     return rows
+
+
+def change_rows(result: RefineResult) -> list[list[Any]]:
+    """Return a row for every number of the model given that was fitted anew: before and after."""
+    if not result.report['before']['model'].startswith('the given model'):
+        return []
+    unit = result.report['unit']
+    old, new = result.start.sigmoid, result.model.sigmoid
+    rows = [[f'Eq. 6: {name}', number(a), number(b), own.replace('A', unit, 1)] for name, a, b, own
+            in (('Coulomb friction', 0.5 * (old.upper - old.lower), 0.5 * (new.upper - new.lower),
+                 'A'), ('offset', 0.5 * (old.upper + old.lower), 0.5 * (new.upper + new.lower),
+                        'A'), ('viscous friction', old.viscous, new.viscous, 'A·s/rad'))]
+    for before, after in zip(result.start.effects, result.model.effects):
+        if before.name == after.name:
+            for place, pair in enumerate(zip(before.coefficients, after.coefficients)):
+                known = after.numbers[place:place + 1] or ((f'coefficient {place + 1}', ''),)
+                rows.append([f"{after.name.replace('_', ' ')}: {known[0][0]}",
+                             *map(number, pair), known[0][1].replace('A', unit, 1)])
+    return rows
+
+
+def wave_words(result: RefineResult) -> str:
+    """Return what the largest wave left over position is, and why it has no name."""
+    k, size = spectrum(result, result.after)
+    left = result.after[result.usable]
+    if not len(k) or not np.any(left):
+        return ''
+    place = int(np.argmax(size))
+    share = 0.5 * size[place] ** 2 / float(np.mean(left ** 2))
+    why = (f'an effect has to take away {100 * LEAST_SHARE:.0f} %' if share < LEAST_SHARE
+           else 'parts of the recording did not agree on it')
+    return (f'The largest wave left has {quantity(float(size[place]), result.report["unit"])}, '
+            f'{number(float(k[place]))} times a turn: {100 * share:.2g} % of the squared error. It '
+            f'is not named: {why}.')
+
+
+def show(page: Report, drawn: Drawn, caption: str) -> None:
+    """Add a figure with its curves to a page."""
+    page.figure(drawn.figure, caption, live=drawn.live)
 
 
 def between(interval: list[float | None]) -> str:
@@ -159,126 +237,6 @@ def between(interval: list[float | None]) -> str:
     if low is None or high is None:
         return 'the recordings do not tell'
     return f'{number(low)} to {number(high)}'
-
-
-@styled
-def steps_figure(result: RefineResult) -> Figure:
-    """Return the error over the steps of the choice."""
-    figure, axes = new_figure(height=2.6)
-    labels = [f'+ {name.replace("_", " ")}' if k else name
-              for k, (name, _) in enumerate(result.trail)]
-    errors = [error for _, error in result.trail]
-    axes.plot(range(len(errors)), errors, 'o-', color=COLOURS['blue'])
-    axes.axhline(result.report['noise_floor'], color=COLOURS['grey'], linestyle='--')
-    axes.set_xticks(range(len(errors)), labels, rotation=20, ha='right')
-    axes.set_ylabel(f"RMS error ({result.report['unit']})")
-    axes.set_ylim(bottom=0.0)
-    return figure
-
-
-@styled
-def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
-    """Return the residual over a signal, before beside after."""
-    figure, both = new_figure(columns=2, height=2.8, sharey=True)
-    rows = result.usable
-    x = getattr(result.samples, name)[rows]
-    samples: Any = result.samples
-    side = samples.velocity[rows] > 0
-    # Between two runs nothing was measured, and no line is drawn.
-    run = _runs(samples)[rows]
-    if name != 'time' or np.any(np.diff(run[np.argsort(x, kind='stable')]) < 0):
-        run = np.zeros(len(x), dtype=int)
-    for axes, residual, title in zip(both, (result.before, result.after), ('before', 'after')):
-        y = residual[rows]
-        scatter(axes, x, y, 'grey')
-        for mask, colour, words in ((side, 'blue', 'positive'), (~side, 'orange', 'negative')):
-            if mask.sum() > 20 and name != 'velocity':
-                axes.plot(*averages(x[mask], y[mask], run[mask]), color=COLOURS[colour],
-                          label=words)
-        if name == 'velocity':
-            axes.plot(*averages(x, y, run), color=COLOURS['blue'])
-        axes.set_title(title)
-        axes.set_xlabel(label)
-    limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
-    both[0].set_ylim(-1.2 * limit, 1.2 * limit)
-    both[0].set_ylabel(f"measured − predicted ({result.report['unit']})")
-    if name != 'velocity':
-        both[1].legend(loc='upper right')
-    return figure
-
-
-def _runs(samples: Samples) -> np.ndarray:
-    """Return the number of the run of each sample, shape (N,): a gap of 0.5 s ends one."""
-    run = np.empty(len(samples), dtype=int)
-    for place, part in enumerate(samples.segments(max(20.0, 0.5 / samples.sample_time))):
-        run[part] = place
-    return run
-
-
-def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
-             number: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Return the middles of ranges with as many samples each, and the averages in them.
-
-    Where no sample lies between two ranges for more than a tenth of the whole, and between two
-    runs, there is a NaN, so that no line is drawn across.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (N,)
-    run : ndarray of int, shape (N,)
-        All the same where runs do not follow one another along x.
-    number : int
-        Of ranges, about.
-    """
-    order = np.argsort(x, kind='stable')
-    pieces = [piece for piece in np.array_split(order, number) if len(piece)]
-    wide = 0.1 * float(np.ptp(x))
-    middles: list[float] = []
-    means: list[float] = []
-    last, before = -np.inf, None
-    for piece in pieces:
-        own = x[piece]
-        cuts = np.nonzero((np.diff(own) > wide) | (np.diff(run[piece]) != 0))[0] + 1
-        for part in np.split(piece, cuts):
-            if middles and (np.min(x[part]) - last > max(wide, 1e-300) or run[part[0]] != before):
-                middles.append(np.nan)
-                means.append(np.nan)
-            middles.append(x[part].mean())
-            means.append(y[part].mean())
-            last, before = np.max(x[part]), run[part[-1]]
-    return np.array(middles), np.array(means)
-
-
-@styled
-def spectrum_figure(result: RefineResult) -> Figure | None:
-    """Return the spectrum over position; None where the position hardly varied."""
-    rows = result.usable
-    samples: Any = result.samples
-    highest = highest_frequency(samples.velocity[rows], samples.sample_time,
-                                result.scene.resolution)
-    figure, axes = new_figure(height=2.8)
-    for residual, words, colour in ((result.before, 'before', 'orange'),
-                                    (result.after, 'after', 'blue')):
-        y = residual[rows]
-        k, power = position_spectrum(samples.position[rows], y - y.mean(),
-                                     np.ones(int(rows.sum())), highest, periods=0.5)
-        if not len(k):
-            return None
-        k, size = coarse(k, np.sqrt(2.0 * power / rows.sum()))
-        axes.plot(k, size, color=COLOURS[colour], label=words)
-    axes.set_xscale('log')
-    axes.set_xlabel('periods a turn')
-    axes.set_ylabel(f"amplitude ({result.report['unit']})")
-    axes.set_ylim(bottom=0.0)
-    axes.legend()
-    return figure
-
-
-def coarse(k: np.ndarray, size: np.ndarray, number: int = 700) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest values in ranges of equal ratio, so that no peak is lost."""
-    place = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * number).astype(int)
-    first = np.nonzero(np.diff(place, prepend=-1))[0]
-    return k[first], np.maximum.reduceat(size, first)
 
 
 def model_words(model: FrictionModel, unit: str = 'A') -> str:

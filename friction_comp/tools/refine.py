@@ -8,7 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import Arguments, output_folder, positive, progress, to_json
+from friction_comp.tools.common import (
+    Arguments,
+    command_line,
+    output_folder,
+    positive,
+    progress,
+    to_json,
+)
 from friction_comp.tools.recorded_drive import drive_of, layout_of, limited, unit_of
 from friction_comp.tools.workers import add_workers
 
@@ -84,7 +91,8 @@ def main(argv: list[str] | None = None) -> int:
         result.model.notes = {**result.model.notes, 'refined_from': names, 'unit': unit, **limit}
         with output_folder(arguments.output) as folder:
             (folder / 'report.json').write_text(to_json(result.report), encoding='utf-8')
-            refinement_report(result, names).save(folder / 'report.html')
+            refinement_report(result, names, [command_line('refine', argv)]).save(
+                folder / 'report.html')
             result.model.save(folder / 'model.yaml')
     if arguments.json:
         print(to_json(result.report), end='')

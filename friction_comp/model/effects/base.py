@@ -57,6 +57,8 @@ class Effect(ABC):
         which all effects of a fit share.
     older : dict of str to float
         Constants that model files did not always hold, and what they amounted to then.
+    numbers : tuple of (str, str)
+        What each coefficient is, and its unit, A standing for the recording's own.
     signs : tuple of int
         Sign that physics asks of the first coefficients: 1, -1, or 0 where it may be either.
     most : int
@@ -89,6 +91,7 @@ class Effect(ABC):
     needs: tuple[str, ...] = ()
     constants: dict[str, Search | None] = {}
     older: dict[str, float] = {}
+    numbers: tuple[tuple[str, str], ...] = ()
     signs: tuple[int, ...] = ()
     most = 1
     physics = False

@@ -25,6 +25,7 @@ class Bump(Effect):
     """
 
     name = 'bump'
+    numbers = (('height', 'A'),)
     variable = 'position'
     most = 3
     constants = {'position': Search(0.5, unit=lambda _, constants: constants['width']),

@@ -22,6 +22,8 @@ class DirectionAsymmetry(Effect):
     """
 
     name = 'direction_asymmetry'
+    numbers = (('half the difference of Coulomb friction', 'A'),
+               ('half the difference of viscous friction', 'A·s/rad'))
     variable = 'direction'
     constants = {'offset': None, 'transition': None}
 

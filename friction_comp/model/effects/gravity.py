@@ -22,6 +22,7 @@ class Gravity(Effect):
     """``A·cos(q) + B·sin(q)``, independent of the direction of motion."""
 
     name = 'gravity'
+    numbers = (('part with the cosine of position', 'A'), ('part with the sine of position', 'A'))
     variable = 'position'
     role = CARRIES
     physics = weight = True

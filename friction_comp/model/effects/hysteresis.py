@@ -72,6 +72,7 @@ class Hysteresis(Effect):
     """
 
     name = 'hysteresis'
+    numbers = (('friction that turns round', 'A'), ('friction while it turns round', 'A'))
     variable = 'history'
     constants = {'distance': Search(1.6), 'exponent': Search(1.5), 'transition': None}
     signs = (1,)

@@ -21,6 +21,7 @@ class Inertia(Effect):
     """``J/(k_t·n)·dv/dt``."""
 
     name = 'inertia'
+    numbers = (('inertia', 'A·s²/rad'),)
     variable = 'acceleration'
     role = CARRIES
     needs = ('acceleration',)

@@ -25,6 +25,7 @@ class InnerLoadFriction(Effect):
     """
 
     name = 'inner_load_friction'
+    numbers = (('friction per load', 'A per A'),)
     variable = 'load'
     carried = True
     most = 2

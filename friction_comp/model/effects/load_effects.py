@@ -21,6 +21,7 @@ class LoadTorque(Effect):
     """
 
     name = 'load_torque'
+    numbers = (('current per load', 'A/(N·m)'),)
     variable = 'load'
     role = NEITHER
     physics = True
@@ -57,6 +58,7 @@ class LoadFriction(Effect):
     """``A·tanh(v/v_t)·|τ_b|^p``: friction that grows with the load on the teeth."""
 
     name = 'load_friction'
+    numbers = (('friction at 1 N·m', 'A'),)
     variable = 'load'
     needs = ('load',)
     signs = (1,)

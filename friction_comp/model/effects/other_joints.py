@@ -21,6 +21,7 @@ class RigidBody(Effect):
     """
 
     name = 'rigid_body'
+    numbers = (('current per torque', 'A/(N·m)'),)
     variable = 'other joints'
     role = CARRIES
     needs = ('rigid_body',)
@@ -54,6 +55,7 @@ class CarriedLoadFriction(Effect):
     """
 
     name = 'carried_load_friction'
+    numbers = (('friction at 1 N·m', 'A'),)
     variable = 'load'
     needs = ('rigid_body',)
     constants = {'exponent': Search(1.6), 'transition': None}

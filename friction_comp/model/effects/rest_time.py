@@ -57,6 +57,7 @@ class RestTime(Effect):
     """``A·tanh(v/v_t)·s``: s grows with the time at rest and fades over a distance of motion."""
 
     name = 'rest_time'
+    numbers = (('stiction after a long rest', 'A'),)
     variable = 'history'
     constants = {'time_constant': Search(1.8), 'distance': Search(1.8), 'velocity': None,
                  'transition': None}

@@ -28,6 +28,7 @@ _PEAKS = 4
 class _Ripple(Effect):
     variable = 'position'
     most = 4
+    numbers = (('part with the cosine of the phase', 'A'), ('part with the sine of the phase', 'A'))
     constants = {
         'frequency': Search(1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12)),
         'growth': None, 'speed': None, 'transition': None}

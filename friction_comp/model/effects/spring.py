@@ -21,6 +21,7 @@ class Spring(Effect):
     """``A·(q - q0)``, independent of the direction of motion."""
 
     name = 'spring'
+    numbers = (('stiffness', 'A/rad'),)
     variable = 'position'
     role = CARRIES
     physics = True

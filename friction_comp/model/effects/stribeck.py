@@ -19,6 +19,7 @@ class Stribeck(Effect):
     """``A·tanh(v/v_t)·exp(-(|v|/v_s)^p)``, the second term of the note's Eq. 2 for p = 1."""
 
     name = 'stribeck'
+    numbers = (('height at standstill', 'A'),)
     variable = 'velocity'
     constants = {'velocity': Search(1.6), 'exponent': None, 'transition': None}
 

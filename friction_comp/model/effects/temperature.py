@@ -19,6 +19,9 @@ class Temperature(Effect):
     """
 
     name = 'temperature'
+    numbers = (('Coulomb friction per kelvin', 'A/K'),
+               ('viscous friction per kelvin', 'A·s/(rad·K)'),
+               ('offset per kelvin', 'A/K'))
     variable = 'temperature'
     needs = ('temperature',)
     # Friction falls nearly in a straight line over tens of kelvin: twice what was seen is believed.

@@ -23,6 +23,7 @@ class ViscousShape(Effect):
     """
 
     name = 'viscous_shape'
+    numbers = (('size at the reference speed', 'A'),)
     variable = 'velocity'
     held = {'velocity': 0.25}
     constants = {'exponent': Search(1.3), 'reference': None, 'linear': None, 'transition': None}

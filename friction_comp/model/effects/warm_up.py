@@ -51,6 +51,9 @@ class WarmUp(_Drift):
     """
 
     name = 'warm_up'
+    numbers = (('Coulomb friction at the start', 'A'),
+               ('viscous friction at the start', 'A·s/rad'),
+               ('offset at the start', 'A'))
     constants = {'time_constant': Search(1.7), 'transition': None}
 
     @classmethod
@@ -83,6 +86,7 @@ class OffsetDrift(_Drift):
     """``A·exp(-t/τ)``: a current that drifts whatever the direction, t as in `WarmUp`."""
 
     name = 'offset_drift'
+    numbers = (('offset at the start', 'A'),)
     role = NEITHER
     not_fed_back = ('a drifting offset of the current sensor is no torque; fed back it could push '
                     'an untouched joint')

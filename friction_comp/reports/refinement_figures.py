@@ -1,0 +1,292 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of refinement's page: each a drawing, and the same curves to hover and zoom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from typing import Any, NamedTuple, TYPE_CHECKING
+
+import numpy as np
+
+from friction_comp.model.effects.spectrum import highest_frequency, position_spectrum
+from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
+from friction_comp.reports.interactive import Line, Panel
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.samples import Samples
+
+Rows = Sequence[Sequence[Panel]]
+# s of a recording that are drawn over time, with about so many reversals.
+_SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
+# Colours of the parts of a model, the base first.
+_PARTS = ('grey', 'blue', 'orange', 'green', 'pink', 'violet', 'red', 'yellow')
+_DOTS = 1500
+
+
+class Drawn(NamedTuple):
+    """A drawing and its curves."""
+
+    figure: Figure
+    live: Rows
+
+
+def excerpt(result: RefineResult) -> slice:
+    """Return a stretch of the recording with a few reversals, from its middle."""
+    samples: Any = result.samples
+    part = max(samples.segments(20.0), key=lambda one: one.stop - one.start)
+    time = samples.time[part]
+    whole = max(float(np.ptp(time)), 1e-9)
+    signs = np.sign(samples.velocity[part][result.usable[part]])
+    turns = max(int(np.count_nonzero(np.diff(signs))), 1)
+    length = float(np.clip(_REVERSALS * whole / turns, _SHORTEST, _LONGEST))
+    begin, end = np.searchsorted(time, time[0] + 0.5 * (
+        whole + np.array([-1.0, 1.0]) * min(length, whole)))
+    return slice(part.start + int(begin), part.start + int(end))
+
+
+@styled
+def time_figure(result: RefineResult) -> Drawn:
+    """Return measured and predicted current over time, and the part of each effect."""
+    samples, unit = result.samples, result.report['unit']
+    part = excerpt(result)
+    time, measured = samples.time[part], samples.current[part]
+    curves = [('measured', 'grey', measured),
+              ('before', 'orange', measured - result.before[part]),
+              ('after', 'blue', measured - result.after[part])]
+    model, parts = result.model, []
+    known = model.with_arm(samples)
+    parts.append(('Eq. 6', np.asarray(model.sigmoid(np.asarray(samples.velocity)))[part]))
+    for effect in model.effects:
+        current = effect.current(known)[part]
+        name = effect.name.replace('_', ' ')
+        same = [k for k, (other, _) in enumerate(parts) if other == name]
+        if same:
+            parts[same[0]] = (name, parts[same[0]][1] + current)
+        else:
+            parts.append((name, current))
+    figure, (above, below) = new_figure(rows=2, height=2.4, sharex=True)
+    for name, colour, values in curves:
+        above.plot(time, values, color=COLOURS[colour], label=name, linewidth=1.1)
+    colours = [_PARTS[k % len(_PARTS)] for k in range(len(parts))]
+    for (name, values), colour in zip(parts, colours):
+        below.plot(time, values, color=COLOURS[colour], label=name, linewidth=1.1)
+    for axes, label in ((above, f'current ({unit})'), (below, f'part of it ({unit})')):
+        axes.set_ylabel(label)
+        axes.legend(loc='upper left', bbox_to_anchor=(1.0, 1.0))
+    below.set_xlabel('time (s)')
+    x = 'time (s)'
+    return Drawn(figure, [
+        [Panel(x, f'current ({unit})', [Line(*curve(name, time, values, colour))
+                                        for name, colour, values in curves])],
+        [Panel(x, f'part of it ({unit})', [
+            Line(*curve(name, time, values, colour))
+            for (name, values), colour in zip(parts, colours)])]])
+
+
+def curve(name: str, x: np.ndarray, y: np.ndarray, colour: str
+          ) -> tuple[str, np.ndarray, np.ndarray, str]:
+    """Return the arguments of a `Line`."""
+    return name, x, y, colour
+
+
+@styled
+def friction_figure(result: RefineResult) -> Drawn:
+    """Return friction over velocity: what the data leave to Eq. 6, and Eq. 6 before and after."""
+    samples, unit = result.samples, result.report['unit']
+    velocity = np.asarray(samples.velocity)
+    rest = np.array(samples.current, dtype=float)
+    known = result.model.with_arm(samples)
+    for effect in result.model.effects:
+        rest -= effect.current(known)
+    v, y = _some(velocity[result.usable], rest[result.usable])
+    speeds = np.linspace(velocity[result.usable].min(), velocity[result.usable].max(), 801)
+    lines = [('before', 'orange', result.start.sigmoid(speeds)),
+             ('after', 'blue', result.model.sigmoid(speeds))]
+    figure, axes = new_figure(height=3.0)
+    scatter(axes, v, y, 'grey')
+    for name, colour, values in lines:
+        axes.plot(speeds, values, color=COLOURS[colour], label=name)
+    low, high = np.percentile(y, (0.5, 99.5))
+    axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+    axes.set_xlabel('velocity (rad/s)')
+    axes.set_ylabel(f'friction ({unit})')
+    axes.legend()
+    return Drawn(figure, [[Panel('velocity (rad/s)', f'friction ({unit})', [
+        Line('measured, less what the effects explain', v, y, 'grey', style='dots'),
+        *(Line(name, speeds, np.asarray(values), colour) for name, colour, values in lines)])]])
+
+
+@styled
+def parts_figure(result: RefineResult) -> Drawn:
+    """Return the error of each long part that was not fitted, and of standstill."""
+    report = result.report
+    unit = report['unit']
+    figure, axes = new_figure(height=2.6)
+    lines = []
+    for side, colour, shift in (('before', 'orange', -0.2), ('after', 'blue', 0.2)):
+        errors = np.array(report[side]['part_rmse'], dtype=float)
+        place = np.arange(1, len(errors) + 1)
+        axes.bar(place + shift, errors, 0.38, color=COLOURS[colour], label=side)
+        lines.append(Line(side, place, errors, colour))
+        still = report[side]['standstill_rmse']
+        if still is not None:
+            axes.bar(len(errors) + 2 + shift, still, 0.38, color=COLOURS[colour])
+            lines.append(Line(f'{side}, at standstill', np.array([len(errors) + 1.7, len(
+                errors) + 2.3]), np.array([still, still]), colour, style='dashed'))
+    number = len(report['after']['part_rmse'])
+    ticks, words = [*range(1, number + 1)], [str(k) for k in range(1, number + 1)]
+    if report['after']['standstill_rmse'] is not None:
+        ticks, words = [*ticks, number + 2], [*words, 'standstill']
+    axes.set_xticks(ticks, words)
+    axes.set_xlabel('part of the recording')
+    axes.set_ylabel(f'RMS error ({unit})')
+    axes.legend()
+    return Drawn(figure, [[Panel('part of the recording', f'RMS error ({unit})', lines)]])
+
+
+def _some(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    every = max(1, len(x) // _DOTS)
+    return x[::every], y[::every]
+
+
+@styled
+def steps_figure(result: RefineResult) -> Figure:
+    """Return the error over the steps of the choice."""
+    figure, axes = new_figure(height=2.6)
+    labels = [f'+ {name.replace("_", " ")}' if k else name
+              for k, (name, _) in enumerate(result.trail)]
+    errors = [error for _, error in result.trail]
+    axes.plot(range(len(errors)), errors, 'o-', color=COLOURS['blue'])
+    axes.axhline(result.report['noise_floor'], color=COLOURS['grey'], linestyle='--')
+    axes.set_xticks(range(len(errors)), labels, rotation=20, ha='right')
+    axes.set_ylabel(f"RMS error ({result.report['unit']})")
+    axes.set_ylim(bottom=0.0)
+    return figure
+
+
+@styled
+def residual_figure(result: RefineResult, name: str, label: str) -> Drawn:
+    """Return the residual over a signal, before beside after."""
+    figure, both = new_figure(columns=2, height=2.8, sharey=True)
+    rows = result.usable
+    x = getattr(result.samples, name)[rows]
+    samples: Any = result.samples
+    side = samples.velocity[rows] > 0
+    # Between two runs nothing was measured, and no line is drawn.
+    run = _runs(samples)[rows]
+    if name != 'time' or np.any(np.diff(run[np.argsort(x, kind='stable')]) < 0):
+        run = np.zeros(len(x), dtype=int)
+    unit = result.report['unit']
+    panels = []
+    for axes, residual, title in zip(both, (result.before, result.after), ('before', 'after')):
+        y = residual[rows]
+        scatter(axes, x, y, 'grey')
+        panel = Panel(label, f'measured − predicted ({unit})', [
+            Line('samples', *_some(x, y), 'grey', style='dots')], title)
+        panels.append(panel)
+        for mask, colour, words in ((side, 'blue', 'positive'), (~side, 'orange', 'negative')):
+            if mask.sum() > 20 and name != 'velocity':
+                mean = averages(x[mask], y[mask], run[mask])
+                axes.plot(*mean, color=COLOURS[colour], label=words)
+                panel.lines.append(Line(f'{words} direction', *mean, colour))
+        if name == 'velocity':
+            mean = averages(x, y, run)
+            axes.plot(*mean, color=COLOURS['blue'])
+            panel.lines.append(Line('average', *mean, 'blue'))
+        axes.set_title(title)
+        axes.set_xlabel(label)
+    limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
+    both[0].set_ylim(-1.2 * limit, 1.2 * limit)
+    both[0].set_ylabel(f'measured − predicted ({unit})')
+    if name != 'velocity':
+        both[1].legend(loc='upper right')
+    return Drawn(figure, [panels])
+
+
+def _runs(samples: Samples) -> np.ndarray:
+    """Return the number of the run of each sample, shape (N,): a gap of 0.5 s ends one."""
+    run = np.empty(len(samples), dtype=int)
+    for place, part in enumerate(samples.segments(max(20.0, 0.5 / samples.sample_time))):
+        run[part] = place
+    return run
+
+
+def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
+             number: int = 40) -> tuple[np.ndarray, np.ndarray]:
+    """Return the middles of ranges with as many samples each, and the averages in them.
+
+    Where no sample lies between two ranges for more than a tenth of the whole, and between two
+    runs, there is a NaN, so that no line is drawn across.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (N,)
+    run : ndarray of int, shape (N,)
+        All the same where runs do not follow one another along x.
+    number : int
+        Of ranges, about.
+    """
+    order = np.argsort(x, kind='stable')
+    pieces = [piece for piece in np.array_split(order, number) if len(piece)]
+    wide = 0.1 * float(np.ptp(x))
+    middles: list[float] = []
+    means: list[float] = []
+    last, before = -np.inf, None
+    for piece in pieces:
+        own = x[piece]
+        cuts = np.nonzero((np.diff(own) > wide) | (np.diff(run[piece]) != 0))[0] + 1
+        for part in np.split(piece, cuts):
+            if middles and (np.min(x[part]) - last > max(wide, 1e-300) or run[part[0]] != before):
+                middles.append(np.nan)
+                means.append(np.nan)
+            middles.append(x[part].mean())
+            means.append(y[part].mean())
+            last, before = np.max(x[part]), run[part[-1]]
+    return np.array(middles), np.array(means)
+
+
+@styled
+def spectrum_figure(result: RefineResult) -> Drawn | None:
+    """Return the spectrum over position; None where the position hardly varied."""
+    unit = result.report['unit']
+    figure, axes = new_figure(height=2.8)
+    lines = []
+    for residual, words, colour in ((result.before, 'before', 'orange'),
+                                    (result.after, 'after', 'blue')):
+        k, size = spectrum(result, residual)
+        if not len(k):
+            return None
+        k, size = coarse(k, size)
+        axes.plot(k, size, color=COLOURS[colour], label=words)
+        lines.append(Line(words, np.log10(k), size, colour))
+    axes.set_xscale('log')
+    axes.set_xlabel('periods a turn')
+    axes.set_ylabel(f'amplitude ({unit})')
+    axes.set_ylim(bottom=0.0)
+    axes.legend()
+    return Drawn(figure, [[Panel('periods a turn (logarithm to base 10)', f'amplitude ({unit})',
+                                 lines)]])
+
+
+def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return periods a turn, and the amplitude of a residual's wave of so many, shape (K,)."""
+    rows = result.usable
+    samples: Any = result.samples
+    highest = highest_frequency(samples.velocity[rows], samples.sample_time,
+                                result.scene.resolution)
+    y = residual[rows]
+    k, power = position_spectrum(samples.position[rows], y - y.mean(),
+                                 np.ones(int(rows.sum())), highest, periods=0.5)
+    return k, np.sqrt(2.0 * np.asarray(power) / rows.sum())
+
+
+def coarse(k: np.ndarray, size: np.ndarray, number: int = 700) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest values in ranges of equal ratio, so that no peak is lost."""
+    place = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * number).astype(int)
+    first = np.nonzero(np.diff(place, prepend=-1))[0]
+    return k[first], np.maximum.reduceat(size, first)
