@@ -160,6 +160,8 @@ def test_served_to_this_machine_alone_without_anything_from_elsewhere(recording)
     try:
         port = int(re.search(r'localhost:(\d+)', process.stdout.readline())[1])
         page = urlopen(f'http://localhost:{port}/', timeout=20).read().decode()
+        # On a phone it is as wide as the screen.
+        assert 'width=device-width' in page
         assert 'prefers-color-scheme: dark' in page, 'one look with the reports'
         for source in re.findall(r'(?:src|href)="([^"]+)"', page):
             assert not source.startswith(('http', '//')) or 'localhost' in source, source

@@ -51,6 +51,7 @@ _SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')
 # the dark the whole page is turned inside out, hues kept.
 _TEMPLATE = """
 {% block postamble %}
+<meta name="viewport" content="width=device-width, initial-scale=1">
 <style>
 html { background: #f6f7f9; }
 body {
@@ -126,11 +127,15 @@ class _Page:
                                 align='end')
             self._speed = Select(title='Speed', value='1', options=list(_SPEEDS), width=80)
             self._seek = Slider(title='Time (s)', start=0.0, end=feed.duration, step=0.05,
-                                value=min(length, feed.duration), sizing_mode='stretch_width')
+                                value=min(length, feed.duration), min_width=240,
+                                sizing_mode='stretch_width')
             controls += [self._play, self._speed, self._seek]
         self.layout = column(
             Div(text=f'<h1 style="font-size:1.3em;margin:0.2em 0">{_safe(feed.title)}</h1>'),
-            self._status, row(*controls, sizing_mode='stretch_width'), self._drawing,
+            self._status,
+            # On a narrow page what does not fit beside goes below.
+            row(*controls, sizing_mode='stretch_width', styles={'flex-wrap': 'wrap'}),
+            self._drawing,
             self._table(),
             *self._figures(), sizing_mode='stretch_width')
         self.update()
