@@ -35,6 +35,7 @@ TOOLS = {
     'watch': 'shows what runs, or a recording, as a live page on this machine',
     'doctor': 'tells what is installed and running, what is wrong with it, and what to do',
     'convert': 'turns a recording into a CSV, Parquet or npz table, and back',
+    'export': "writes a model's friction for MuJoCo, URDF or SDF, or as a table",
     'predict': "writes a model's current for a recording beside the measured one",
 }
 USAGE = '\n'.join([
@@ -178,6 +179,7 @@ evaluate = partial(run, 'evaluate')
 refine = partial(run, 'refine')
 predict = partial(run, 'predict')
 convert = partial(run, 'convert')
+export = partial(run, 'export')
 watch = partial(run, 'watch')
 doctor = partial(run, 'doctor')
 

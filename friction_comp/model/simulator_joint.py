@@ -1,0 +1,179 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A model's friction as simulators know it: Coulomb, viscous, inertia and a spring of one joint.
+
+One principle: **the poorer form is fitted to what the model says of one motion**, sweeps at
+constant speeds over the joint's range in both directions, and the error that it makes there is part
+of it. What belongs to the links (weight, the rest of the arm) or depends on something that a
+simulator's joint does not know (load, temperature, time) is left out, and named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+from scipy.optimize import nnls
+
+from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.samples import Samples
+
+# rad/s, where the model does not say how fast it was measured.
+_TOP_SPEED = 1.0
+# Sweeps have these shares of the top speed; a joint that hardly moves says nothing of a plateau.
+_SPEEDS = np.geomspace(0.02, 1.0, 12)
+_POINTS = 720
+_ROOM = 20.0  # °C
+_LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
+_TOLD = ('inertia', 'spring')
+
+
+@dataclass(frozen=True)
+class SimulatorJoint:
+    """Parameters of a simulator's joint.
+
+    Parameters
+    ----------
+    friction : float
+        Coulomb friction, N·m.
+    damping : float
+        Viscous friction, N·m·s/rad.
+    inertia : float
+        Of the drive at the joint, kg·m².
+    stiffness, rest : float
+        Of a spring, N·m/rad, and where it gives nothing, rad.
+    error : float
+        RMS of what the poorer form misses of the model's torque, N·m.
+    share : float
+        The same as a share of the model's torque.
+    top_speed : float
+        Up to which the form was fitted, rad/s.
+    left_out : list of str
+        Effects that are not in it, with the reason.
+    """
+
+    friction: float
+    damping: float
+    inertia: float
+    stiffness: float
+    rest: float
+    error: float
+    share: float
+    top_speed: float
+    left_out: list[str]
+
+
+def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:
+    """Return the parameters of a simulator's joint that come nearest to a model.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    top_speed : float, optional
+        rad/s; the largest of the model's look-up table, else 1.
+    """
+    top_speed = top_speed or measured_top_speed(model)
+    gain = model.drive.torque_per_current
+    kept, left_out = of_the_joint(model)
+    motion, late = sweeps(model, top_speed)
+    torque = gain * kept.current(motion)[late]
+    speed = np.asarray(motion.velocity)[late]
+    (friction, damping), _ = nnls(np.column_stack((np.sign(speed), speed)), torque)
+    missed = torque - friction * np.sign(speed) - damping * speed
+    inertias = [gain * effect.coefficients[0] for effect in model.effects
+                if effect.name == 'inertia']
+    inertia = float(sum(inertias) if inertias else model.simulation.get('inertia', 0.0))
+    springs = [effect for effect in model.effects if effect.name == 'spring']
+    stiffness = gain * sum(effect.coefficients[0] for effect in springs)
+    rest = springs[0].values['position'] if springs else 0.0
+    error = math.sqrt(float(np.mean(missed ** 2)))
+    whole = math.sqrt(float(np.mean(torque ** 2)))
+    return SimulatorJoint(float(friction), float(damping), inertia, stiffness, rest, error,
+                          error / whole if whole else 0.0, top_speed, left_out)
+
+
+def measured_top_speed(model: FrictionModel) -> float:
+    """Return the largest speed of the model's look-up table, rad/s; 1 where it has none."""
+    speeds = [abs(v) for v in (model.lookup_table or {}).get('speeds', ())]
+    return max(speeds, default=_TOP_SPEED) or _TOP_SPEED
+
+
+def of_the_joint(model: FrictionModel) -> tuple[FrictionModel, list[str]]:
+    """Return the model with what a joint's friction may depend on, and what was left out."""
+    kept, left_out = [], []
+    for effect in model.effects:
+        unknown = [name for name in effect.needs if name not in ('acceleration', 'velocity')]
+        if effect.name in _LINKS:
+            left_out.append(f'{effect.name}: belongs to the links and what they touch')
+        elif effect.name in _TOLD:
+            continue
+        elif unknown or not effect.holds_on_another_day:
+            left_out.append(f'{effect.name}: depends on {unknown[0] if unknown else "time"}')
+        else:
+            kept.append(effect)
+    return replace(model, effects=kept, arm=None), left_out
+
+
+def sweeps(model: FrictionModel, top_speed: float) -> tuple[Samples, np.ndarray]:
+    """Return sweeps at constant speeds over the joint's range, or a turn, in both directions.
+
+    With them, which samples follow the first tenth of a sweep: presliding is over by then.
+
+    Raises
+    ------
+    InputError
+        If the top speed is no positive number.
+    """
+    if not (math.isfinite(top_speed) and top_speed > 0.0):
+        raise InputError(f'the top speed must be a positive number, not {top_speed}')
+    low, high = model.position_limits or (-math.pi, math.pi)
+    path = np.linspace(low, high, _POINTS)
+    parts = []
+    for speed in _SPEEDS * top_speed:
+        for side in (1.0, -1.0):
+            time = (path - low) / speed
+            zero = np.zeros(_POINTS)
+            parts.append(Samples(
+                time=time, position=path if side > 0 else path[::-1], current=zero,
+                velocity=np.full(_POINTS, side * speed), acceleration=zero, load=zero,
+                temperature=np.full(_POINTS, _ROOM), rigid_body=zero, coupling=zero))
+    late = np.tile(np.arange(_POINTS) >= _POINTS // 10, len(parts))
+    return Samples.concatenate(parts), late
+
+
+def table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = None
+          ) -> tuple[list[str], np.ndarray]:
+    """Return friction torque over speed, position and load, without weight and inertia.
+
+    Parameters
+    ----------
+    model : FrictionModel
+    loads : ndarray, shape (L,)
+        N·m; used where friction depends on the load.
+    top_speed : float, optional
+        rad/s.
+
+    Returns
+    -------
+    list of str, ndarray of shape (N, 4)
+        Names of the columns: velocity, position, load, torque; and the rows.
+    """
+    top_speed = top_speed or measured_top_speed(model)
+    named = [effect for effect in model.effects if effect.name not in (*_LINKS, *_TOLD)
+             and effect.holds_on_another_day]
+    kept = replace(model, effects=[effect for effect in named if not (
+        {'temperature', 'rigid_body', 'coupling'} & set(effect.needs))], arm=None)
+    motion, late = sweeps(model, top_speed)
+    if not any('load' in effect.needs for effect in kept.effects):
+        loads = np.zeros(1)
+    rows = []
+    for load in loads:
+        torque = model.drive.torque_per_current * kept.current(
+            motion.with_(load=np.full(len(motion), load)))
+        rows.append(np.column_stack((
+            np.asarray(motion.velocity), motion.position, np.full(len(motion), load), torque)))
+    every = np.arange(len(motion)) % 8 == 0
+    return (['velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)'],
+            np.concatenate([part[late & every] for part in rows]))

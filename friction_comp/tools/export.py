@@ -1,0 +1,116 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``export``: a model's friction in a form that a simulator reads.
+
+Simulators know Coulomb and viscous friction, an inertia and a spring of a joint. What that poorer
+form misses of the model is computed, printed and written into the file.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
+
+from friction_comp import __version__
+from friction_comp.files import write_atomically
+from friction_comp.tools.common import Arguments, positive
+
+if TYPE_CHECKING:
+    from friction_comp.model.simulator_joint import SimulatorJoint
+
+_FORMS = ('mujoco', 'urdf', 'sdf', 'csv')
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write the file; returns 0.
+
+    Raises
+    ------
+    InputError
+        If the model cannot be read or the output not be written.
+    """
+    parser = Arguments('export', __doc__, (
+        'config/armin_configuration_2.yaml --to mujoco --output output/elbow.xml',
+        'output/refined/model.yaml --to csv --output output/friction.csv'))
+    parser.add_argument('model', metavar='MODEL', type=Path, help='model file')
+    parser.add_argument('--to', choices=_FORMS, required=True,
+                        help='mujoco, urdf, sdf: attributes of one joint; csv: a table over '
+                        'speed, position and load')
+    parser.add_argument('--joint', metavar='NAME', help='name of the joint in the file; by '
+                        'default that of the model, else "joint"')
+    parser.add_argument('--top-speed', metavar='RAD/S', type=positive,
+                        help='speed up to which the form is fitted; by default the largest that '
+                        'identification measured, else 1')
+    parser.add_argument('--load', metavar='N·M', type=positive, default=10.0,
+                        help='largest load of the table, where friction depends on it (10)')
+    parser.add_output_file('the file to write')
+    arguments = parser.parse(argv)
+    import numpy as np
+
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.model.simulator_joint import simulator_joint, table
+
+    model = FrictionModel.load(arguments.model)
+    if arguments.to == 'csv':
+        names, rows = table(model, np.linspace(-arguments.load, arguments.load, 9),
+                            arguments.top_speed)
+        lines = [','.join(names), *(','.join(f'{value:.6g}' for value in row) for row in rows)]
+        write_atomically(arguments.output, '\n'.join(lines) + '\n')
+        print(f'{arguments.output}: {len(rows)} rows')
+        return 0
+    joint = simulator_joint(model, arguments.top_speed)
+    name = arguments.joint or model.joint or 'joint'
+    remarks = words(joint, str(arguments.model))
+    write_atomically(arguments.output, document(arguments.to, name, joint, remarks))
+    print(f'{arguments.output}: {name}')
+    for line in remarks[1:]:
+        print(f'  {line}')
+    return 0
+
+
+def words(joint: SimulatorJoint, model: str) -> list[str]:
+    """Return what a reader of the file should know."""
+    return [
+        f'Friction of {model}, by friction_comp {__version__}',
+        f'Coulomb {joint.friction:.6g} N·m, viscous {joint.damping:.6g} N·m·s/rad, inertia of the '
+        f'drive {joint.inertia:.6g} kg·m²',
+        f'This form misses the model by {joint.error:.3g} N·m RMS, {100 * joint.share:.2g} % of '
+        f'its friction, in sweeps at constant speeds up to {joint.top_speed:.3g} rad/s',
+        *(f'Not in it: {line}' for line in joint.left_out)]
+
+
+def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
+    """Return the file's text.
+
+    Parameters
+    ----------
+    form : str
+        'mujoco', 'urdf' or 'sdf'.
+    name : str
+        Of the joint.
+    joint : SimulatorJoint
+    remarks : list of str
+    """
+    # Two hyphens in a row would end a comment of XML.
+    remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
+    friction, damping = f'{joint.friction:.9g}', f'{joint.damping:.9g}'
+    if form == 'mujoco':
+        spring = (f' stiffness="{joint.stiffness:.9g}" springref="{joint.rest:.9g}"'
+                  if joint.stiffness > 0.0 else '')
+        body = (f'<mujoco>\n  <compiler angle="radian"/>\n  <default>\n    <default '
+                f'class={quoteattr(name)}>\n      <joint frictionloss="{friction}" '
+                f'damping="{damping}" armature="{joint.inertia:.9g}"{spring}/>\n    </default>\n'
+                '  </default>\n</mujoco>\n')
+    elif form == 'urdf':
+        body = (f'<robot name={quoteattr(name)}>\n  <joint name={quoteattr(name)} type="revolute">'
+                f'\n    <dynamics damping="{damping}" friction="{friction}"/>\n  </joint>\n'
+                '</robot>\n')
+    else:
+        spring = (f'<spring_reference>{joint.rest:.9g}</spring_reference>'
+                  f'<spring_stiffness>{joint.stiffness:.9g}</spring_stiffness>'
+                  if joint.stiffness > 0.0 else '')
+        body = (f'<sdf version="1.9">\n  <joint name={quoteattr(name)} type="revolute">\n    '
+                f'<axis><dynamics><damping>{damping}</damping><friction>{friction}</friction>'
+                f'{spring}</dynamics></axis>\n  </joint>\n</sdf>\n')
+    return f'<?xml version="1.0"?>\n<!--\n{remark}\n-->\n{body}'
