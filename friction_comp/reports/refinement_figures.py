@@ -24,7 +24,7 @@ Rows = Sequence[Sequence[Panel]]
 # s of a recording that are drawn over time, with about so many reversals.
 _SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
 # Colours of the parts of a model, the base first.
-_PARTS = ('grey', 'blue', 'orange', 'green', 'pink', 'violet', 'red', 'yellow')
+_PARTS = ('violet', 'green', 'pink', 'red', 'yellow', 'orange', 'blue', 'grey')
 _DOTS = 1500
 
 
