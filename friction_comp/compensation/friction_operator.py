@@ -25,8 +25,9 @@ SURELY_BORNE = 0.6
 """No joint slips by itself under this share: who moves it now is a person."""
 CREEP_TIME = 1.0
 """s that a joint may creep under its preload; a push takes tenths of a second."""
-TRUST_TIME, RECOVERY_TIME = 0.5, 30.0
-"""s within which all trust goes beyond the identified speeds, and comes back."""
+TAKEN_TIME, GIVEN_BACK = 0.5, 0.04
+"""s within which the whole share goes beyond the identified speeds; what a rest that ends a movement
+and is borne gives back."""
 MOST_CHANGES, CHANGE_TIME = 2.5, 1.0
 """Changes of the announced direction, of which one is forgotten in so many s, beyond which none is
 believed."""
@@ -64,21 +65,21 @@ def follow(p: Any, s: Any) -> None:
 
 
 @njit(cache=True)
-def _bears_less(p: Any, s: Any) -> None:
-    s.borne = max(LEAST_BORNE, p.lowered * s.borne)
+def _bears_less(p: Any, s: Any, at: float) -> None:
+    s.borne = max(LEAST_BORNE / s.bears, p.lowered * at * s.borne)
 
 
 @njit(cache=True)
-def _slipped(p: Any, s: Any, aim: float, home: float) -> None:
-    """Take back what the joint did not bear: it moved under the preload with nobody pushing."""
+def _slipped(p: Any, s: Any, aim: float, home: float, at: float) -> None:
+    """Take back what the joint did not bear: it moved under `at` of the preload, nobody pushing."""
     s.slips += 1.0
-    s.mode = FREE
     s.still_time, s.still_place = 0.0, s.position
     s.creeping = -math.inf
     if (s.position - home) * aim > 0.0:
-        _bears_less(p, s)
-        s.caution = 1
+        _bears_less(p, s, at)
+        s.caution = 2 if s.mode == LEADING else 1
         s.home = home
+    s.mode = FREE
 
 
 @njit(cache=True)
@@ -94,7 +95,7 @@ def lead(p: Any, s: Any, aim: float) -> None:
     if s.mode == LEADING:
         if abs(s.position - s.mark) > p.slip:
             if abs(s.ramp) > SURELY_BORNE:
-                _slipped(p, s, aim, s.mark)
+                _slipped(p, s, aim, s.mark, abs(s.ramp))
             else:
                 s.mode = FREE
             return
@@ -110,14 +111,19 @@ def lead(p: Any, s: Any, aim: float) -> None:
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
             gone = s.position - s.home
+            if s.caution == 2:
+                # What stops by itself was moved by the law: so much less the drive bears.
+                s.bears, s.borne = max(LEAST_BORNE, s.bears * s.borne), 1.0
+            elif abs(gone) > p.moved_way:
+                s.bears = min(1.0, s.bears + GIVEN_BACK)
             if abs(gone) > p.slip:
                 if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
                         abs(gone) < p.moved_way):
-                    _bears_less(p, s)
+                    _bears_less(p, s, 1.0)
                 s.home = s.position
             # What creeps along from rest to rest has not left its place.
             s.mark = s.home
-        slipped = s.caution == 1
+        slipped = s.caution > 0
         s.starting, s.caution, s.creeping = 1, 0, 0.0
         if slipped or (abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp)):
             # The level that comes back after a slip is watched as a preload is.
@@ -127,14 +133,14 @@ def lead(p: Any, s: Any, aim: float) -> None:
         else:
             s.mode, s.ramp = HELD, aim
             if abs(s.position - s.mark) > p.slip:
-                _slipped(p, s, aim, s.mark)
+                _slipped(p, s, aim, s.mark, 1.0)
     else:
         s.mode = FREE
         gone = s.position - s.home
         if abs(gone) < p.start_way:
             s.creeping += s.step
             if s.creeping > CREEP_TIME and s.z * aim > 0.0 and gone * aim > 0.0:
-                _slipped(p, s, aim, s.home)
+                _slipped(p, s, aim, s.home, 1.0)
 
 
 @njit(cache=True)
@@ -184,33 +190,27 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     if s.starting == 1:
         start = max(0.0, min(1.0, 2.0 - abs(s.position - s.home) / p.start_way))
         near += start * max(0.0, p.gain * mean - near)
-    if s.caution == 1:
+    if s.caution > 0:
         near = min(near, p.slow_share * sliding)
     # Displacement never raises it above what the joint bore at this rest.
     near *= s.borne
-    rises = settled * min(1.0, speed / p.slow)
-    if s.borne < 1.0:
-        # Nor does speed, until it has left its place of rest: a gear that gives within presliding
-        # is fast, too.
-        rises *= 1.0 - start
+    # Speed within presliding is no sliding: A would follow a vibration, some samples late.
+    rises = settled * min(1.0, speed / p.slow) * (1.0 - start)
     return near + (p.share * (sliding + p.viscous * speed) - near) * rises, start
 
 
 @njit(cache=True)
-def trusted(p: Any, s: Any, speed: float) -> float:
+def faded(p: Any, s: Any, speed: float) -> float:
     """Return the share that is left beyond the identified speeds, and keep the account of it.
 
-    Beyond the speeds that identification has seen the law fades. A joint that gets there is
-    driven by more than friction takes, or by a person in a hurry: the share is taken back, and
-    comes back slowly.
+    A joint that gets there is driven by more than friction takes, or by a person in a hurry: it is
+    taken to bear less until rests that are borne have shown otherwise.
     """
     over = (speed - p.fade_from) / (p.fade_to - p.fade_from)
     if over > 0.0:
         s.overspeed += s.step
-        s.trust = max(p.least_trust, s.trust - s.step / TRUST_TIME)
-    else:
-        s.trust = min(1.0, s.trust + s.step / RECOVERY_TIME)
-    return s.trust * (1.0 - min(1.0, max(0.0, over)))
+        s.bears = max(p.least_trust, s.bears - s.step / TAKEN_TIME)
+    return 1.0 - min(1.0, max(0.0, over))
 
 
 @njit(cache=True)
@@ -303,8 +303,8 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    share = while_steady(p, s, speed) * trusted(p, s, speed) * unless_opposed(p, s, direction)
-    friction = share * (level * s.z + p.share * p.turning * s.turned)
+    share = while_steady(p, s, speed) * faded(p, s, speed) * unless_opposed(p, s, direction)
+    friction = s.bears * share * (level * s.z + p.share * p.turning * s.turned)
     if in_doubt(p, s):
         s.friction = wanted = 0.0
     elif s.doubt > 0.0:

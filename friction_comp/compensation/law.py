@@ -137,7 +137,7 @@ class CompensationLaw:
         s, p = self._states, self._parameters
         begun = s['started'] == 1
         return {
-            'taken back': np.where(begun, 1.0 - s['trust'], 0.0),
+            'taken back': np.where(begun, 1.0 - s['bears'], 0.0),
             'beyond identified speeds': s['overspeed'].copy(),
             'withheld': s['withheld'].copy(),
             'preload': np.where(begun, s['borne'], 1.0),

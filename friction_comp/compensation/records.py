@@ -54,7 +54,7 @@ STATE = _record(
     # sliding, the share withheld.
     'pace slowest usual sliding withheld '
     # What the guards took back: shares 0..1, s of doubt.
-    'borne opposed trust doubt contradiction '
+    'borne bears opposed doubt contradiction '
     # The direction announced last, and s of changes that are not forgotten yet.
     'direction changes '
     # Output in A and its parts.
