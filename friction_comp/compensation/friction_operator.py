@@ -65,18 +65,18 @@ def follow(p: Any, s: Any) -> None:
 
 
 @njit(cache=True)
-def _bears_less(p: Any, s: Any, at: float) -> None:
-    s.borne = max(LEAST_BORNE / s.bears, p.lowered * at * s.borne)
+def _bears_less(p: Any, s: Any, left: float) -> None:
+    s.borne = max(LEAST_BORNE / s.bears, left * s.borne)
 
 
 @njit(cache=True)
-def _slipped(p: Any, s: Any, aim: float, home: float, at: float) -> None:
-    """Take back what the joint did not bear: it moved under `at` of the preload, nobody pushing."""
+def _slipped(p: Any, s: Any, aim: float, home: float, left: float) -> None:
+    """Take back what the joint did not bear: it moved with nobody pushing."""
     s.slips += 1.0
     s.still_time, s.still_place = 0.0, s.position
     s.creeping = -math.inf
     if (s.position - home) * aim > 0.0:
-        _bears_less(p, s, at)
+        _bears_less(p, s, left)
         s.caution = 2 if s.mode == LEADING else 1
         s.home = home
     s.mode = FREE
@@ -95,7 +95,9 @@ def lead(p: Any, s: Any, aim: float) -> None:
     if s.mode == LEADING:
         if abs(s.position - s.mark) > p.slip:
             if abs(s.ramp) > SURELY_BORNE:
-                _slipped(p, s, aim, s.mark, abs(s.ramp))
+                # A slip before the whole preload is there tells how much the drive bears.
+                early = s.ramp != aim
+                _slipped(p, s, aim, s.mark, p.early * abs(s.ramp) if early else p.lowered)
             else:
                 s.mode = FREE
             return
@@ -119,7 +121,7 @@ def lead(p: Any, s: Any, aim: float) -> None:
             if abs(gone) > p.slip:
                 if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
                         abs(gone) < p.moved_way):
-                    _bears_less(p, s, 1.0)
+                    _bears_less(p, s, p.lowered)
                 s.home = s.position
             # What creeps along from rest to rest has not left its place.
             s.mark = s.home
@@ -133,14 +135,14 @@ def lead(p: Any, s: Any, aim: float) -> None:
         else:
             s.mode, s.ramp = HELD, aim
             if abs(s.position - s.mark) > p.slip:
-                _slipped(p, s, aim, s.mark, 1.0)
+                _slipped(p, s, aim, s.mark, p.lowered)
     else:
         s.mode = FREE
         gone = s.position - s.home
         if abs(gone) < p.start_way:
             s.creeping += s.step
             if s.creeping > CREEP_TIME and s.z * aim > 0.0 and gone * aim > 0.0:
-                _slipped(p, s, aim, s.home, 1.0)
+                _slipped(p, s, aim, s.home, p.lowered)
 
 
 @njit(cache=True)
@@ -192,11 +194,11 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
         near += start * max(0.0, p.gain * mean - near)
     if s.caution > 0:
         near = min(near, p.slow_share * sliding)
-    # Displacement never raises it above what the joint bore at this rest.
-    near *= s.borne
     # Speed within presliding is no sliding: A would follow a vibration, some samples late.
     rises = settled * min(1.0, speed / p.slow) * (1.0 - start)
-    return near + (p.share * (sliding + p.viscous * speed) - near) * rises, start
+    level = near + (p.share * (sliding + p.viscous * speed) - near) * rises
+    # Neither displacement nor speed raises it above what the joint bore at this rest.
+    return s.borne * level, start
 
 
 @njit(cache=True)

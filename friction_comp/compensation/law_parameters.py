@@ -57,6 +57,7 @@ LEAD_SPEED = 0.01
 # slipped.
 BEAR_TIME = 0.3
 LOWERED = 0.92
+EARLY = 0.8
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
 # The least that is left to a joint that gains speed after the start of its movement, or that loses
@@ -160,7 +161,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
     p['least_trust'], p['lowered'] = LEAST_TRUST, LOWERED
-    p['least_changing'] = LEAST_CHANGING
+    p['early'], p['least_changing'] = EARLY, LEAST_CHANGING
 
 
 def _set_turning(p: Any, model: FrictionModel) -> None:
