@@ -77,7 +77,7 @@ def _slipped(p: Any, s: Any, aim: float, home: float, left: float) -> None:
     s.creeping = -math.inf
     if (s.position - home) * aim > 0.0:
         _bears_less(p, s, left)
-        s.caution = 2 if s.mode == LEADING else 1
+        s.caution = 2 if s.mode == LEADING and s.ramp != aim else 1
         s.home = home
     s.mode = FREE
 
@@ -95,7 +95,6 @@ def lead(p: Any, s: Any, aim: float) -> None:
     if s.mode == LEADING:
         if abs(s.position - s.mark) > p.slip:
             if abs(s.ramp) > SURELY_BORNE:
-                # A slip before the whole preload is there tells how much the drive bears.
                 early = s.ramp != aim
                 _slipped(p, s, aim, s.mark, p.early * abs(s.ramp) if early else p.lowered)
             else:
@@ -196,9 +195,12 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
         near = min(near, p.slow_share * sliding)
     # Speed within presliding is no sliding: A would follow a vibration, some samples late.
     rises = settled * min(1.0, speed / p.slow) * (1.0 - start)
+    less = s.caution == 2 or s.bears < 1.0
+    if not less:
+        near *= s.borne
     level = near + (p.share * (sliding + p.viscous * speed) - near) * rises
     # Neither displacement nor speed raises it above what the joint bore at this rest.
-    return s.borne * level, start
+    return (s.borne * level if less else level), start
 
 
 @njit(cache=True)

@@ -57,6 +57,7 @@ LEAD_SPEED = 0.01
 # slipped.
 BEAR_TIME = 0.3
 LOWERED = 0.92
+START_WAY = 1.5
 EARLY = 0.8
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
@@ -155,7 +156,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['backlash'] = 0.15 * distance + count
     p['slip'] = 0.75 * distance + 4.0 * count
     p['still_way'] = distance / 16.0 + 1.5 * count
-    p['start_way'], p['moved_way'] = 3.0 * distance, max(MOVED, 8.0 * distance)
+    p['start_way'], p['moved_way'] = START_WAY * distance, max(MOVED, 8.0 * distance)
     p['lead_time'], p['lead_speed'] = LEAD_TIME, LEAD_SPEED
     if model.position_limits is not None:
         p['lowest'], p['highest'] = model.position_limits
