@@ -23,6 +23,7 @@ LEAST_BORNE = 0.5
 """The preload is never lowered below this share."""
 SURELY_BORNE = 0.6
 """No joint slips by itself under this share: who moves it now is a person."""
+EARLY_TIME, EARLIEST = 0.16, 0.75
 CREEP_TIME = 1.0
 """s that a joint may creep under its preload; a push takes tenths of a second."""
 TAKEN_TIME, GIVEN_BACK = 0.5, 0.04
@@ -70,14 +71,14 @@ def _bears_less(p: Any, s: Any, left: float) -> None:
 
 
 @njit(cache=True)
-def _slipped(p: Any, s: Any, aim: float, home: float, left: float) -> None:
+def _slipped(p: Any, s: Any, aim: float, home: float, early: bool) -> None:
     """Take back what the joint did not bear: it moved with nobody pushing."""
     s.slips += 1.0
     s.still_time, s.still_place = 0.0, s.position
     s.creeping = -math.inf
     if (s.position - home) * aim > 0.0:
-        _bears_less(p, s, left)
-        s.caution = 2 if s.mode == LEADING and s.ramp != aim else 1
+        _bears_less(p, s, p.early * abs(s.ramp) if early else p.lowered)
+        s.caution = 2 if early else 1
         s.home = home
     s.mode = FREE
 
@@ -93,10 +94,12 @@ def lead(p: Any, s: Any, aim: float) -> None:
     if s.still_time >= p.rest_time:
         s.turned = approach(s.turned, 0.0, s.step / p.lead_time)
     if s.mode == LEADING:
+        s.creeping += s.step
         if abs(s.position - s.mark) > p.slip:
             if abs(s.ramp) > SURELY_BORNE:
-                early = s.ramp != aim
-                _slipped(p, s, aim, s.mark, p.early * abs(s.ramp) if early else p.lowered)
+                early = (EARLIEST < abs(s.ramp) < 1.0 and s.creeping < EARLY_TIME
+                         and s.borne == 1.0)
+                _slipped(p, s, aim, s.mark, early)
             else:
                 s.mode = FREE
             return
@@ -134,14 +137,14 @@ def lead(p: Any, s: Any, aim: float) -> None:
         else:
             s.mode, s.ramp = HELD, aim
             if abs(s.position - s.mark) > p.slip:
-                _slipped(p, s, aim, s.mark, p.lowered)
+                _slipped(p, s, aim, s.mark, False)
     else:
         s.mode = FREE
         gone = s.position - s.home
         if abs(gone) < p.start_way:
             s.creeping += s.step
             if s.creeping > CREEP_TIME and s.z * aim > 0.0 and gone * aim > 0.0:
-                _slipped(p, s, aim, s.home, p.lowered)
+                _slipped(p, s, aim, s.home, False)
 
 
 @njit(cache=True)
