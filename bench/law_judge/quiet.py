@@ -27,7 +27,7 @@ PARTS = {'hold': (HELD, START), 'start': (START, 3.0), 'motion': (3.0, STOP),
 SWAY, SWAY_FREQUENCY = -5.0, 0.3
 KNOCK, KNOCK_AT, LOOK = 0.05, 2.0, (2.0, 3.0)
 FEW = (7.0, 12.0)       # counts of presliding: a coarse encoder
-RINGS = 0.1 * DEGREE    # RMS of the whole velocity
+RINGS, RING_BAND = 0.1 * DEGREE, 4.0    # RMS of the velocity above so many Hz
 
 
 def quiet(bank, law, quick=False):
@@ -108,7 +108,9 @@ def _rings(name, bank, law):
                      lambda time: side * (time >= 0.3), {'v': 'motor_velocity'},
                      knock=(KNOCK_AT, KNOCK * joints['way']))
         first = round((KNOCK_AT + LOOK[0]) / plant.sample_time)
-        return record['v'][first:].std(axis=0)
+        # a heavy joint may still coast, which is no ringing
+        sos = butter(4, RING_BAND, 'high', fs=1.0 / plant.sample_time, output='sos')
+        return sosfiltfilt(sos, record['v'], axis=0)[first:].std(axis=0)
     found, bare = ringing(law), ringing(NONE)
     at_rest = bare < 0.5 * RINGS
     return count(name, law, joints, found > RINGS, which=at_rest,
