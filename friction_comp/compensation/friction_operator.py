@@ -5,7 +5,9 @@
 ``i = A(|ω|)·z`` with z in -1..1 driven by displacement: an elastic-plastic element of distance R
 behind a little backlash. Where A is no larger than the gear's friction and R no shorter than its
 presliding, the law gives over any path at most what the gear takes, and a bounded rest
-(docs/compensation_law.md has the proof). At rest z is led to the announced direction.
+(docs/compensation_law.md has the proof). At rest z is led to the announced direction, and the law
+watches what the joint bears of that: a drive that slips before all of it is there has lost
+friction, and gets that much less until later movements have shown otherwise.
 """
 
 from __future__ import annotations
@@ -23,12 +25,14 @@ LEAST_BORNE = 0.5
 """The preload is never lowered below this share."""
 SURELY_BORNE = 0.6
 """No joint slips by itself under this share: who moves it now is a person."""
-EARLY_TIME, EARLIEST = 0.16, 0.75
+EARLIEST, EARLY_TIME = 0.75, 0.16
+"""A slip is early beyond this share of the preload and within so many s of leading. Under less of
+it a person moves the joint; later it had waited for a gear that swings."""
 CREEP_TIME = 1.0
 """s that a joint may creep under its preload; a push takes tenths of a second."""
 TAKEN_TIME, GIVEN_BACK = 0.5, 0.04
-"""s within which the whole share goes beyond the identified speeds; what a rest that ends a movement
-and is borne gives back."""
+"""s within which the whole share goes beyond the identified speeds; what the rest after a movement
+gives back of what the drive was seen not to bear."""
 MOST_CHANGES, CHANGE_TIME = 2.5, 1.0
 """Changes of the announced direction, of which one is forgotten in so many s, beyond which none is
 believed."""
@@ -89,7 +93,8 @@ def lead(p: Any, s: Any, aim: float) -> None:
 
     Before anybody pushes, the joint shows whether it bears the preload of this rest: if it moves
     farther than its presliding, it gets less, and never more than what takes sliding, until it
-    rests. Once it holds, displacement decides again.
+    rests. An early slip that ends by itself tells that the drive has lost friction. Once it holds,
+    displacement decides again.
     """
     if s.still_time >= p.rest_time:
         s.turned = approach(s.turned, 0.0, s.step / p.lead_time)
@@ -97,9 +102,8 @@ def lead(p: Any, s: Any, aim: float) -> None:
         s.creeping += s.step
         if abs(s.position - s.mark) > p.slip:
             if abs(s.ramp) > SURELY_BORNE:
-                early = (EARLIEST < abs(s.ramp) < 1.0 and s.creeping < EARLY_TIME
-                         and s.borne == 1.0)
-                _slipped(p, s, aim, s.mark, early)
+                _slipped(p, s, aim, s.mark, EARLIEST < abs(s.ramp) < 1.0
+                         and s.creeping < EARLY_TIME and s.borne == 1.0)
             else:
                 s.mode = FREE
             return
@@ -116,7 +120,7 @@ def lead(p: Any, s: Any, aim: float) -> None:
         if s.mode == FREE:
             gone = s.position - s.home
             if s.caution == 2:
-                # What stops by itself was moved by the law: so much less the drive bears.
+                # What stops by itself was moved by the law: so much less does the drive bear.
                 s.bears, s.borne = max(LEAST_BORNE, s.bears * s.borne), 1.0
             elif abs(gone) > p.moved_way:
                 s.bears = min(1.0, s.bears + GIVEN_BACK)
@@ -190,20 +194,25 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     mean = min(mean, max(plateau, mean - p.turning))
     near = p.slow_share * max(0.0, min(sliding, mean - std))
     # Until it has left its place of rest the joint holds with breakaway friction.
-    start = 0.0
+    start = within = 0.0
     if s.starting == 1:
-        start = max(0.0, min(1.0, 2.0 - abs(s.position - s.home) / p.start_way))
+        gone = abs(s.position - s.home)
+        start = max(0.0, min(1.0, 2.0 - gone / p.start_way))
+        within = max(0.0, min(1.0, 2.0 - gone / p.distance))
         near += start * max(0.0, p.gain * mean - near)
     if s.caution > 0:
         near = min(near, p.slow_share * sliding)
-    # Speed within presliding is no sliding: A would follow a vibration, some samples late.
-    rises = settled * min(1.0, speed / p.slow) * (1.0 - start)
-    less = s.caution == 2 or s.bears < 1.0
-    if not less:
+    lost = s.caution == 2 or s.bears < 1.0
+    if not lost:
+        # Displacement never raises it above what the joint bore at this rest.
         near *= s.borne
+    # Speed within presliding is no sliding: A would follow a vibration, some samples late. Nor does
+    # speed raise it above what the joint bore, until it has left its place of rest.
+    if s.borne < 1.0:
+        within = start
+    rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
     level = near + (p.share * (sliding + p.viscous * speed) - near) * rises
-    # Neither displacement nor speed raises it above what the joint bore at this rest.
-    return (s.borne * level if less else level), start
+    return (s.borne * level if lost else level), start
 
 
 @njit(cache=True)

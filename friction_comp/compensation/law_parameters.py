@@ -54,11 +54,12 @@ ALONE_TIME = 0.3
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
 # s at rest after which the joint has borne its preload, and what is left of a level under which it
-# slipped.
+# slipped; and of the preload's part that was there when it slipped early, which is seen late.
 BEAR_TIME = 0.3
 LOWERED = 0.92
-START_WAY = 1.5
 EARLY = 0.8
+# R that a joint holds with breakaway friction; over as many again that goes.
+START_WAY = 3.0
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
 # The least that is left to a joint that gains speed after the start of its movement, or that loses
