@@ -198,7 +198,8 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     if s.starting == 1:
         gone = abs(s.position - s.home)
         start = max(0.0, min(1.0, 2.0 - gone / p.start_way))
-        within = max(0.0, min(1.0, 2.0 - gone / p.distance))
+        if s.mode != LEADING:
+            within = max(0.0, min(1.0, 2.0 - gone / p.distance))
         near += start * max(0.0, p.gain * mean - near)
     if s.caution > 0:
         near = min(near, p.slow_share * sliding)
@@ -206,7 +207,8 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     if not lost:
         # Displacement never raises it above what the joint bore at this rest.
         near *= s.borne
-    # Speed within presliding is no sliding: A would follow a vibration, some samples late. Nor does
+    # Speed within presliding is no sliding: A would follow a vibration, some samples late. (While z
+    # is led A follows all the same: it falls where the joint slips, before that is seen.) Nor does
     # speed raise it above what the joint bore, until it has left its place of rest.
     if s.borne < 1.0:
         within = start
