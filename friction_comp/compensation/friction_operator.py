@@ -5,7 +5,9 @@
 ``i = A(|ω|)·z`` with z in -1..1 driven by displacement: an elastic-plastic element of distance R
 behind a little backlash. Where A is no larger than the gear's friction and R no shorter than its
 presliding, the law gives over any path at most what the gear takes, and a bounded rest
-(docs/compensation_law.md has the proof). At rest z is led to the announced direction.
+(docs/compensation_law.md has the proof). At rest z is led to the announced direction, and the law
+watches what the joint bears of that: a drive that slips before all of it is there has lost
+friction, and gets that much less until later movements have shown otherwise.
 """
 
 from __future__ import annotations
@@ -23,10 +25,14 @@ LEAST_BORNE = 0.5
 """The preload is never lowered below this share."""
 SURELY_BORNE = 0.6
 """No joint slips by itself under this share: who moves it now is a person."""
+EARLIEST, EARLY_TIME = 0.75, 0.16
+"""A slip is early beyond this share of the preload and within so many s of leading. Under less of
+it a person moves the joint; later it had waited for a gear that swings."""
 CREEP_TIME = 1.0
 """s that a joint may creep under its preload; a push takes tenths of a second."""
-TRUST_TIME, RECOVERY_TIME = 0.5, 30.0
-"""s within which all trust goes beyond the identified speeds, and comes back."""
+TAKEN_TIME, GIVEN_BACK = 0.5, 0.04
+"""s within which the whole share goes beyond the identified speeds; what the rest after a movement
+gives back of what the drive was seen not to bear."""
 MOST_CHANGES, CHANGE_TIME = 2.5, 1.0
 """Changes of the announced direction, of which one is forgotten in so many s, beyond which none is
 believed."""
@@ -64,21 +70,21 @@ def follow(p: Any, s: Any) -> None:
 
 
 @njit(cache=True)
-def _bears_less(p: Any, s: Any) -> None:
-    s.borne = max(LEAST_BORNE, p.lowered * s.borne)
+def _bears_less(p: Any, s: Any, left: float) -> None:
+    s.borne = max(LEAST_BORNE / s.bears, left * s.borne)
 
 
 @njit(cache=True)
-def _slipped(p: Any, s: Any, aim: float, home: float) -> None:
-    """Take back what the joint did not bear: it moved under the preload with nobody pushing."""
+def _slipped(p: Any, s: Any, aim: float, home: float, early: bool) -> None:
+    """Take back what the joint did not bear: it moved with nobody pushing."""
     s.slips += 1.0
-    s.mode = FREE
     s.still_time, s.still_place = 0.0, s.position
     s.creeping = -math.inf
     if (s.position - home) * aim > 0.0:
-        _bears_less(p, s)
-        s.caution = 1
+        _bears_less(p, s, p.early * abs(s.ramp) if early else p.lowered)
+        s.caution = 2 if early else 1
         s.home = home
+    s.mode = FREE
 
 
 @njit(cache=True)
@@ -87,14 +93,17 @@ def lead(p: Any, s: Any, aim: float) -> None:
 
     Before anybody pushes, the joint shows whether it bears the preload of this rest: if it moves
     farther than its presliding, it gets less, and never more than what takes sliding, until it
-    rests. Once it holds, displacement decides again.
+    rests. An early slip that ends by itself tells that the drive has lost friction. Once it holds,
+    displacement decides again.
     """
     if s.still_time >= p.rest_time:
         s.turned = approach(s.turned, 0.0, s.step / p.lead_time)
     if s.mode == LEADING:
+        s.creeping += s.step
         if abs(s.position - s.mark) > p.slip:
             if abs(s.ramp) > SURELY_BORNE:
-                _slipped(p, s, aim, s.mark)
+                _slipped(p, s, aim, s.mark, EARLIEST < abs(s.ramp) < 1.0
+                         and s.creeping < EARLY_TIME and s.borne == 1.0)
             else:
                 s.mode = FREE
             return
@@ -110,14 +119,19 @@ def lead(p: Any, s: Any, aim: float) -> None:
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
             gone = s.position - s.home
+            if s.caution == 2:
+                # What stops by itself was moved by the law: so much less does the drive bear.
+                s.bears, s.borne = max(LEAST_BORNE, s.bears * s.borne), 1.0
+            elif abs(gone) > p.moved_way:
+                s.bears = min(1.0, s.bears + GIVEN_BACK)
             if abs(gone) > p.slip:
                 if s.starting == 1 and s.caution == 0 and gone * aim > 0.0 and (
                         abs(gone) < p.moved_way):
-                    _bears_less(p, s)
+                    _bears_less(p, s, p.lowered)
                 s.home = s.position
             # What creeps along from rest to rest has not left its place.
             s.mark = s.home
-        slipped = s.caution == 1
+        slipped = s.caution > 0
         s.starting, s.caution, s.creeping = 1, 0, 0.0
         if slipped or (abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp)):
             # The level that comes back after a slip is watched as a preload is.
@@ -127,14 +141,14 @@ def lead(p: Any, s: Any, aim: float) -> None:
         else:
             s.mode, s.ramp = HELD, aim
             if abs(s.position - s.mark) > p.slip:
-                _slipped(p, s, aim, s.mark)
+                _slipped(p, s, aim, s.mark, False)
     else:
         s.mode = FREE
         gone = s.position - s.home
         if abs(gone) < p.start_way:
             s.creeping += s.step
             if s.creeping > CREEP_TIME and s.z * aim > 0.0 and gone * aim > 0.0:
-                _slipped(p, s, aim, s.home)
+                _slipped(p, s, aim, s.home, False)
 
 
 @njit(cache=True)
@@ -180,37 +194,41 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     mean = min(mean, max(plateau, mean - p.turning))
     near = p.slow_share * max(0.0, min(sliding, mean - std))
     # Until it has left its place of rest the joint holds with breakaway friction.
-    start = 0.0
+    start = within = 0.0
     if s.starting == 1:
-        start = max(0.0, min(1.0, 2.0 - abs(s.position - s.home) / p.start_way))
+        gone = abs(s.position - s.home)
+        start = max(0.0, min(1.0, 2.0 - gone / p.start_way))
+        if s.mode != LEADING:
+            within = max(0.0, min(1.0, 2.0 - gone / p.distance))
         near += start * max(0.0, p.gain * mean - near)
-    if s.caution == 1:
+    if s.caution > 0:
         near = min(near, p.slow_share * sliding)
-    # Displacement never raises it above what the joint bore at this rest.
-    near *= s.borne
-    rises = settled * min(1.0, speed / p.slow)
+    lost = s.caution == 2 or s.bears < 1.0
+    if not lost:
+        # Displacement never raises it above what the joint bore at this rest.
+        near *= s.borne
+    # Speed within presliding is no sliding: A would follow a vibration, some samples late. (While z
+    # is led A follows all the same: it falls where the joint slips, before that is seen.) Nor does
+    # speed raise it above what the joint bore, until it has left its place of rest.
     if s.borne < 1.0:
-        # Nor does speed, until it has left its place of rest: a gear that gives within presliding
-        # is fast, too.
-        rises *= 1.0 - start
-    return near + (p.share * (sliding + p.viscous * speed) - near) * rises, start
+        within = start
+    rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
+    level = near + (p.share * (sliding + p.viscous * speed) - near) * rises
+    return (s.borne * level if lost else level), start
 
 
 @njit(cache=True)
-def trusted(p: Any, s: Any, speed: float) -> float:
+def faded(p: Any, s: Any, speed: float) -> float:
     """Return the share that is left beyond the identified speeds, and keep the account of it.
 
-    Beyond the speeds that identification has seen the law fades. A joint that gets there is
-    driven by more than friction takes, or by a person in a hurry: the share is taken back, and
-    comes back slowly.
+    A joint that gets there is driven by more than friction takes, or by a person in a hurry: it is
+    taken to bear less until rests that are borne have shown otherwise.
     """
     over = (speed - p.fade_from) / (p.fade_to - p.fade_from)
     if over > 0.0:
         s.overspeed += s.step
-        s.trust = max(p.least_trust, s.trust - s.step / TRUST_TIME)
-    else:
-        s.trust = min(1.0, s.trust + s.step / RECOVERY_TIME)
-    return s.trust * (1.0 - min(1.0, max(0.0, over)))
+        s.bears = max(p.least_trust, s.bears - s.step / TAKEN_TIME)
+    return 1.0 - min(1.0, max(0.0, over))
 
 
 @njit(cache=True)
@@ -303,8 +321,8 @@ def continuous_current(p: Any, s: Any, direction: float, forward: float, backwar
     speed = abs(s.speed)
     positive = s.z > 0.0
     level, start = amplitude(p, s, positive, speed, forward if positive else -backward)
-    share = while_steady(p, s, speed) * trusted(p, s, speed) * unless_opposed(p, s, direction)
-    friction = share * (level * s.z + p.share * p.turning * s.turned)
+    share = while_steady(p, s, speed) * faded(p, s, speed) * unless_opposed(p, s, direction)
+    friction = s.bears * share * (level * s.z + p.share * p.turning * s.turned)
     if in_doubt(p, s):
         s.friction = wanted = 0.0
     elif s.doubt > 0.0:

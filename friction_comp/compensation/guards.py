@@ -33,7 +33,7 @@ def begin(p: Any, s: Any, time: float, position: float) -> None:
     s.started = 1
     s.time, s.step = time, p.sample_time
     s.seen = position
-    s.borne = s.trust = 1.0
+    s.borne = s.bears = 1.0
     settle(s, position)
 
 

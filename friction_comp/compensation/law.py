@@ -127,8 +127,9 @@ class CompensationLaw:
     def guards(self) -> dict[str, np.ndarray]:
         """What the guards of the continuous law did, per joint.
 
-        ``taken back`` is the share of friction compensation that is withheld since the joint went
-        beyond the identified speeds, ``beyond identified speeds`` for how long it did, s;
+        ``taken back`` is the share of friction compensation that a drive does not get since it
+        slipped before its preload was there (it has lost friction), or the joint went beyond the
+        identified speeds, ``beyond identified speeds`` for how long it did, s;
         ``withheld`` what a joint does not get while it loses speed, or is faster than it was since
         its movement began; ``preload`` the share of the preload that the joint is believed to bear
         and ``slips`` how often it bore less; ``samples dropped`` how many were not believed, and
@@ -137,7 +138,7 @@ class CompensationLaw:
         s, p = self._states, self._parameters
         begun = s['started'] == 1
         return {
-            'taken back': np.where(begun, 1.0 - s['trust'], 0.0),
+            'taken back': np.where(begun, 1.0 - s['bears'], 0.0),
             'beyond identified speeds': s['overspeed'].copy(),
             'withheld': s['withheld'].copy(),
             'preload': np.where(begun, s['borne'], 1.0),

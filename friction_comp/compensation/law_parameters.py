@@ -54,9 +54,12 @@ ALONE_TIME = 0.3
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
 # s at rest after which the joint has borne its preload, and what is left of a level under which it
-# slipped.
+# slipped; and of the preload's part that was there when it slipped early, which is seen late.
 BEAR_TIME = 0.3
 LOWERED = 0.92
+EARLY = 0.8
+# R that a joint holds with breakaway friction; over as many again that goes.
+START_WAY = 3.0
 # The least that is left where the joint was faster than identified.
 LEAST_TRUST = 0.5
 # The least that is left to a joint that gains speed after the start of its movement, or that loses
@@ -154,13 +157,13 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['backlash'] = 0.15 * distance + count
     p['slip'] = 0.75 * distance + 4.0 * count
     p['still_way'] = distance / 16.0 + 1.5 * count
-    p['start_way'], p['moved_way'] = 3.0 * distance, max(MOVED, 8.0 * distance)
+    p['start_way'], p['moved_way'] = START_WAY * distance, max(MOVED, 8.0 * distance)
     p['lead_time'], p['lead_speed'] = LEAD_TIME, LEAD_SPEED
     if model.position_limits is not None:
         p['lowest'], p['highest'] = model.position_limits
         p['soft_end'] = SOFT_END
     p['least_trust'], p['lowered'] = LEAST_TRUST, LOWERED
-    p['least_changing'] = LEAST_CHANGING
+    p['early'], p['least_changing'] = EARLY, LEAST_CHANGING
 
 
 def _set_turning(p: Any, model: FrictionModel) -> None:

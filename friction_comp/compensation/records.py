@@ -29,7 +29,7 @@ PARAMETERS = _record(
     'upper lower steepness shift viscous break_positive break_negative std_positive std_negative '
     'turning '
     # Shares.
-    'gain share slow_share lowered least_trust least_changing '
+    'gain share slow_share lowered early least_trust least_changing '
     # Distances in rad.
     'distance turning_distance backlash slip still_way start_way moved_way resolution '
     'lowest highest soft_end '
@@ -54,7 +54,7 @@ STATE = _record(
     # sliding, the share withheld.
     'pace slowest usual sliding withheld '
     # What the guards took back: shares 0..1, s of doubt.
-    'borne opposed trust doubt contradiction '
+    'borne bears opposed doubt contradiction '
     # The direction announced last, and s of changes that are not forgotten yet.
     'direction changes '
     # Output in A and its parts.

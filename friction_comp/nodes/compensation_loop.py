@@ -32,6 +32,8 @@ ALONE = 3.0
 # Velocity and rate of position may differ by this factor, a smoothed or late velocity does, in most
 # of so many tenths of a second of motion.
 _VELOCITY_FACTOR, _VELOCITY_BLOCKS = 3.0, 5
+# Share of the compensation that is taken back, from which on it is told.
+_LOST = 0.1
 _FARTHEST, _FASTEST = LIMITS['position'][0], LIMITS['velocity'][0]
 
 
@@ -287,12 +289,18 @@ class CompensationLoop:
             self.law.reset()
 
     def _tell_doubt(self) -> None:
-        """Tell which joints get no current because the law does not believe their samples."""
-        doubtful = [joint for joint, doubt in zip(self._joints, self.law.guards['in doubt'])
-                    if doubt]
+        """Tell which joints get no current, or less, because of what the law saw of them."""
+        guards = self.law.guards
+        doubtful = [joint for joint, doubt in zip(self._joints, guards['in doubt']) if doubt]
         if doubtful and self._silent_since is None:
             self.faults.seen('doubt', f'{", ".join(doubtful)}: no current, for the position jumps '
                              'or the velocity contradicts it')
+        weak = [joint for joint, share in zip(self._joints, guards['taken back'])
+                if share > _LOST]
+        if weak:
+            self.faults.seen('lost friction', f'{", ".join(weak)}: less current, for the drive '
+                             'slipped under its preload or was faster than identified: its '
+                             'friction may have fallen; identify it again', WARN)
 
     def _tell_dispute(self) -> None:
         disputed = self.direction.disputed(self.states.stamp)
