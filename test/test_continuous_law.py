@@ -9,34 +9,20 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.compensation.friction_operator import GIVEN_BACK
 from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_parameters import (
     ALONE_TIME,
-    EARLY,
-    LEAST_CHANGING,
     LONGER,
-    LOWERED,
     RISE_TIME,
-    START_TIME,
 )
-from friction_comp.drive import Drive
 from friction_comp.model.effects.hysteresis import Hysteresis
-from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
-from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.simulation.joint_parameters import GEARS
 from simulated_recordings.gear_batch import push, run_gears
 from simulated_recordings.random_gears import random_gear
+from simulated_recordings.small_model import LEVEL, small_model
 
 DEGREE = math.pi / 180.0
-LEVEL, COUNT = 0.1, 2.0 * math.pi / 400_000
-
-
-def small_model(presliding=3e-4, factor=1.0):
-    """A drive of 0.1 A, sliding and breaking away."""
-    return FrictionModel(
-        drive=Drive(0.1, 100.0, 4000), sigmoid=Sigmoid(factor * LEVEL, -factor * LEVEL, 200.0),
-        breakaway=Breakaway(factor * LEVEL, -factor * LEVEL), presliding=Presliding(presliding))
+COUNT = 2.0 * math.pi / 400_000
 
 
 def maxwell_slip(path, shares, distances):
@@ -226,50 +212,6 @@ def test_faster_than_identified_nothing_is_fed_forward():
     assert law.guards['beyond identified speeds'][0] > 0.5
 
 
-def drive_at(law, speeds):
-    """Return the currents at speeds in rad/s, a sample each."""
-    return np.array([law.update(1e-3 * k, [x], None, [0])[0]
-                     for k, x in enumerate(np.cumsum(speeds) * 1e-3)])
-
-
-def test_a_joint_that_gains_speed_after_its_start_gets_less_until_it_is_slower_again():
-    """Who starts a movement may speed up, and one that keeps its speed loses nothing."""
-    law, time = CompensationLaw([small_model()]), np.arange(6000) * 1e-3
-    speeds = np.interp(time, [0.0, START_TIME - 0.2, 1.5, 1.8, 2.6, 2.8],
-                       [0.1, 0.3, 0.3, 0.33, 0.33, 0.28])
-    current = drive_at(law, speeds)
-    np.testing.assert_allclose(current[300:1490], 0.9 * LEVEL, rtol=5e-3)
-    np.testing.assert_allclose(current[2400:2600], LEAST_CHANGING * 0.9 * LEVEL, rtol=1e-3)
-    np.testing.assert_allclose(current[5700:], 0.9 * LEVEL, rtol=1e-3)
-    assert law.guards['withheld'][0] < 1e-3
-
-
-def test_a_joint_that_loses_speed_gets_less_for_as_long_as_it_does():
-    """Else the tenth of friction that is left to the gear needs many seconds to stop a rotor."""
-    law, time = CompensationLaw([small_model()]), np.arange(6000) * 1e-3
-    current = drive_at(law, np.interp(time, [1.0, 3.0], [0.6, 0.2]))
-    np.testing.assert_allclose(current[300:990], 0.9 * LEVEL, rtol=5e-3)
-    np.testing.assert_allclose(current[2000:3000], LEAST_CHANGING * 0.9 * LEVEL, rtol=1e-3)
-    np.testing.assert_allclose(current[5700:], 0.9 * LEVEL, rtol=5e-3)
-
-
-def test_a_stop_too_short_for_a_rest_is_no_new_start():
-    """Else a joint that the law drives would gain speed anew after each of them."""
-    time = np.arange(3000) * 1e-3
-    for pause, share in ((0.05, LEAST_CHANGING), (0.4, 1.0)):
-        speeds = np.interp(time, [1.0, 1.1, 1.1 + pause, 1.2 + pause], [0.3, 0.0, 0.0, 0.3])
-        current = drive_at(CompensationLaw([small_model()]), speeds)
-        again = round(1000 * (1.2 + pause))
-        np.testing.assert_allclose(
-            current[again + 350:again + 450], share * 0.9 * LEVEL, rtol=6e-3)
-
-
-def test_a_joint_that_turns_round_starts_anew():
-    law = CompensationLaw([small_model()])
-    current = drive_at(law, np.repeat([0.1, -0.3], 1000))
-    np.testing.assert_allclose(current[1600:], -0.9 * LEVEL, rtol=1e-3)
-
-
 def test_a_joint_on_friction_below_its_model_by_more_than_the_share_stops_gaining_speed(gears):
     """In the model it is 1.14 times as large: more is fed forward than the gear takes."""
     log, _ = let_go(gears, 1.14, 20.0, 1.0)
@@ -304,141 +246,3 @@ def test_a_stamp_that_leaps_does_not_stop_the_law(leap):
         assert np.all(np.abs(found) <= LEVEL)
         np.testing.assert_allclose(found[900:], expected[900:], atol=1e-3 * LEVEL)
     assert expected[-1] == pytest.approx(-0.9 * LEVEL, rel=0.01)
-
-
-def test_without_a_direction_a_joint_at_rest_gets_nothing():
-    """Whichever way it came, and without breakaway currents with a direction too."""
-    for model, direction in ((small_model(), 0), (replace(small_model(), breakaway=None), 1)):
-        law = CompensationLaw([model])
-        for k in range(2000):
-            current = law.update(
-                1e-3 * k, [3e-4 * min(k, 500)], [0.3 if k < 500 else 0.0], [direction])[0]
-        assert current == pytest.approx(0.0, abs=1e-9)
-
-
-def drive_along(law, places, direction=1, begin=0):
-    """Return the currents of a joint that goes from place to place, a sample each, rad."""
-    return np.array([law.update(1e-3 * (begin + k), [x], None, [direction])[0]
-                     for k, x in enumerate(places)])
-
-
-def test_a_joint_at_rest_has_its_preload_within_a_sixth_of_a_second():
-    """So that an announcement that comes with the push is of use."""
-    law = CompensationLaw([small_model()])
-    drive_along(law, np.zeros(500), direction=0)
-    current = drive_along(law, np.zeros(170), begin=500)
-    assert current[-1] == pytest.approx(0.9 * LEVEL, rel=1e-3)
-
-
-def test_help_ends_where_the_joint_moves_against_the_announcement():
-    """A therapist announces the way back: the joint is to stop, and gets no help to go on."""
-    law = CompensationLaw([small_model()])
-    forward = np.arange(2000) * 2e-4
-    assert drive_along(law, forward[:1000])[-1] == pytest.approx(0.9 * LEVEL, rel=1e-2)
-    against = drive_along(law, forward[1000:], direction=-1, begin=1000)
-    assert np.all(np.diff(against) < 1e-9)
-    np.testing.assert_allclose(against[200:], 0.0, atol=1e-9)
-    # On the way back it is there again.
-    back = drive_along(law, forward[::-1], direction=-1, begin=2000)
-    assert back[-1] == pytest.approx(-0.9 * LEVEL, rel=1e-2)
-
-
-@pytest.mark.parametrize('period', [0.2, 0.4])
-def test_announcements_that_flicker_are_not_believed(period):
-    law, currents = CompensationLaw([small_model()]), []
-    for k in range(6000):
-        direction = 1 if (1e-3 * k) % period < 0.5 * period else -1
-        currents.append(law.update(1e-3 * k, [0.0], None, [direction])[0])
-    np.testing.assert_allclose(currents[1500:], 0.0, atol=1e-3 * LEVEL)
-    # One that stays is believed again.
-    for k in range(6000, 9000):
-        current = law.update(1e-3 * k, [0.0], None, [1])[0]
-    assert current == pytest.approx(0.9 * LEVEL, rel=1e-2)
-
-
-def slip(law, places, after=110):
-    """Let a joint give way under its preload and go on along the places, from the last one.
-
-    The whole preload is there 100 ms after the announcement.
-    """
-    drive_along(law, np.zeros(500), direction=0)
-    preloading = np.concatenate((np.zeros(after), np.linspace(0.0, 1e-3, 30)))
-    drive_along(law, preloading, begin=500)
-    assert law.guards['slips'][0] == 1
-    return drive_along(law, 1e-3 + np.asarray(places), begin=500 + len(preloading))
-
-
-def test_what_a_joint_did_not_bear_does_not_come_back_by_creep():
-    """It stops, and then creeps along by half of what the operator needs to turn over."""
-    law = CompensationLaw([small_model()])
-    rest = np.zeros(600)
-    assert slip(law, rest)[-1] == pytest.approx(LOWERED * 0.9 * LEVEL, rel=0.02)
-    creep = 1e-3 + np.linspace(0.0, 2.4e-4, 1200)
-    current = drive_along(law, creep, begin=1240)
-    assert current.max() <= LOWERED * 0.9 * LEVEL * 1.02
-
-
-def test_who_pushes_on_gets_back_what_a_slip_had_taken():
-    law = CompensationLaw([small_model()])
-    time = np.arange(250) * 1e-3
-    current = slip(law, 0.03 * time + 0.5 * 0.8 * time ** 2)
-    assert current.min() == pytest.approx(LOWERED * 0.89 * LEVEL, rel=1e-3)
-    assert current[-1] == pytest.approx(0.9 * LEVEL, rel=0.02)
-
-
-def test_a_drive_that_slips_before_its_preload_is_there_bears_less_from_then_on():
-    """It lost friction: later rests and movements get less, and a rest after each gives some back.
-    """
-    law = CompensationLaw([small_model()])
-    stopped = slip(law, np.zeros(600), after=85)[-1]
-    assert 0.5 * LEVEL < stopped < EARLY * 0.9 * LEVEL
-    carried = 1e-3 + np.concatenate((np.linspace(0.0, 0.3, 1000), np.full(800, 0.3)))
-    current = drive_along(law, carried, begin=1215)
-    assert current[500:1000].max() <= stopped * 1.01
-    assert stopped < current[-1] < stopped + 1.01 * GIVEN_BACK * 0.9 * LEVEL
-    assert law.guards['taken back'][0] > 0.2
-
-
-def test_who_pushes_on_before_the_preload_is_there_loses_nothing_for_long():
-    law = CompensationLaw([small_model()])
-    time = np.arange(400) * 1e-3
-    current = slip(law, 0.03 * time + 0.5 * 0.8 * time ** 2, after=85)
-    assert current.min() < EARLY * 0.9 * LEVEL
-    assert current[-1] == pytest.approx(0.9 * LEVEL, rel=0.02)
-    assert law.guards['taken back'][0] == 0.0
-
-
-def test_a_joint_that_was_too_fast_gets_less_after_it_has_slowed_down():
-    """Otherwise a drive that lost friction would hum along at the identified speeds."""
-    law, time = CompensationLaw([small_model()]), np.arange(4000) * 1e-3
-    current = drive_at(law, np.interp(time, [0.0, 0.5, 1.2, 1.5], [0.1, 2.2, 2.2, 1.0]))
-    assert np.all(current[1600:] <= 0.6 * 0.9 * LEVEL)
-
-
-@pytest.mark.parametrize('knock', [0.05, -0.05])
-@pytest.mark.parametrize('factor', [1.0, 1.1])
-def test_a_joint_with_its_preload_does_not_ring_on_after_a_knock(factor, knock):
-    """Presliding of nine counts, and sliding friction above breakaway friction."""
-    count = 2.0 * math.pi / 25_000
-    drive = Drive(0.1, 100.0, 250)
-    model = FrictionModel(
-        drive=drive, sigmoid=Sigmoid(factor * LEVEL, -factor * LEVEL, 200.0, viscous=0.3 * factor),
-        breakaway=Breakaway(0.85 * factor * LEVEL, -0.85 * factor * LEVEL),
-        presliding=Presliding(9.5 * count))
-    law, step = CompensationLaw([model]), 1e-4
-    shares, distances = (0.4, 0.35, 0.25), (2.85 * count, 5.7 * count, 9.5 * count)
-    position = speed = current = 0.0
-    elements, speeds = [0.0, 0.0, 0.0], []
-    for k in range(3000):
-        speed += knock * (k == 800)
-        late, current = current, law.update(
-            1e-3 * k, [round(position / count) * count], None, [1])[0]
-        for _ in range(10):
-            position += speed * step
-            elements = [min(1.0, max(-1.0, z + speed * step / r))
-                        for z, r in zip(elements, distances)]
-            level = LEVEL * (1.0 - 0.15 * math.exp(-(speed / 0.03) ** 2))
-            friction = level * sum(w * z for w, z in zip(shares, elements)) + 0.3 * speed
-            speed += 70.0 * (late - friction) * step
-        speeds.append(speed)
-    assert np.std(speeds[2500:]) < 0.05 * DEGREE

@@ -73,7 +73,7 @@ def test_recording_without_what_is_needed(tmp_path):
     record(tmp_path / 'effort', messages)
     with pytest.raises(InputError, match='no finite effort'):
         read_recording(tmp_path / 'effort')
-    with pytest.raises(InputError, match='torque constant'):
+    with pytest.raises(InputError, match='torque_constant must be a positive'):
         read_recording(tmp_path / 'effort', torque_constant=0.0)
 
 
