@@ -1,0 +1,301 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What each rule of refinement earns: the same worlds with it and without it.
+
+    python bench/refine_ablation.py [--rules exchange lag ...] [--jobs 1] [--output results.json]
+    python bench/refine_ablation.py --show results.json
+
+Worlds: the second world (tuning half), drives of `refine_table` with one hidden effect and with
+none, simulated arms (tuning seeds), and the measured recordings, where they are there. Columns:
+
+found     hidden effects that are named, and drives without an effect on which nothing is
+false     names that are not hidden
+error     geometric mean of the error on recordings that were not fitted, over that with all rules
+worse     cases whose error is more than a tenth above that with all rules; and below it
+"""
+
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from dataclasses import replace
+import json
+import multiprocessing
+import os
+from pathlib import Path
+import sys
+
+for variable in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
+    os.environ.setdefault(variable, '1')
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / 'bench')]
+
+import numpy as np  # noqa: E402
+
+DATA = ROOT.parent / 'shared' / 'data'
+WORLDS = ('second', 'single', 'none', 'arms', 'measured')
+CLEAR = 1.1
+
+
+def everywhere(name, value):
+    """Replace a name in all modules of refinement that hold it."""
+    import friction_comp.refinement.refine  # noqa: F401
+
+    for module in [module for key, module in sys.modules.items()
+                   if key.startswith('friction_comp.refinement.')]:
+        if name in vars(module):
+            setattr(module, name, value)
+
+
+def method(module, owner, name, value):
+    """Replace a method or function of a module of refinement."""
+    __import__(f'friction_comp.refinement.{module}')
+    found = sys.modules[f'friction_comp.refinement.{module}']
+    setattr(getattr(found, owner) if owner else found, name, value)
+
+
+def one_start(attempt):
+    """Start from nothing alone."""
+    return [[]]
+
+
+def no_regions(number):
+    """Return one region of posture whatever the posture."""
+    return lambda position: np.zeros(len(position), dtype=int)
+
+
+def same_settings(question, found):
+    """Return no other lag and no other bandwidth."""
+    return []
+
+
+def without_lag(before):
+    """Return no other lag, but other bandwidths."""
+    return lambda question, found: [one for one in before(question, found)
+                                    if one.get('lag') == found.settings.get('lag')]
+
+
+def without_bandwidth(before):
+    """Return no other bandwidth, but other lags."""
+    return lambda question, found: [one for one in before(question, found)
+                                    if one['bandwidth'] == found.settings['bandwidth']]
+
+
+def off(rule):
+    """Switch a rule off in this process."""
+    from friction_comp.refinement import attempt, constants
+    from friction_comp.refinement.attempt import Attempt
+
+    if rule == 'two standard errors':
+        everywhere('STANDARD_ERRORS', 0.0)
+    elif rule == 'most blocks agree':
+        everywhere('AGREE', 0.0)
+    elif rule == 'a share worth naming':
+        everywhere('LEAST_SHARE', 0.0)
+    elif rule == 'own share of a column':
+        everywhere('OWN', 0.0)
+    elif rule == 'regions of posture':
+        everywhere('regions_of', no_regions(1))
+    elif rule == "own term beside a group's":
+        method('search', 'Search', 'complete', lambda self, keys: list(keys))
+    elif rule == 'exchange':
+        method('search', 'Search', 'exchange', lambda self, keys: list(keys))
+    elif rule == 'backward':
+        method('search', 'Search', 'backward', lambda self, keys: self.complete(keys))
+    elif rule == 'start from physics':
+        method('attempt', 'Attempt', 'starts', one_start)
+    elif rule == 'start from nothing':
+        starts = Attempt.starts
+        method('attempt', 'Attempt', 'starts', lambda self: starts(self)[1:])
+    elif rule == 'lag':
+        everywhere('_other_settings', without_lag(attempt._other_settings))
+    elif rule == 'bandwidth again':
+        everywhere('_other_settings', without_bandwidth(attempt._other_settings))
+    elif rule == 'repeated searches':
+        everywhere('NAMED', 0.0)
+    elif rule == 'what takes its place':
+        method('stability', 'Stability', 'named',
+               lambda self, key: self.chosen.get(key, 0.0) >= 0.6)
+    elif rule == 'thirds not fitted':
+        method('elsewhere', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys))
+    elif rule == 'interval without zero':
+        method('stability', 'Intervals', 'without_zero', lambda self, places, signs: True)
+    elif rule == 'constant at its limit':
+        everywhere('at_limit', lambda term, table: False)
+    elif rule == 'time last':
+        method('attempt', 'Attempt', 'offer', offer_all)
+    elif rule == 'transition of all samples':
+        everywhere('_turned_for_all', lambda table, keys: table)
+    elif rule == 'constants adjusted':
+        everywhere('adjusted', lambda table, keys, rounds=3, only=None: constants._loaded(
+            table, list(keys)))
+    elif rule == 'beside standstill':
+        everywhere('beside', lambda mark, width: np.zeros_like(mark))
+    elif rule == 'load by mechanics':
+        everywhere('load_by_mechanics', lambda samples, unusable, drive: 0.0)
+    elif rule == 'fast samples choose motion':
+        everywhere('TURNS', (0.3, 0.0, 0.03, 0.01, 0.003))
+    elif rule == 'six of a kind compared':
+        method('search', 'Search', 'likeliest', one_candidate(sys.modules[
+            'friction_comp.refinement.search'].Search.likeliest))
+    elif rule == 'at most 14':
+        everywhere('MOST_EFFECTS', 99.0)
+    elif rule != 'nothing':
+        raise SystemExit(f'no such rule: {rule}')
+
+
+def one_candidate(likeliest):
+    """Compare one candidate only, the one that explains most where it is fitted."""
+    return lambda self, keys, number=1: likeliest(self, keys, 1)
+
+
+def offer_all(attempt, keys):
+    """Offer effects of time together with all others."""
+    from friction_comp.refinement.effect_columns import proposals
+
+    table = attempt.table
+    wanted = proposals(table, keys)
+    attempt._held.update(keys)
+    table.keep(attempt._held.union(term.key for term in wanted))
+    kinds = {key[0] for key in attempt.given if table.terms[key].kind.most == 1}
+    attempt.search.candidates = [key for key in table.add(wanted) if key[0] not in kinds]
+
+
+RULES = (
+    'two standard errors', 'most blocks agree', 'a share worth naming', 'own share of a column',
+    'regions of posture', "own term beside a group's", 'exchange', 'backward',
+    'start from physics', 'start from nothing', 'lag', 'bandwidth again', 'repeated searches',
+    'what takes its place', 'thirds not fitted', 'interval without zero',
+    'constant at its limit', 'time last', 'transition of all samples', 'constants adjusted',
+    'beside standstill', 'load by mechanics', 'fast samples choose motion',
+    'six of a kind compared', 'at most 14')
+
+
+def cases(worlds, draws):
+    """Return the cases of worlds as (world, what names the case)."""
+    found = []
+    if 'second' in worlds:
+        from second_world.families import FAMILIES
+        found += [('second', (family, 2 * k)) for family in FAMILIES for k in range(draws)]
+    from simulated_recordings.cases import CASES
+    if 'single' in worlds:
+        found += [('single', (name, seed)) for name in CASES for seed in range(draws)]
+    if 'none' in worlds:
+        found += [('none', ('', seed)) for seed in range(8 * draws)]
+    if 'arms' in worlds:
+        found += [('arms', (seed,)) for seed in range(10 * draws)]
+    if 'measured' in worlds and DATA.exists():
+        import measured_table
+        rows = [replace(row, urdf=None) for row in measured_table.ROWS]
+        found += [('measured', (row.data, row.joint, row.error)) for row in rows
+                  if (DATA / row.data / 'fit').exists()]
+    return found
+
+
+def judged(world, name):
+    """Return one case's error, what was found and what was named falsely."""
+    if world == 'second':
+        from second_world.judging import judge
+        result = judge(*name)
+        counts = result['counts'] and bool(result['asked'])
+        return {'error': result['after'] / result['floor'], 'asked': int(counts),
+                'found': int(counts and not result['missed']), 'false': len(result['false'])}
+    if world in ('single', 'none'):
+        import refine_table
+        kinds = (name[0],) if name[0] else ()
+        result = refine_table.one_draw((kinds, '', 900 + name[1], False))
+        false = {variable for _, variable in result['found']} - set(result['wanted'])
+        return {'error': result['ratio'], 'asked': 1, 'found': int(result['named']),
+                'false': len(false)}
+    if world == 'arms':
+        from arm_world.judging import judge
+        result = judge(*name)
+        return {'error': result.get('refined', float('nan')), 'asked': 0, 'found': 0, 'false': 0}
+    return measured(*name)
+
+
+def measured(data, joint, error):
+    """Refine on a measured recording and predict its `score`."""
+    from friction_comp import read_recording
+    from friction_comp.refinement.refine import refine
+    from measured_table import score_error
+
+    result = refine(read_recording(DATA / data / 'fit', joint=joint))
+    errors, tables = [], []
+    for part in read_recording(DATA / data / 'score', joint=joint):
+        tables.append(np.column_stack([part.time, part.current, result.model.predict(part)]))
+    errors.append(score_error(error, np.concatenate(tables)))
+    return {'error': errors[0], 'asked': 0, 'found': 0, 'false': 0}
+
+
+def one(rule, world, name):
+    """Judge one case in a process in which a rule is off; a failure is a result."""
+    try:
+        result = judged(world, name)
+    except Exception as failure:  # counted and shown
+        result = {'error': float('nan'), 'asked': 0, 'found': 0, 'false': 0,
+                  'failed': f'{type(failure).__name__}: {failure}'}
+    return {'rule': rule, 'world': world, 'name': list(name), **result}
+
+
+def show(results):
+    """Print a line for each rule."""
+    base = {(r['world'], *map(str, r['name'])): r for r in results if r['rule'] == 'nothing'}
+    worlds = [world for world in WORLDS if any(r['world'] == world for r in results)]
+    print('| without | found | false | worse, better | '
+          + ' | '.join(f'error, {world}' for world in worlds) + ' |')
+    print('|---' * (4 + len(worlds)) + '|')
+    for rule in dict.fromkeys(r['rule'] for r in results):
+        own = [r for r in results if r['rule'] == rule]
+        ratios = {world: [] for world in worlds}
+        for r in own:
+            before = base.get((r['world'], *map(str, r['name'])))
+            if before and np.isfinite([r['error'], before['error']]).all():
+                ratios[r['world']].append(r['error'] / before['error'])
+        together = np.array([ratio for some in ratios.values() for ratio in some])
+        failed = sum('failed' in r for r in own)
+        print(f"| {rule}{f' ({failed} failed)' if failed else ''} "
+              f"| {sum(r['found'] for r in own)} of {sum(r['asked'] for r in own)} "
+              f"| {sum(r['false'] for r in own)} "
+              f'| {np.sum(together > CLEAR)}, {np.sum(together < 1.0 / CLEAR)} | '
+              + ' | '.join(f'{np.exp(np.mean(np.log(some))):.3f}' if some else '-'
+                           for some in ratios.values()) + ' |')
+
+
+def main():
+    """Judge all cases with all rules, then without each of them."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--rules', nargs='*', default=RULES)
+    parser.add_argument('--worlds', nargs='*', default=WORLDS, choices=WORLDS)
+    parser.add_argument('--draws', type=int, default=1)
+    parser.add_argument('--jobs', type=int, default=1)
+    parser.add_argument('--output', type=Path, help='JSON file for the single results')
+    parser.add_argument('--show', type=Path, help='print the table of saved results and end')
+    arguments = parser.parse_args()
+    if arguments.show:
+        show(json.loads(arguments.show.read_text()))
+        return
+    results = []
+    if arguments.output and arguments.output.exists():
+        results = json.loads(arguments.output.read_text())
+    have = {r['rule'] for r in results}
+    for rule in ('nothing', *arguments.rules):
+        if rule in have:
+            continue
+        own = []
+        with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context('spawn'),
+                                 initializer=off, initargs=(rule,)) as pool:
+            waiting = [pool.submit(one, rule, world, name)
+                       for world, name in cases(arguments.worlds, arguments.draws)]
+            own = [done.result() for done in as_completed(waiting)]
+        results += own
+        if arguments.output:
+            arguments.output.write_text(json.dumps(results, indent=1))
+        show([r for r in results if r['rule'] in ('nothing', rule)])
+        sys.stdout.flush()
+    print()
+    show(results)
+
+
+if __name__ == '__main__':
+    main()
