@@ -54,19 +54,9 @@ def method(module, owner, name, value):
     setattr(getattr(found, owner) if owner else found, name, value)
 
 
-def one_start(attempt):
-    """Start from nothing alone."""
-    return [[]]
-
-
 def no_regions(number):
     """Return one region of posture whatever the posture."""
     return lambda position: np.zeros(len(position), dtype=int)
-
-
-def same_settings(question, found):
-    """Return no other lag and no other bandwidth."""
-    return []
 
 
 def without_lag(before):
@@ -79,69 +69,6 @@ def without_bandwidth(before):
     """Return no other bandwidth, but other lags."""
     return lambda question, found: [one for one in before(question, found)
                                     if one['bandwidth'] == found.settings['bandwidth']]
-
-
-def off(rule):
-    """Switch a rule off in this process."""
-    from friction_comp.refinement import attempt, constants
-    from friction_comp.refinement.attempt import Attempt
-
-    if rule == 'two standard errors':
-        everywhere('STANDARD_ERRORS', 0.0)
-    elif rule == 'most blocks agree':
-        everywhere('AGREE', 0.0)
-    elif rule == 'a share worth naming':
-        everywhere('LEAST_SHARE', 0.0)
-    elif rule == 'own share of a column':
-        everywhere('OWN', 0.0)
-    elif rule == 'regions of posture':
-        everywhere('regions_of', no_regions(1))
-    elif rule == "own term beside a group's":
-        method('search', 'Search', 'complete', lambda self, keys: list(keys))
-    elif rule == 'exchange':
-        method('search', 'Search', 'exchange', lambda self, keys: list(keys))
-    elif rule == 'backward':
-        method('search', 'Search', 'backward', lambda self, keys: self.complete(keys))
-    elif rule == 'start from physics':
-        method('attempt', 'Attempt', 'starts', one_start)
-    elif rule == 'start from nothing':
-        starts = Attempt.starts
-        method('attempt', 'Attempt', 'starts', lambda self: starts(self)[1:])
-    elif rule == 'lag':
-        everywhere('_other_settings', without_lag(attempt._other_settings))
-    elif rule == 'bandwidth again':
-        everywhere('_other_settings', without_bandwidth(attempt._other_settings))
-    elif rule == 'repeated searches':
-        everywhere('NAMED', 0.0)
-    elif rule == 'what takes its place':
-        method('stability', 'Stability', 'named',
-               lambda self, key: self.chosen.get(key, 0.0) >= 0.6)
-    elif rule == 'thirds not fitted':
-        method('elsewhere', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys))
-    elif rule == 'interval without zero':
-        method('stability', 'Intervals', 'without_zero', lambda self, places, signs: True)
-    elif rule == 'constant at its limit':
-        everywhere('at_limit', lambda term, table: False)
-    elif rule == 'time last':
-        method('attempt', 'Attempt', 'offer', offer_all)
-    elif rule == 'transition of all samples':
-        everywhere('_turned_for_all', lambda table, keys: table)
-    elif rule == 'constants adjusted':
-        everywhere('adjusted', lambda table, keys, rounds=3, only=None: constants._loaded(
-            table, list(keys)))
-    elif rule == 'beside standstill':
-        everywhere('beside', lambda mark, width: np.zeros_like(mark))
-    elif rule == 'load by mechanics':
-        everywhere('load_by_mechanics', lambda samples, unusable, drive: 0.0)
-    elif rule == 'fast samples choose motion':
-        everywhere('TURNS', (0.3, 0.0, 0.03, 0.01, 0.003))
-    elif rule == 'six of a kind compared':
-        method('search', 'Search', 'likeliest', one_candidate(sys.modules[
-            'friction_comp.refinement.search'].Search.likeliest))
-    elif rule == 'at most 14':
-        everywhere('MOST_EFFECTS', 99.0)
-    elif rule != 'nothing':
-        raise SystemExit(f'no such rule: {rule}')
 
 
 def one_candidate(likeliest):
@@ -161,14 +88,73 @@ def offer_all(attempt, keys):
     attempt.search.candidates = [key for key in table.add(wanted) if key[0] not in kinds]
 
 
-RULES = (
-    'two standard errors', 'most blocks agree', 'a share worth naming', 'own share of a column',
-    'regions of posture', "own term beside a group's", 'exchange', 'backward',
-    'start from physics', 'start from nothing', 'lag', 'bandwidth again', 'repeated searches',
-    'what takes its place', 'thirds not fitted', 'interval without zero',
-    'constant at its limit', 'time last', 'transition of all samples', 'constants adjusted',
-    'beside standstill', 'load by mechanics', 'fast samples choose motion',
-    'six of a kind compared', 'at most 14')
+def every_attempt_from(first, last):
+    """Keep some of the starts."""
+    from friction_comp.refinement.attempt import Attempt
+
+    starts = Attempt.starts
+    method('attempt', 'Attempt', 'starts', lambda self: starts(self)[first:last])
+
+
+def other_settings(without):
+    """Replace what else is tried by what a function leaves of it."""
+    from friction_comp.refinement import attempt
+
+    everywhere('_other_settings', without(attempt._other_settings))
+
+
+def short_list_of_one():
+    """Compare one candidate only."""
+    from friction_comp.refinement.search import Search
+
+    method('search', 'Search', 'likeliest', one_candidate(Search.likeliest))
+
+
+def constants_of_the_grid():
+    """Leave constants where the grid has them."""
+    from friction_comp.refinement.constants import _loaded
+
+    everywhere('adjusted', lambda table, keys, rounds=3, only=None: _loaded(table, list(keys)))
+
+
+RULES = {
+    'nothing': lambda: None,
+    'two standard errors': lambda: everywhere('STANDARD_ERRORS', 0.0),
+    'most blocks agree': lambda: everywhere('AGREE', 0.0),
+    'a share worth naming': lambda: everywhere('LEAST_SHARE', 0.0),
+    'own share of a column': lambda: everywhere('OWN', 0.0),
+    'regions of posture': lambda: everywhere('regions_of', no_regions(1)),
+    "own term beside a group's": lambda: method(
+        'search', 'Search', 'complete', lambda self, keys: list(keys)),
+    'exchange': lambda: method('search', 'Search', 'exchange', lambda self, keys: list(keys)),
+    'backward': lambda: method(
+        'search', 'Search', 'backward', lambda self, keys: self.complete(keys)),
+    'start from physics': lambda: every_attempt_from(0, 1),
+    'start from nothing': lambda: every_attempt_from(1, None),
+    'lag': lambda: other_settings(without_lag),
+    'bandwidth again': lambda: other_settings(without_bandwidth),
+    'repeated searches': lambda: everywhere('NAMED', 0.0),
+    'what takes its place': lambda: method(
+        'stability', 'Stability', 'named', lambda self, key: self.chosen.get(key, 0.0) >= 0.6),
+    'thirds not fitted': lambda: method(
+        'elsewhere', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys)),
+    'interval without zero': lambda: method(
+        'stability', 'Intervals', 'without_zero', lambda self, places, signs: True),
+    'constant at its limit': lambda: everywhere('at_limit', lambda term, table: False),
+    'time last': lambda: method('attempt', 'Attempt', 'offer', offer_all),
+    'transition of all samples': lambda: everywhere('_turned_for_all', lambda table, keys: table),
+    'constants adjusted': constants_of_the_grid,
+    'beside standstill': lambda: everywhere('beside', lambda mark, width: np.zeros_like(mark)),
+    'load by mechanics': lambda: everywhere(
+        'load_by_mechanics', lambda samples, unusable, drive: 0.0),
+    'fast samples choose motion': lambda: everywhere('TURNS', (0.3, 0.0, 0.03, 0.01, 0.003)),
+    'six of a kind compared': short_list_of_one,
+    'at most 14': lambda: everywhere('MOST_EFFECTS', 99.0)}
+
+
+def off(rule):
+    """Switch a rule off in this process."""
+    RULES[rule]()
 
 
 def cases(worlds, draws):
@@ -216,9 +202,10 @@ def judged(world, name):
 
 def measured(data, joint, error):
     """Refine on a measured recording and predict its `score`."""
+    from measured_table import score_error
+
     from friction_comp import read_recording
     from friction_comp.refinement.refine import refine
-    from measured_table import score_error
 
     result = refine(read_recording(DATA / data / 'fit', joint=joint))
     errors, tables = [], []
@@ -265,7 +252,7 @@ def show(results):
 def main():
     """Judge all cases with all rules, then without each of them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--rules', nargs='*', default=RULES)
+    parser.add_argument('--rules', nargs='*', default=list(RULES), choices=RULES)
     parser.add_argument('--worlds', nargs='*', default=WORLDS, choices=WORLDS)
     parser.add_argument('--draws', type=int, default=1)
     parser.add_argument('--jobs', type=int, default=1)
@@ -279,7 +266,7 @@ def main():
     if arguments.output and arguments.output.exists():
         results = json.loads(arguments.output.read_text())
     have = {r['rule'] for r in results}
-    for rule in ('nothing', *arguments.rules):
+    for rule in dict.fromkeys(('nothing', *arguments.rules)):
         if rule in have:
             continue
         own = []

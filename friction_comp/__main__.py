@@ -102,6 +102,8 @@ def run(name: str, argv: list[str] | None = None) -> int:
     if name in NODES and threading.current_thread() is threading.main_thread():
         # Until the node looks after signals itself there is nothing to clean up.
         signal.signal(signal.SIGINT, _leave)
+    elif signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
     with patient_output():
         try:
             # Only now, so that a tool that needs no ROS 2 runs without it.
@@ -124,6 +126,12 @@ def run(name: str, argv: list[str] | None = None) -> int:
 
 def _leave(*_: object) -> NoReturn:
     os._exit(130)
+
+
+def _interrupt(*_: object) -> NoReturn:
+    # What a library leaves half made, as numba does, would complain while it is taken apart.
+    sys.unraisablehook = lambda _: None
+    raise KeyboardInterrupt
 
 
 def _first_ros_argument(argv: list[str]) -> int:

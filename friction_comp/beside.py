@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 import multiprocessing
+from multiprocessing import resource_tracker
 import os
 import signal
 import threading
@@ -31,6 +32,14 @@ def process_beside() -> Iterator[ProcessPoolExecutor]:
     # The pipe is closed before the pool is, which waits for what it has begun.
     with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with,
                              initargs=(listening,)) as pool, held:
+        # An interrupt while the process starts would leave it with half of what it is to run.
+        # Python's tracker of resources would unblock it on its start, so it is started before.
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            pool.submit(int)
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         yield pool
 
 
