@@ -111,10 +111,16 @@ class JointWatch:
     ----------
     tolerance : float
         As for `ResidualWatch`.
+
+    Attributes
+    ----------
+    last_load : float
+        Stamp of the last sample with a measured load, s.
     """
 
     def __init__(self, tolerance: float) -> None:
         self._tolerance = tolerance
+        self.last_load = -math.inf
         self.file = ''
         self.residual: LiveResidual | None = None
         self.before: tuple[str, LiveResidual] | None = None

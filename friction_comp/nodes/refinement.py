@@ -26,6 +26,8 @@ from friction_comp.nodes.refine_job import JobResult, RefineJob
 
 # Real s between looks at a running refinement and at the residual.
 _LOOK, _WATCH = 0.2, 1.0
+# s of the joint's time without a measured load after which it counts as not measured.
+_LOAD_SILENCE = 5.0
 _NOT_KEPT = ('reference', '/diagnostics')
 # What `LiveSignals` wants beside the joint states.
 _SIGNALS = ('interaction_wrench', 'motor_temperature')
@@ -128,10 +130,12 @@ class RefinementNode(Node):
                 watch.use(files.get(joint, self._files[joint]))
             if compensated and len(rows):
                 # Without the load, what a person adds to the compensator's own current is unknown.
-                rows = rows[rows[:, 4] == rows[:, 4]]
-                watch.residual.blind = '' if len(rows) else (
+                now, rows = rows[-1, 0], rows[rows[:, 4] == rows[:, 4]]
+                if len(rows):
+                    watch.last_load = rows[-1, 0]
+                watch.residual.blind = (
                     'the compensator feeds the model itself forward, and the load that a person '
-                    'adds is not measured')
+                    'adds is not measured' if now - watch.last_load > _LOAD_SILENCE else '')
             watch.take(rows)
             await self._judge(joint, watch)
 
