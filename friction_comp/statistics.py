@@ -26,3 +26,24 @@ def holm(p_values: Sequence[float]) -> np.ndarray:
     adjusted[order] = np.minimum(np.maximum.accumulate(
         values[order] * np.arange(len(values), 0, -1)), 1.0)
     return adjusted
+
+
+def quantile_edges(values: np.ndarray, number: int, tails: Sequence[float] = ()) -> np.ndarray:
+    """Return the inner edges of ranges that hold equally many values.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+    number : int
+        Of ranges.
+    tails : sequence of float
+        Shares at which either end is cut once more.
+
+    Returns
+    -------
+    ndarray
+        Ascending and without repetitions: fewer than ``number - 1`` where values stand often.
+    """
+    ends = np.array(tails, dtype=float)
+    shares = np.concatenate((ends, np.linspace(0, 1, number + 1)[1:-1], 1.0 - ends))
+    return np.unique(np.quantile(values, shares))

@@ -11,7 +11,6 @@ import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
-from friction_comp.identification.breakaway_dependence import read_breakaway_table, scatter_report
 from friction_comp.identification.excitation import current_ramp
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
@@ -216,78 +215,3 @@ def test_unusable_recordings_are_refused(change, word):
     time = np.arange(0.0, 10.0, 1e-3)
     with pytest.raises(InputError, match=word):
         breakaway_currents(*change(time, time * 0.0, current_ramp(time, 0.05, 10.0)))
-
-
-def scattered(random, count=200, **changes):
-    columns = {'position': random.normal(size=count), 'rest_time': random.uniform(1, 5, count),
-               'temperature': np.linspace(20, 30, count) + random.normal(size=count),
-               'slope': random.choice([0.05, 0.1], count), 'cycle': np.arange(count) // 2}
-    level = 0.1 + 0.004 * random.normal(size=count)
-    for name, gradient in changes.items():
-        level = level + gradient * columns[name]
-    direction = np.where(np.arange(count) % 2, -1, 1)
-    return BreakawayRecords(
-        time=np.arange(count) * 5.0, current=level * direction, direction=direction, **columns)
-
-
-@pytest.mark.parametrize(('name', 'gradient'), [
-    ('position', 0.003), ('rest_time', -0.004), ('slope', 0.2)])
-def test_scatter_report_names_what_the_level_depends_on(name, gradient):
-    report = scatter_report(scattered(np.random.default_rng(3), **{name: gradient}))
-    assert {item.variable for item in report.significant} == {name}
-    assert {item.direction for item in report.significant} == {1, -1}
-    for item in report.significant:
-        assert item.gradient == pytest.approx(gradient, rel=0.5)
-        assert np.sign(item.correlation) == np.sign(gradient)
-    assert any(name.split('_')[0] in line for line in report.sentences())
-
-
-def test_pure_scatter_is_seldom_taken_for_a_dependence():
-    found = 0
-    for seed in range(100):
-        random = np.random.default_rng(seed)
-        records = scattered(random)
-        # Levels that wander from cycle to cycle make naive tests find a trend almost always.
-        wander = np.zeros(len(records))
-        for k in range(1, wander.size):
-            wander[k] = 0.9 * wander[k - 1] + 0.002 * random.normal()
-        records.current[:] += wander * records.direction
-        found += bool(scatter_report(records).significant)
-    assert found <= 8
-
-
-def test_variables_that_rise_together_are_told():
-    random = np.random.default_rng(2)
-    records = scattered(random)
-    records.temperature[:] = 20.0 + records.cycle * 0.1
-    records.current[:] += 0.0005 * (records.temperature - 20.0) * records.direction
-    records.slope[:] = 0.05
-    report = scatter_report(records)
-    assert ('temperature', 'cycle') in report.confounded
-    assert report.constant == ['slope']
-    assert any('varied together' in line for line in report.sentences())
-
-
-def test_measured_breakaway_depends_on_the_ramp_rate():
-    files = sorted((DATA / 'kinova_gen3_joint7').glob('breakaway_*.txt'))
-    if not files:
-        pytest.skip(f'no measured breakaway tables in {DATA}')
-    several = [path for path in files if len(path.read_text().split()) > 40]
-    for path in several:
-        strongest = scatter_report(read_breakaway_table(path)).significant[0]
-        assert strongest.variable == 'ramp_rate'
-        assert strongest.correlation > 0.9
-    report = scatter_report(read_breakaway_table(several))
-    by_name = {item.variable: item for item in report.significant}
-    assert by_name['ramp_rate'].correlation > 0.9
-    assert by_name['ramp_rate'].gradient > 5.0
-
-
-@pytest.mark.parametrize(('text', 'word'), [
-    ('', 'no measurement'), ('1.0\n', 'line 1'), ('1 2\n3 x\n', 'line 2'), ('1 nan\n', 'finite')])
-def test_unusable_tables_are_refused(tmp_path, text, word):
-    path = tmp_path / 'table.txt'
-    path.write_text(text)
-    with pytest.raises(InputError, match=word) as caught:
-        read_breakaway_table(path)
-    assert 'table.txt' in str(caught.value)

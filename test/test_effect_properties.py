@@ -22,9 +22,9 @@ RANGES = {
     'time_constant': (0.1, 1000.0), 'distance': (1e-4, 1.0),
     'cosine': (-2.0, 2.0), 'sine': (-2.0, 2.0), 'slope': (-1.0, 1.0), 'fading': (0.0, 1.0),
     # Live there is no acceleration: with it, live and offline are not the same.
-    'inertia': (0.0, 0.0), 'with_inertia': (0.0, 1.0), 'linear': (0.0, 1.0),
+    'inertia': (0.0, 0.0), 'with_inertia': (0.0, 1.0),
 }
-FLAGS = {'offset', 'directional', 'fading', 'with_inertia', 'linear'}
+FLAGS = {'offset', 'directional', 'fading', 'with_inertia'}
 COLUMNS = {
     'direction_asymmetry': 2, 'gravity': 2, 'cogging': 2, 'friction_ripple': 2, 'temperature': 3,
     'warm_up': 3, 'hysteresis': 2,
@@ -58,9 +58,10 @@ def defaults(name, /, **changes):
               'reference': 1.0, 'velocity': 0.1, 'frequency': 12.0, 'time_constant': 2.0,
               'distance': 0.05, 'reference_temperature': 25.0,
               'cosine': 0.5, 'sine': 0.2, 'slope': 0.1, 'inertia': 0.0, 'with_inertia': 0.0,
-              'fading': 0.0, 'linear': 0.0}
-    if name == 'hysteresis':
-        middle['exponent'] = 1.0
+              'fading': 0.0}
+    if name in ('hysteresis', 'viscous_shape'):
+        # Squared, the bend is zero at its reference.
+        middle['exponent'] = 1.0 if name == 'hysteresis' else 3.0
     found = {key: middle[key] for key in EFFECTS[name].constants}
     return {**found, 'coefficients': [0.1] * COLUMNS.get(name, 1), **changes}
 
@@ -126,8 +127,9 @@ def test_stribeck_fades_with_its_speed():
 
 def test_viscous_shape_is_a_power_of_the_speed():
     half, whole = current_of('viscous_shape', np.zeros(2), [0.25, 1.0], exponent=0.5)
-    assert whole == pytest.approx(0.1)
-    assert half == pytest.approx(0.05, rel=1e-9)
+    # Of u^0.5, 0.8·u belongs to the linear term.
+    assert whole == pytest.approx(0.1 * (1.0 - 0.8))
+    assert half == pytest.approx(0.1 * (0.5 - 0.2))
 
 
 @pytest.mark.parametrize('exponent', [0.45, 0.75, 1.4, 2.5])
@@ -135,29 +137,16 @@ def test_beyond_the_speeds_seen_friction_bends_no_further(exponent):
     seen, far = np.linspace(0.05, 1.0, 200), np.array([1.25, 4.0])
     friction = 0.3 + 0.1 * seen + 0.05 * seen ** 2
 
-    def with_bend(linear):
-        effect = EFFECTS['viscous_shape'](
-            {'exponent': exponent, 'reference': 1.0, 'linear': linear, 'transition': 1e-3,
-             'coefficients': [1.0]}, {'velocity': [-1.25, 1.25]})
-        columns = [np.column_stack((np.ones_like(speed), speed, effect.current(Samples(
-            time=np.arange(len(speed)), position=np.zeros(len(speed)),
-            current=np.zeros(len(speed)), velocity=speed)))) for speed in (seen, far)]
-        found = np.linalg.lstsq(columns[0], friction, rcond=None)[0]
-        return found[1], columns[1] @ found
-    alone = np.polyfit(seen, friction, 1)[0]
-    slope, (near, beyond) = with_bend(1.0)
+    effect = EFFECTS['viscous_shape'](
+        {'exponent': exponent, 'reference': 1.0, 'transition': 1e-3, 'coefficients': [1.0]},
+        {'velocity': [-1.25, 1.25]})
+    columns = [np.column_stack((np.ones_like(speed), speed, effect.current(Samples(
+        time=np.arange(len(speed)), position=np.zeros(len(speed)),
+        current=np.zeros(len(speed)), velocity=speed)))) for speed in (seen, far)]
+    found = np.linalg.lstsq(columns[0], friction, rcond=None)[0]
+    alone, slope, (near, beyond) = np.polyfit(seen, friction, 1)[0], found[1], columns[1] @ found
     assert slope == pytest.approx(alone, rel=0.05)
     assert beyond - near == pytest.approx(alone * 2.75, rel=0.05)
-    # With the power alone the linear term goes on by itself, and is far from it.
-    assert abs(with_bend(0.0)[0] - alone) > 0.2 * alone
-
-
-def test_a_bend_of_an_older_model_file_is_the_power_alone():
-    entry = {'exponent': 0.5, 'reference': 2.0, 'transition': 1e-3, 'coefficients': [0.1]}
-    older = EFFECTS['viscous_shape'](entry).current(Samples(
-        time=np.arange(2.0), position=np.zeros(2), current=np.zeros(2),
-        velocity=np.array([0.5, 2.0])))
-    assert older == pytest.approx([0.05, 0.1])
 
 
 def test_a_bump_is_where_and_as_wide_as_it_is_said_to_be():
@@ -225,9 +214,6 @@ def test_a_constant_that_is_no_number_is_named(name, key):
             EFFECTS[name]({**defaults(name), key: value})
         assert '\n' not in str(caught.value)
     left = {k: v for k, v in defaults(name).items() if k != key}
-    if key in EFFECTS[name].older:
-        assert EFFECTS[name](left).values[key] == EFFECTS[name].older[key]
-        return
     with pytest.raises(InputError, match=key):
         EFFECTS[name](left)
 

@@ -137,7 +137,6 @@ def test_result_holds_table_fit_breakaway_and_model(quick, tmp_path):
     assert loaded.breakaway == result.breakaway
     assert loaded.lookup_table == result.lookup_table()
     np.testing.assert_allclose(loaded.sigmoid(result.speeds), result.sigmoid(result.speeds))
-    assert loaded.notes['breakaway_scatter']
 
 
 def test_progress_never_falls_and_the_estimate_is_fair():

@@ -20,7 +20,6 @@ from friction_comp.model.sigmoid import Sigmoid
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
-    from friction_comp.identification.breakaway_dependence import ScatterReport
     from friction_comp.identification.kinetic import KineticPoint
 
 USED_SHARE = 0.9
@@ -177,13 +176,6 @@ class IdentificationResult:
         return {'speeds': self.speeds.tolist(), 'currents': self.currents.tolist(),
                 'standard_deviations': self.standard_deviations.tolist()}
 
-    def scatter(self) -> ScatterReport:
-        """Return what the breakaway currents' scatter depends on, a `ScatterReport`."""
-        # Here, since scipy's statistics take a second to import, and a node starts without them.
-        from friction_comp.identification.breakaway_dependence import scatter_report
-
-        return scatter_report(self.records)
-
     def model(self, drive: Drive, joint: str = '') -> FrictionModel:
         """Return the `FrictionModel` of the drive; the caller saves it."""
         return FrictionModel(
@@ -197,6 +189,5 @@ class IdentificationResult:
                 'ramp_slope': self.goal.ramp_slope,
                 'ramp_period': self.goal.ramp_period,
                 'breakaway_cycles': self.goal.breakaway_cycles,
-                'breakaway_scatter': self.scatter().sentences(),
                 'warnings': list(self.warnings),
             })

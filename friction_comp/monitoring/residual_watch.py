@@ -15,7 +15,7 @@ import numpy as np
 
 from friction_comp.checks import check_number
 from friction_comp.samples import Samples
-from friction_comp.series import quantile_edges
+from friction_comp.statistics import quantile_edges
 
 VARIABLES = ('temperature', 'time', 'position', 'load', 'speed')
 # Length of a block and the shortest that counts, s.

@@ -17,7 +17,7 @@ from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
 from friction_comp.samples import Samples
-from friction_comp.series import quantile_edges
+from friction_comp.statistics import quantile_edges
 
 _FLIPS, _CHANCE = 1500, 0.001
 # Share of the residual's variance below which a dependence is not worth a word.

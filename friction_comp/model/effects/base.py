@@ -55,8 +55,6 @@ class Effect(ABC):
         Every nonlinear constant and how it is searched around a point of the grid; None where it
         is not. A constant named ``transition`` is the velocity over which friction changes sign,
         which all effects of a fit share.
-    older : dict of str to float
-        Constants that model files did not always hold, and what they amounted to then.
     numbers : tuple of (str, str)
         What each coefficient is, and its unit, A standing for the recording's own.
     signs : tuple of int
@@ -90,7 +88,6 @@ class Effect(ABC):
     role = RESISTS
     needs: tuple[str, ...] = ()
     constants: dict[str, Search | None] = {}
-    older: dict[str, float] = {}
     numbers: tuple[tuple[str, str], ...] = ()
     signs: tuple[int, ...] = ()
     most = 1
@@ -117,7 +114,7 @@ class Effect(ABC):
 
     def __init__(self, parameters: dict[str, Any],
                  valid_range: dict[str, Any] | None = None) -> None:
-        parameters = {**self.older, **parameters}
+        parameters = dict(parameters)
         self.valid_range = checked_range(valid_range, self.held)
         coefficients = parameters.pop('coefficients', None)
         if coefficients is None:

@@ -26,14 +26,12 @@ class ViscousShape(Effect):
     numbers = (('size at the reference speed', 'A'),)
     variable = 'velocity'
     held = {'velocity': 0.25}
-    constants = {'exponent': Search(1.3), 'reference': None, 'linear': None, 'transition': None}
-    # The power alone.
-    older = {'linear': 0.0}
+    constants = {'exponent': Search(1.3), 'reference': None, 'transition': None}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Exponents below and above one."""
-        return [{'exponent': exponent, 'reference': scene.speed, 'linear': 1.0,
+        return [{'exponent': exponent, 'reference': scene.speed,
                  'transition': scene.transition}
                 for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
 
@@ -41,7 +39,7 @@ class ViscousShape(Effect):
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         """Return one column."""
         speed = abs(x.velocity) / c.reference
-        slope = c.linear * 6.0 * c.exponent / ((c.exponent + 1.0) * (c.exponent + 2.0))
+        slope = 6.0 * c.exponent / ((c.exponent + 1.0) * (c.exponent + 2.0))
         return (x.side * (speed ** c.exponent - slope * speed),)
 
     @classmethod
@@ -70,6 +68,6 @@ class ViscousShape(Effect):
         """Return the formula with its numbers."""
         c = self.values
         exponent, speed = c['exponent'], f'|v|/{c["reference"]:.3g}'
-        slope = c['linear'] * 6.0 * exponent / ((exponent + 1.0) * (exponent + 2.0))
+        slope = 6.0 * exponent / ((exponent + 1.0) * (exponent + 2.0))
         return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'
                 f'·(({speed})^{exponent:.3g} - {slope:.3g}·{speed})')
