@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each rule of refinement earns: the same worlds with it and without it.
 
-    python bench/refine_ablation.py [--rules exchange lag ...] [--jobs 1] [--output results.json]
+    python bench/refine_ablation.py [--rules exchange 'lag + bandwidth again' ...] [--jobs 1]
+                                    [--first 0] [--draws 1] [--output results.json]
     python bench/refine_ablation.py --show results.json
 
 Worlds: the second world (tuning half), drives of `refine_table` with one hidden effect and with
@@ -153,23 +154,26 @@ RULES = {
 
 
 def off(rule):
-    """Switch a rule off in this process."""
-    RULES[rule]()
+    """Switch a rule, or several joined by ' + ', off in this process."""
+    for one_of_them in rule.split(' + '):
+        RULES[one_of_them]()
 
 
-def cases(worlds, draws):
+def cases(worlds, draws, first=0):
     """Return the cases of worlds as (world, what names the case)."""
     found = []
     if 'second' in worlds:
         from second_world.families import FAMILIES
-        found += [('second', (family, 2 * k)) for family in FAMILIES for k in range(draws)]
+        found += [('second', (family, 2 * k)) for family in FAMILIES
+                  for k in range(first, first + draws)]
     from simulated_recordings.cases import CASES
     if 'single' in worlds:
-        found += [('single', (name, seed)) for name in CASES for seed in range(draws)]
+        found += [('single', (name, seed)) for name in CASES
+                  for seed in range(first, first + draws)]
     if 'none' in worlds:
-        found += [('none', ('', seed)) for seed in range(8 * draws)]
+        found += [('none', ('', seed)) for seed in range(8 * first, 8 * (first + draws))]
     if 'arms' in worlds:
-        found += [('arms', (seed,)) for seed in range(10 * draws)]
+        found += [('arms', (seed,)) for seed in range(10 * first, 10 * (first + draws))]
     if 'measured' in worlds and DATA.exists():
         import measured_table
         rows = [replace(row, urdf=None) for row in measured_table.ROWS]
@@ -252,9 +256,10 @@ def show(results):
 def main():
     """Judge all cases with all rules, then without each of them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--rules', nargs='*', default=list(RULES), choices=RULES)
+    parser.add_argument('--rules', nargs='*', default=list(RULES))
     parser.add_argument('--worlds', nargs='*', default=WORLDS, choices=WORLDS)
     parser.add_argument('--draws', type=int, default=1)
+    parser.add_argument('--first', type=int, default=0, help='number of the first draw')
     parser.add_argument('--jobs', type=int, default=1)
     parser.add_argument('--output', type=Path, help='JSON file for the single results')
     parser.add_argument('--show', type=Path, help='print the table of saved results and end')
@@ -262,6 +267,9 @@ def main():
     if arguments.show:
         show(json.loads(arguments.show.read_text()))
         return
+    unknown = {name for rule in arguments.rules for name in rule.split(' + ')} - set(RULES)
+    if unknown:
+        parser.error(f'no such rule: {", ".join(sorted(unknown))}; there are {", ".join(RULES)}')
     results = []
     if arguments.output and arguments.output.exists():
         results = json.loads(arguments.output.read_text())
@@ -273,7 +281,7 @@ def main():
         with ProcessPoolExecutor(arguments.jobs, multiprocessing.get_context('spawn'),
                                  initializer=off, initargs=(rule,)) as pool:
             waiting = [pool.submit(one, rule, world, name)
-                       for world, name in cases(arguments.worlds, arguments.draws)]
+                       for world, name in cases(arguments.worlds, arguments.draws, arguments.first)]
             own = [done.result() for done in as_completed(waiting)]
         results += own
         if arguments.output:
