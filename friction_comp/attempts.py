@@ -60,5 +60,5 @@ def in_turn(work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
     if len(things) == 1:
         yield 0, work(things[0])
         return
-    for number, thing in enumerate(things):
-        yield number, attempt(work, thing)
+    for index, thing in enumerate(things):
+        yield index, attempt(work, thing)

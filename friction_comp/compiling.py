@@ -174,10 +174,10 @@ class Kernel:
 
     def _call_plain(self, args: tuple[Any, ...]) -> Any:
         given, records = list(args), []
-        for place, value in enumerate(args):
+        for index, value in enumerate(args):
             if isinstance(value, np.ndarray) and value.dtype.names:
-                given[place], before = _rows(value)
-                records.append((value, given[place], before))
+                given[index], before = _rows(value)
+                records.append((value, given[index], before))
         found = self.py_func(*given)
         for array, rows, before in records:
             for j, row in enumerate(rows):

@@ -277,12 +277,12 @@ def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> 
     power, product = np.sum(asked ** 2, axis=1), asked @ found
     alike = product / np.sqrt(np.maximum(power * (found @ found), 1e-300))
     size = np.abs(alike)
-    place = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY else 0
-    gain = float(product[place] / max(power[place], 1e-300))
-    likeness = float(alike[place])
+    index = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY else 0
+    gain = float(product[index] / max(power[index], 1e-300))
+    likeness = float(alike[index])
     # What is smoothed over a time varies independently after twice that time.
     return Answer(gain, likeness, _error(gain, likeness, _MEMORY / (2.0 * _SMOOTHING)),
-                  float(delays[place]), float(np.sqrt(power[-1] / len(back))))
+                  float(delays[index]), float(np.sqrt(power[-1] / len(back))))
 
 
 def _error(gain: float, likeness: float, count: float) -> float:

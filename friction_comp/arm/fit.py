@@ -181,7 +181,7 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
                 np.exp(numbers[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
     unseen = [Unseen(int(joints[0].recording[row]), float(joints[0].time[row]),
-                     *found(parts[number % FOLDS])) for number, row in enumerate(first)]
+                     *found(parts[index % FOLDS])) for index, row in enumerate(first)]
     tree, scales = found(x)
     return ArmFit(
         tree, chain.tree, scales,
@@ -199,9 +199,9 @@ def _best_settings(
         report: Callable[[float], None]) -> _Trial | None:
     """Return the trial with the differentiation that suits best, or None where none does."""
     best, choices = None, _settings(joints)
-    for number, settings in enumerate(choices):
+    for index, settings in enumerate(choices):
         best = _better(best, _trial(chain, joints, settings, bodies, declared))
-        report((number + 1) / len(choices))
+        report((index + 1) / len(choices))
     return best
 
 

@@ -120,7 +120,7 @@ def evaluate_repetitions(joint: str, repetitions: list[Repetition], averages: Av
     evaluation = Evaluation(joint, [], model, _by_persons(repetitions, notes), notes=notes)
     groups: dict[tuple[Any, ...], list[Repetition]] = {}
     # From no help to most, and what was active first before what came later.
-    first = {known: place for place, known in enumerate(dict.fromkeys(
+    first = {known: index for index, known in enumerate(dict.fromkeys(
         r.help for r in evaluation.repetitions))}
     for repetition in evaluation.repetitions:
         movement = repetition.movement

@@ -138,8 +138,8 @@ def exercise_of(document: Any) -> ExerciseScript:
 def _waypoints(steps: list[Any], joints: list[str], unit: float,
                count: int) -> tuple[np.ndarray, np.ndarray]:
     times, positions = [0.0], [np.zeros(len(joints))]
-    for number, step in enumerate(steps, 1):
-        time, position = _step(f'steps[{number}]', step, joints, positions[-1], unit)
+    for index, step in enumerate(steps, 1):
+        time, position = _step(f'steps[{index}]', step, joints, positions[-1], unit)
         times.append(times[-1] + time)
         positions.append(position)
     if 'hold' not in steps[0]:

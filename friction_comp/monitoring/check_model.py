@@ -119,17 +119,17 @@ def measured_rows(seen: Observation, joint: str, model: FrictionModel) -> np.nda
     states = seen.states
     if states is None:
         return np.empty((0, 6))
-    number = states.joints.index(joint)
+    index = states.joints.index(joint)
     time = states.stamp if states.stamp.any() else states.received
     load = np.full(len(time), np.nan)
     heard = seen.load.get(joint)
     if heard is not None and len(heard) > 1:
         load = np.interp(states.received, heard[:, 0], heard[:, 1])
-    velocity = states.velocity[:, number]
+    velocity = states.velocity[:, index]
     if not np.isfinite(velocity).all():
-        velocity = np.gradient(states.position[:, number], time)
+        velocity = np.gradient(states.position[:, index], time)
     order = np.argsort(time, kind='stable')
     return np.column_stack((
-        time, states.position[:, number], velocity,
-        states.effort[:, number] / model.drive.torque_per_current, load,
+        time, states.position[:, index], velocity,
+        states.effort[:, index] / model.drive.torque_per_current, load,
         np.full(len(time), np.nan)))[order]

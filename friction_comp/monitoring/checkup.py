@@ -83,8 +83,8 @@ def _states(seen: Observation) -> Iterator[Finding]:
                       'let the driver name each joint once: which of its values holds?')
     yield from _rate(seen, states)
     yield from _stamps(states, seen.clock)
-    for number, joint in enumerate(states.joints):
-        yield from _values(states, number, joint)
+    for index, joint in enumerate(states.joints):
+        yield from _values(states, index, joint)
 
 
 def _elsewhere(seen: Observation, name: str) -> str:

@@ -102,8 +102,8 @@ class LiveResidual:
 
     def _samples(self, rows: np.ndarray) -> Samples:
         columns: dict[str, Any] = {
-            name: rows[:, 4 + place] for place, name in enumerate(SIGNALS)
-            if np.isfinite(rows[:, 4 + place]).all()}
+            name: rows[:, 4 + index] for index, name in enumerate(SIGNALS)
+            if np.isfinite(rows[:, 4 + index]).all()}
         if np.isfinite(rows[:, 2]).all():
             columns['velocity'] = rows[:, 2]
         samples = Samples(time=rows[:, 0], position=rows[:, 1], current=rows[:, 3], **columns)

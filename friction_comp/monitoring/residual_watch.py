@@ -238,10 +238,10 @@ def _explained(values: np.ndarray, variable: np.ndarray) -> float:
     total = float(np.sum((values - values.mean()) ** 2)) if size else 0.0
     if size < 4 * _BINS or total <= 0.0 or np.ptp(variable) <= 0.0:
         return 0.0
-    place = np.searchsorted(quantile_edges(variable, _BINS), variable)
-    count = np.bincount(place)
+    index = np.searchsorted(quantile_edges(variable, _BINS), variable)
+    count = np.bincount(index)
     used = count > 0
-    means = np.bincount(place, values)[used] / count[used]
+    means = np.bincount(index, values)[used] / count[used]
     within = total - float(np.sum(count[used] * (means - values.mean()) ** 2))
     groups = int(used.sum())
     if size <= groups:

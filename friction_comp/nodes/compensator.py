@@ -149,8 +149,8 @@ class CompensatorNode(LifecycleNode):
             self._loop.direction.timeout = self._of('direction_timeout')
         if 'model_files' in names and self._candidates is not None:
             models, self._candidates = self._candidates, None
-            for number, model in enumerate(models):
-                self._loop.law.set_model(number, model)
+            for index, model in enumerate(models):
+                self._loop.law.set_model(index, model)
             self._loop.port.limits = self._limits()
             self.get_logger().info(f'activated {", ".join(self._of("model_files"))}')
             self._say_left_out()

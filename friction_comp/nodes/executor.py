@@ -170,8 +170,8 @@ class _Rest:
         wait_set.wait(0)
         found = False
         for kind, several in self._entities.items():
-            for number, one in enumerate(several):
-                if wait_set.is_ready(kind, number):
+            for index, one in enumerate(several):
+                if wait_set.is_ready(kind, index):
                     found = True
                     if kind == 'guard_condition':
                         # Looking has taken its trigger; so rclpy knows of it all the same.

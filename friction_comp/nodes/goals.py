@@ -56,14 +56,14 @@ def make_goal(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
     """
     if request.joint and request.joint not in joints:
         raise InputError(f'unknown joint {request.joint!r}; known: {", ".join(joints)}')
-    number = joints.index(request.joint) if request.joint else 0
+    index = joints.index(request.joint) if request.joint else 0
     fields = {}
     for name, default in defaults.items():
         value = getattr(request, name)
         fields[name] = default if len_or_value(value) == 0 else value
     goal = IdentificationGoal(**dict(fields, speeds=tuple(fields['speeds'])))
-    goal.check(drives[number])
-    return number, goal
+    goal.check(drives[index])
+    return index, goal
 
 
 def len_or_value(value: Any) -> Any:

@@ -213,8 +213,8 @@ class LiveFeed:
     def _model(self, joint):
         if not self._given:
             return self._found.get(joint, ('', None))[1]
-        number = self.joints.index(joint) if joint in self.joints else len(self._models)
-        return self._models[number] if number < len(self._models) else None
+        index = self.joints.index(joint) if joint in self.joints else len(self._models)
+        return self._models[index] if index < len(self._models) else None
 
     @staticmethod
     def _compare(data, model):

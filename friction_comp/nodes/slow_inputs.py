@@ -41,7 +41,7 @@ class Direction:
         self.refused = 0
         self.why = ''
         self.planners: list[str] = []
-        self._numbers = {joint: number for number, joint in enumerate(joints)}
+        self._numbers = {joint: index for index, joint in enumerate(joints)}
         self._zeros = np.zeros(len(joints))
         self.forget()
 
@@ -145,12 +145,12 @@ class Direction:
     def at(self, time: int) -> np.ndarray:
         """Return d at a time in ns, shape (J,)."""
         limit = time - self.timeout * 1e9
-        for number, taken in enumerate(self._times):
-            if taken is None or taken < limit or self._disputed[number] is not None:
+        for index, taken in enumerate(self._times):
+            if taken is None or taken < limit or self._disputed[index] is not None:
                 return np.array([
-                    0.0 if taken is None or taken < limit or self._is_disputed(number, time)
+                    0.0 if taken is None or taken < limit or self._is_disputed(index, time)
                     else value
-                    for number, (value, taken) in enumerate(zip(self._values, self._times))])
+                    for index, (value, taken) in enumerate(zip(self._values, self._times))])
         return self._values
 
     def age(self, number: int, time: int) -> float:
@@ -177,7 +177,7 @@ class MotorTemperature:
     """
 
     def __init__(self, joints: Sequence[str]) -> None:
-        self._numbers = {joint: number for number, joint in enumerate(joints)}
+        self._numbers = {joint: index for index, joint in enumerate(joints)}
         self.forget()
 
     def forget(self) -> None:
@@ -214,9 +214,9 @@ class MotorTemperature:
                 later.append(reading)
         # Without an end, readings of another clock would pile up.
         self._coming = later[-100:]
-        for number, taken in enumerate(self._times):
+        for index, taken in enumerate(self._times):
             if time - taken > _TEMPERATURE_TIMEOUT:
-                self._values[number] = np.nan
+                self._values[index] = np.nan
         known = ~np.isnan(self._values)
         self._shown = self._values if known.any() else None
         self._fresh_until = min(

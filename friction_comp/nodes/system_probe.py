@@ -119,8 +119,8 @@ class _Look:
         seen.commands = np.array([one for _, one in whole])
         seen.commanded = np.array([when for when, _ in whole])
         seen.load = {joint: np.array(values) for joint, values in self._load.items()}
-        for number, name in enumerate(seen.nodes):
-            self._progress(0.8 + 0.2 * number / len(seen.nodes), f'asks {name}')
+        for index, name in enumerate(seen.nodes):
+            self._progress(0.8 + 0.2 * index / len(seen.nodes), f'asks {name}')
             seen.parameters[name] = self._parameters(name)
         return seen
 
@@ -175,7 +175,7 @@ def _states_of(messages: Any) -> Any:
     if not messages:
         return None
     joints = list(dict.fromkeys(name for _, message in messages for name in message.name))
-    places = {joint: number for number, joint in enumerate(joints)}
+    places = {joint: index for index, joint in enumerate(joints)}
     table = np.full((3, len(messages), len(joints)), math.nan)
     stamps = np.empty(len(messages))
     for row, (_, message) in enumerate(messages):

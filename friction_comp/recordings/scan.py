@@ -182,9 +182,9 @@ class Scanner:
         """Read on, and yield each store when it has decoded another batch."""
         try:
             self._storage = Storage(self.path)
-            for number, (topic, kind, receive, raw) in enumerate(
+            for index, (topic, kind, receive, raw) in enumerate(
                     self._storage.messages(self._wanted)):
-                if not number:
+                if not index:
                     self._begin = receive
                 if kind == DIAGNOSTICS:
                     if any(node in raw for node in SOURCES):
@@ -196,7 +196,7 @@ class Scanner:
                     assert signal is not None
                     store = self.stores[topic] = Store(
                         topic, signal, self._joint, self._batch)
-                if store.add(receive, raw, number):
+                if store.add(receive, raw, index):
                     yield store
             for store in self.stores.values():
                 store.flush()

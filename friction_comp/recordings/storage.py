@@ -86,11 +86,11 @@ class Storage:
             If none of the files can be read.
         """
         reasons = []
-        for number, file in enumerate(self.files):
+        for index, file in enumerate(self.files):
             try:
                 with TemporaryDirectory() as room, _open(file, Path(room)) as opened:
                     for message in opened.messages(self._checked(opened, wanted)):
-                        self.progress = (number + opened.progress) / len(self.files)
+                        self.progress = (index + opened.progress) / len(self.files)
                         yield message
                     self._add(file, opened)
             except DamagedError as error:

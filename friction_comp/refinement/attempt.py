@@ -340,9 +340,9 @@ def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
     sizes = (1.0, 2.0) if fine else [size for size in _LAGS if size * step <= _LONGEST_LAG]
     lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
     errors = [error(lag) for lag in lags]
-    place = int(np.argmin(errors))
+    index = int(np.argmin(errors))
     best = optimize.minimize_scalar(
-        error, bounds=(lags[max(place - 1, 0)], lags[min(place + 1, len(lags) - 1)]),
+        error, bounds=(lags[max(index - 1, 0)], lags[min(index + 1, len(lags) - 1)]),
         method='bounded', options={'xatol': 0.02 * step, 'maxiter': 12})
-    least, lag = min((errors[place], float(lags[place])), (float(best.fun), float(best.x)))
+    least, lag = min((errors[index], float(lags[index])), (float(best.fun), float(best.x)))
     return lag, 1.0 - least / errors[int(np.argmin(np.abs(lags)))]

@@ -53,7 +53,7 @@ def at_limit(term: Term, table: Table) -> bool:
 
 def knobs_of(terms: Sequence[Term], only: Container[Key] | None = None) -> list[Knob]:
     """Return the constants of terms that are searched."""
-    return [Knob(place, name, how) for place, term in enumerate(terms)
+    return [Knob(index, name, how) for index, term in enumerate(terms)
             if term.group is None and (only is None or term.key in only)
             for name, how in term.kind.constants.items() if how is not None]
 
@@ -128,10 +128,10 @@ def adjusted(table: Table, keys: Sequence[Key], rounds: int = 3,
 
 def _loaded(table: Table, keys: list[Key]) -> list[Key]:
     """Return terms with the loads in them that the other terms carry now."""
-    for place, key in enumerate(keys):
+    for index, key in enumerate(keys):
         term = table.terms[key]
         if term.kind.carried:
             constants = term.kind.carrying(term.constants, table.loads(keys))
             found = table.add([Term(term.kind, constants)])
-            keys[place] = found[0] if found else key
+            keys[index] = found[0] if found else key
     return keys

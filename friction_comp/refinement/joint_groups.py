@@ -61,8 +61,8 @@ def neighbourhood(names: Sequence[str], own: str) -> list[Group]:
     Where an arm swings freely, weight and inertia cancel, and none of these helps alone: they are
     tried together.
     """
-    place = list(names).index(own)
-    near = set(names[max(0, place - 1):place + 2])
+    index = list(names).index(own)
+    near = set(names[max(0, index - 1):index + 2])
     return [group for group in groups_for(tuple(names), own)
             if group.everyone <= near or follows(group, names)]
 

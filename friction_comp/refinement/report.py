@@ -165,8 +165,8 @@ def friction_of(o: Outcome) -> dict[str, Any]:
     return {'offset': 0.5 * (base.upper + base.lower), 'coulomb': 0.5 * (base.upper - base.lower),
             'viscous': base.viscous, 'transition': 2.0 / base.steepness, 'shift': base.shift,
             'intervals': {} if o.kept else {
-                name: list(ends[place]) for place, name in enumerate(
-                    ('offset', 'coulomb', 'viscous')) if place in ends}}
+                name: list(ends[index]) for index, name in enumerate(
+                    ('offset', 'coulomb', 'viscous')) if index in ends}}
 
 
 def correlations_of(o: Outcome) -> list[dict[str, Any]]:
@@ -209,13 +209,13 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
         groups = [key for key in rest if key[-1] is not None]
         if groups:
             together.append(groups)
-        trials = [(found.rmse_with([*chosen, *keys]), place) for place, keys in enumerate(together)]
-        error, place = min(trials)
-        chosen += together[place]
-        rest = [key for key in rest if key not in together[place]]
-        if known_load(o, together[place][0]):
+        trials = [(found.rmse_with([*chosen, *keys]), index) for index, keys in enumerate(together)]
+        error, index = min(trials)
+        chosen += together[index]
+        rest = [key for key in rest if key not in together[index]]
+        if known_load(o, together[index][0]):
             continue
-        entry = (_group_entry if together[place][0][-1] is not None else _entry)(o, together[place])
+        entry = (_group_entry if together[index][0][-1] is not None else _entry)(o, together[index])
         entries.append({**entry, 'held_out_rmse': error})
     return entries
 

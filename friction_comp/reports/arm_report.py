@@ -94,8 +94,8 @@ def _errors(reports: dict[str, dict[str, Any]]) -> Figure:
         ('after', 's', 'blue', [one['after']['held_out_rmse'] for one in reports.values()]),
         ('noise', '|', 'orange', [one['noise_floor'] for one in reports.values()]))
     signal = [max(one['signal_rms'], 1e-300) for one in reports.values()]
-    for place, one in enumerate(zip(*(values for *_, values in series))):
-        axes.plot([one[0] / signal[place], one[1] / signal[place]], [place, place],
+    for index, one in enumerate(zip(*(values for *_, values in series))):
+        axes.plot([one[0] / signal[index], one[1] / signal[index]], [index, index],
                   color=COLOURS['grey'], linewidth=1.2, zorder=1)
     for label, marker, colour, values in series:
         axes.plot([value / whole for value, whole in zip(values, signal)], rows, marker,

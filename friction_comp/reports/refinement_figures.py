@@ -211,8 +211,8 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Drawn:
 def _runs(samples: Samples) -> np.ndarray:
     """Return the number of the run of each sample, shape (N,): a gap of 0.5 s ends one."""
     run = np.empty(len(samples), dtype=int)
-    for place, part in enumerate(samples.segments(max(20.0, 0.5 / samples.sample_time))):
-        run[part] = place
+    for index, part in enumerate(samples.segments(max(20.0, 0.5 / samples.sample_time))):
+        run[part] = index
     return run
 
 

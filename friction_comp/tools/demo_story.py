@@ -173,8 +173,8 @@ class Demo(Stage):
             'seconds': time.monotonic() - self._began}
         (self._output / 'report.json').write_text(to_json(content), encoding='utf-8')
         table = Table(title='What it takes to move the joint')
-        for number, name in enumerate(('', 'peak (N·m)', 'RMS (N·m)', 'error (mA)')):
-            table.add_column(name, justify='right' if number else 'left')
+        for index, name in enumerate(('', 'peak (N·m)', 'RMS (N·m)', 'error (mA)')):
+            table.add_column(name, justify='right' if index else 'left')
         for row in rows:
             table.add_row(*row)
         self._console.print(table)

@@ -168,8 +168,8 @@ def _models(seen: Observation, paths: list[Path]) -> list[Finding]:
     if paths:
         models = [FrictionModel.load(path) for path in paths]
         joints = seen.states.joints if seen.states else []
-        pairs = [(model.joint if model.joint in joints or number >= len(joints)
-                  else joints[number], model) for number, model in enumerate(models)]
+        pairs = [(model.joint if model.joint in joints or index >= len(joints)
+                  else joints[index], model) for index, model in enumerate(models)]
     findings: list[Finding] = []
     for node, values in seen.parameters.items():
         if paths or 'compensator' not in node:

@@ -208,7 +208,7 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
                              f'{", ".join(wanted)}')
         samples, notes = {}, []
         chosen = dict(zip(wanted, models))
-        for number, joint in enumerate(wanted):
+        for index, joint in enumerate(wanted):
             drive = chosen[joint].drive if joint in chosen else None
             found = read_recording_with_info(
                 [path], joint, drive.torque_constant if drive else 1.0,
@@ -223,5 +223,5 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
                 # Read without a drive, it holds the torque.
                 samples[joint] = samples[joint].with_(
                     current=samples[joint].current / model.drive.torque_per_current)
-            report((number + 1) / len(wanted))
+            report((index + 1) / len(wanted))
     return RecordedFeed(path.name, samples, chosen, notes)

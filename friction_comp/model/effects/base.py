@@ -275,8 +275,8 @@ class Effect(ABC):
         columns = cls.columns(x, c)
         # Each column together in memory, as those who solve for coefficients want it.
         result = np.empty((len(columns), len(samples)))
-        for place, column in enumerate(columns):
-            result[place] = column
+        for index, column in enumerate(columns):
+            result[index] = column
         return result.T
 
     def current(self, samples: Samples) -> np.ndarray:
