@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from friction_comp import CompensationLaw, FrictionModel, refine, Samples
-from friction_comp.model.effects import Effect, EFFECTS, register, Search
+from friction_comp.model.effects import Effect, EFFECTS, register, SearchRange
 from friction_comp.reports.refinement_report import refinement_report
 
 GAIN, REFERENCE = 0.06, 0.35
@@ -18,7 +18,7 @@ class TightEnd(Effect):
     name = 'tight_end'
     variable = 'position'
     signs = (1,)
-    constants = {'reach': Search(1.6)}
+    constants = {'reach': SearchRange(1.6)}
 
     @staticmethod
     def columns(x, c):

@@ -19,7 +19,7 @@ from friction_comp.reports.evaluation_report import evaluation_report, scenes_of
 from friction_comp.reports.figures import new_figure
 from friction_comp.reports.html import Report
 from friction_comp.reports.interactive import Line, Panel, thin_extremes
-from friction_comp.reports.moving_joint import moving_joint, Scene, still_joint
+from friction_comp.reports.moving_joint import moving_joint, MovingScene, still_joint
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -98,7 +98,7 @@ def test_a_torque_that_is_not_measured_has_no_arrow():
     assert 'not measured' in drawing
     assert 'y2="120.0"' in drawing
     minidom.parseString(drawing)
-    steady = Scene('still', np.arange(3.0), np.zeros(3), np.zeros(3))
+    steady = MovingScene('still', np.arange(3.0), np.zeros(3), np.zeros(3))
     assert 'peak 0.00 N·m' in moving_joint([steady])[0]
 
 

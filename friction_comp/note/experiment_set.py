@@ -34,7 +34,7 @@ _SWEEP_STANDSTILLS, _SWEEP_EACH, _SWEEP_REPETITIONS = 60, 6.0, 4
 
 
 @dataclass
-class Outcome:
+class ExperimentOutcome:
     """Everything that was found with one configuration.
 
     Attributes
@@ -97,7 +97,8 @@ class Outcome:
 
 
 def run_experiment(experiment: Experiment, table: Callable[[], tuple[IdentificationResult, float]],
-                   cycles: int, seed: int, report: Callable[[float, str], None]) -> Outcome:
+                   cycles: int, seed: int, report: Callable[[float, str], None]
+                   ) -> ExperimentOutcome:
     """Run everything but the look-up table, which takes its time and was made beside.
 
     Parameters
@@ -113,7 +114,7 @@ def run_experiment(experiment: Experiment, table: Callable[[], tuple[Identificat
 
     Returns
     -------
-    Outcome
+    ExperimentOutcome
     """
     report(0.0, 'current ramps')
     ramps = identify_breakaway(experiment, cycles, seed)
@@ -139,12 +140,12 @@ def run_experiment(experiment: Experiment, table: Callable[[], tuple[Identificat
                                 standstills=_SWEEP_STANDSTILLS, each=_SWEEP_EACH)
             sweep[law].append((gain, peak, still.false_starts, still.standstills))
     report(1.0, 'done')
-    return Outcome(experiment, result, ramps, model, trials, standstills, sweep, dead,
+    return ExperimentOutcome(experiment, result, ramps, model, trials, standstills, sweep, dead,
                    table_time + ramps.duration)
 
 
 def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None],
-                    experiments: Sequence[Experiment] = EXPERIMENTS) -> list[Outcome]:
+                    experiments: Sequence[Experiment] = EXPERIMENTS) -> list[ExperimentOutcome]:
     """Run the experiments of every configuration.
 
     The look-up tables are measured by the identification procedure as it drives a real joint,
@@ -161,7 +162,7 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
 
     Returns
     -------
-    list of Outcome
+    list of ExperimentOutcome
     """
     outcomes = []
     with process_beside() as pool:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from friction_comp.evaluation.conditions import Condition
     from friction_comp.note.condition_runs import ConditionRun
-    from friction_comp.note.experiment_set import Outcome
+    from friction_comp.note.experiment_set import ExperimentOutcome
 
 _TRIALS = (('kinetic', 'grey', 'd = 0'), ('paper', 'orange', 'd = ±1, printed law'),
            ('continuous', 'blue', 'd = ±1, continuous law'), ('inertia', 'green', 'inertia alone'))
@@ -23,7 +23,7 @@ _LAWS = (('paper', 'orange', 'printed law'), ('continuous', 'blue', 'continuous 
 
 
 @styled
-def ramp_figure(outcome: Outcome) -> Figure:
+def ramp_figure(outcome: ExperimentOutcome) -> Figure:
     """Fig. 2: current ramp, velocity, and the instants at which the joint breaks free."""
     ramps = outcome.ramps
     figure, (upper, lower) = new_figure(2, 1, height=2.1, sharex=True)
@@ -49,7 +49,7 @@ def ramp_figure(outcome: Outcome) -> Figure:
 
 
 @styled
-def friction_figure(outcomes: list[Outcome]) -> Figure:
+def friction_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     """Fig. 4: look-up table, fit and breakaway of every configuration."""
     figure, axes = new_figure(1, 1, height=4.2)
     for outcome, colour in zip(outcomes, ('blue', 'green', 'orange')):
@@ -73,7 +73,7 @@ def friction_figure(outcomes: list[Outcome]) -> Figure:
 
 
 @styled
-def trial_figure(outcomes: list[Outcome]) -> Figure:
+def trial_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     """Fig. 5: trajectories and back-driving torques, mean and standard deviation."""
     figure, rows = new_figure(len(outcomes) + 1, 2, height=2.3, sharex='col')
     for column, name in enumerate(('positive', 'negative')):
@@ -103,7 +103,7 @@ def trial_figure(outcomes: list[Outcome]) -> Figure:
 
 
 @styled
-def gain_figure(outcomes: list[Outcome]) -> Figure:
+def gain_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     """Peak torque and false starts against the breakaway gain, safe region marked."""
     figure, rows = new_figure(2, len(outcomes), height=2.4, sharex=True, squeeze=False)
     for column, outcome in enumerate(outcomes):
@@ -133,7 +133,7 @@ def gain_figure(outcomes: list[Outcome]) -> Figure:
 
 
 @styled
-def mechanism_figure(outcomes: list[Outcome]) -> Figure:
+def mechanism_figure(outcomes: list[ExperimentOutcome]) -> Figure:
     """Peak with d = 0 when slow motion gets no kinetic compensation."""
     figure, columns = new_figure(1, len(outcomes), height=2.6, squeeze=False)
     for axes, outcome in zip(columns[0], outcomes):
@@ -150,7 +150,7 @@ def mechanism_figure(outcomes: list[Outcome]) -> Figure:
     return figure
 
 
-def safe_gain(outcome: Outcome, law: str) -> float | None:
+def safe_gain(outcome: ExperimentOutcome, law: str) -> float | None:
     """Return the largest gain of the sweep below which no start was false; None if none is."""
     limit = None
     for gain, _, starts, _ in outcome.sweep[law]:

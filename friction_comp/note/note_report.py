@@ -21,15 +21,15 @@ from friction_comp.note.published import FALSE_START
 from friction_comp.reports.html import Report
 
 if TYPE_CHECKING:
-    from friction_comp.note.experiment_set import Outcome
+    from friction_comp.note.experiment_set import ExperimentOutcome
 
 
-def reproduction_report(outcomes: list[Outcome]) -> Report:
+def reproduction_report(outcomes: list[ExperimentOutcome]) -> Report:
     """Return the report of all configurations.
 
     Parameters
     ----------
-    outcomes : list of Outcome
+    outcomes : list of ExperimentOutcome
 
     Returns
     -------
@@ -68,7 +68,7 @@ compensation alone (d = 0) agrees with the note. **Everything with d = ±1 is a 
     return report
 
 
-def _verdict(outcomes: list[Outcome]) -> str:
+def _verdict(outcomes: list[ExperimentOutcome]) -> str:
     reductions = ', '.join(
         f'{100 * o.reduction("paper"):.0f} % ({100 * o.experiment.reduction:.0f} %)'
         for o in outcomes)
@@ -79,7 +79,7 @@ def _verdict(outcomes: list[Outcome]) -> str:
             f"Breakaway currents are within {100 * off:.1g} % of the note's.")
 
 
-def _add_result(report: Report, outcomes: list[Outcome]) -> None:
+def _add_result(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     header = ['', 'configuration', 'note', 'here']
     rows = []
     for outcome in outcomes:
@@ -115,7 +115,7 @@ continuous law stands above it by {above}.
 """)
 
 
-def _add_table(report: Report, outcomes: list[Outcome]) -> None:
+def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     rows = []
     for outcome in outcomes:
         printed = outcome.experiment.model().sigmoid
@@ -151,7 +151,7 @@ on one that does not.
 """)
 
 
-def _add_mechanism(report: Report, outcomes: list[Outcome]) -> None:
+def _add_mechanism(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     last = outcomes[-1]
     drive = last.model.drive
     torque = last.experiment.breakaway * drive.torque_per_current
@@ -175,7 +175,7 @@ closer to their breakaway torques.
 """)
 
 
-def _add_standstill(report: Report, outcomes: list[Outcome]) -> None:
+def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.heading('No false start')
     rows = []
     for outcome in outcomes:
@@ -204,7 +204,7 @@ falls by a quarter at the first sign of a slip and leads the next preload to les
     report.text('Largest gain of the sweep without a false start: ' + '; '.join(text) + '.')
 
 
-def _add_sources(report: Report, outcomes: list[Outcome]) -> None:
+def _add_sources(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.heading('What the joints are made of')
     rows = []
     for outcome in outcomes:

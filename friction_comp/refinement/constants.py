@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.model.effects.scene import Search as Range
+from friction_comp.model.effects.scene import SearchRange
 from friction_comp.refinement.effect_columns import Key, Table, Term
 
 _STEP = 1e-3
@@ -24,7 +24,7 @@ class Knob(NamedTuple):
 
     place: int
     name: str
-    how: Range
+    how: SearchRange
 
     def moved(self, term: Term, step: float, table: Table) -> float:
         """Return the constant after so many of its units, kept where it makes sense."""

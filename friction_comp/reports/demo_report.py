@@ -15,7 +15,7 @@ from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.interactive import Line, Panel
-from friction_comp.reports.moving_joint import moving_joint, Scene
+from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.reports.refinement_figures import residual_figure, steps_figure
 from friction_comp.reports.refinement_report import formula, honesty, model_words
 
@@ -119,11 +119,11 @@ def torque_panels(trials: list[EvaluatedTrial]) -> list[list[Panel]]:
         for movement in ('positive', 'negative')]]
 
 
-def trial_scenes(trials: list[EvaluatedTrial]) -> list[Scene]:
+def trial_scenes(trials: list[EvaluatedTrial]) -> list[MovingScene]:
     """Return the movements that are shown moving: no help, direction known, refined model."""
     shown = ((trials[0], 'No help', 'grey'), (trials[2], 'Direction known', 'blue'),
              (trials[3], 'Refined model', 'green'))
-    return [Scene(title, c.time, c.position, c.torque, colour)
+    return [MovingScene(title, c.time, c.position, c.torque, colour)
             for trial, title, colour in shown for c in trial.evaluation.conditions
             if c.movement == 'positive']
 

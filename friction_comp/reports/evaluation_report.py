@@ -28,7 +28,7 @@ from friction_comp.reports.evaluation_words import (
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import Report
 from friction_comp.reports.interactive import Line, Panel
-from friction_comp.reports.moving_joint import moving_joint, Scene
+from friction_comp.reports.moving_joint import moving_joint, MovingScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -176,7 +176,7 @@ def evaluation_panels(evaluation: Evaluation) -> list[list[Panel]]:
     return rows if evaluation.measured else rows[:1]
 
 
-def scenes_of(evaluation: Evaluation) -> list[Scene]:
+def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     """Return the movement without and with the direction announced, as it was on average.
 
     Of the two directions of movement, that in which more was asked of the person. Empty where
@@ -185,7 +185,7 @@ def scenes_of(evaluation: Evaluation) -> list[Scene]:
     two = evaluation.pair()
     if two is None or not evaluation.measured:
         return []
-    best: list[Scene] = []
+    best: list[MovingScene] = []
     most = 0.0
     for movement in ('positive', 'negative'):
         found = [next((c for c in evaluation.conditions if c.help == known
@@ -195,8 +195,9 @@ def scenes_of(evaluation: Evaluation) -> list[Scene]:
         peaks = [c.peak_torque for c in found if c is not None]
         if max(peaks) > most:
             most = max(peaks)
-            best = [Scene(title, c.time, c.position, c.torque, colour) for title, c, colour in zip(
-                plain_names(two), found, ('grey', 'blue')) if c is not None]
+            best = [MovingScene(title, c.time, c.position, c.torque, colour)
+                    for title, c, colour in zip(plain_names(two), found, ('grey', 'blue'))
+                    if c is not None]
     return best
 
 

@@ -26,7 +26,7 @@ _ARROW, _PLOT = 78.0, (34.0, 218.0, 268.0, 74.0)
 
 
 @dataclass
-class Scene:
+class MovingScene:
     """A movement to be shown.
 
     Parameters
@@ -50,12 +50,12 @@ class Scene:
     colour: str = 'blue'
 
 
-def moving_joint(scenes: Sequence[Scene]) -> list[str]:
+def moving_joint(scenes: Sequence[MovingScene]) -> list[str]:
     """Return an animated drawing of each scene, all over the same time and scales.
 
     Parameters
     ----------
-    scenes : sequence of Scene
+    scenes : sequence of MovingScene
 
     Returns
     -------
@@ -69,7 +69,7 @@ def moving_joint(scenes: Sequence[Scene]) -> list[str]:
         for scene, part in zip(scenes, _drawn(scenes))]
 
 
-def moving_picture(scenes: Sequence[Scene]) -> str:
+def moving_picture(scenes: Sequence[MovingScene]) -> str:
     """Return the same as one picture that stands alone, legible on light and on dark pages."""
     parts = ''.join(f'<g transform="translate({k * _WIDTH} 0)">{part}</g>'
                     for k, part in enumerate(_drawn(scenes)))
@@ -79,7 +79,7 @@ def moving_picture(scenes: Sequence[Scene]) -> str:
         f'{{ svg {{ color: #e4e9ee; }} }}</style>{parts}</svg>\n')
 
 
-def _drawn(scenes: Sequence[Scene]) -> list[str]:
+def _drawn(scenes: Sequence[MovingScene]) -> list[str]:
     begin = max(float(scene.time[0]) for scene in scenes)
     end = min(float(scene.time[-1]) for scene in scenes)
     moments = np.linspace(begin, end, _FRAMES)
@@ -116,7 +116,7 @@ def still_joint(position: float, torque: float, largest: float, middle: float) -
         f'person {said}</text></svg>')
 
 
-def _scene(scene: Scene, moments: np.ndarray, largest: float, middle: float) -> str:
+def _scene(scene: MovingScene, moments: np.ndarray, largest: float, middle: float) -> str:
     ink = 'currentColor'
     position = np.interp(moments, scene.time, scene.position)
     torque = np.interp(moments, scene.time, np.nan_to_num(scene.torque))

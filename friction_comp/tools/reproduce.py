@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json, whole_number
 
 if TYPE_CHECKING:
-    from friction_comp.note.experiment_set import Outcome
+    from friction_comp.note.experiment_set import ExperimentOutcome
 
 DESCRIPTION = """Repeat all of the technical note's experiments on simulated joints, and print its
 figures beside ours."""
@@ -44,7 +44,7 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def _print(outcomes: list[Outcome]) -> None:
+def _print(outcomes: list[ExperimentOutcome]) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -56,9 +56,9 @@ def _print(outcomes: list[Outcome]) -> None:
     Console().print(table)
 
 
-def summary_rows(outcomes: list[Outcome]) -> list[tuple[str, list[str]]]:
+def summary_rows(outcomes: list[ExperimentOutcome]) -> list[tuple[str, list[str]]]:
     """Return the rows of the table that is printed: a name, and one text per configuration."""
-    def row(name: str, text: Callable[[Outcome], str]) -> tuple[str, list[str]]:
+    def row(name: str, text: Callable[[ExperimentOutcome], str]) -> tuple[str, list[str]]:
         return name, [text(outcome) for outcome in outcomes]
 
     return [
@@ -81,11 +81,11 @@ def summary_rows(outcomes: list[Outcome]) -> list[tuple[str, list[str]]]:
     ]
 
 
-def _mean(outcome: Outcome) -> float:
+def _mean(outcome: ExperimentOutcome) -> float:
     both = outcome.breakaway
     return 500.0 * (both.positive_mean - both.negative_mean)
 
 
-def _std(outcome: Outcome) -> float:
+def _std(outcome: ExperimentOutcome) -> float:
     both = outcome.breakaway
     return 500.0 * (both.positive_std + both.negative_std)

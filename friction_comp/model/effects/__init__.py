@@ -24,7 +24,7 @@ from friction_comp.model.effects.scene import (
     NEITHER,
     RESISTS,
     Scene,
-    Search,
+    SearchRange,
     Signals,
     VARIABLES,
 )
@@ -63,5 +63,5 @@ for _effect in (
 
 __all__ = [
     'CARRIES', 'EFFECTS', 'NEITHER', 'RESISTS', 'VARIABLES', 'Effect', 'LiveTerm', 'Look', 'Scene',
-    'Search', 'Signals', 'register',
+    'SearchRange', 'Signals', 'register',
 ]

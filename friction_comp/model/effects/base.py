@@ -21,7 +21,7 @@ from friction_comp.model.effects.scene import (
     Look,
     RESISTS,
     Scene,
-    Search,
+    SearchRange,
     Signals,
 )
 from friction_comp.samples import Samples
@@ -51,7 +51,7 @@ class Effect(ABC):
         `RESISTS`, `CARRIES` or `NEITHER`.
     needs : tuple of str
         Signals of `Samples` beyond position and velocity it cannot do without.
-    constants : dict of str to Search or None
+    constants : dict of str to SearchRange or None
         Every nonlinear constant and how it is searched around a point of the grid; None where it
         is not. A constant named ``transition`` is the velocity over which friction changes sign,
         which all effects of a fit share.
@@ -87,7 +87,7 @@ class Effect(ABC):
     variable = ''
     role = RESISTS
     needs: tuple[str, ...] = ()
-    constants: dict[str, Search | None] = {}
+    constants: dict[str, SearchRange | None] = {}
     numbers: tuple[tuple[str, str], ...] = ()
     signs: tuple[int, ...] = ()
     most = 1

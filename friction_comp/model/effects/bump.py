@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects.base import Effect, geometric
-from friction_comp.model.effects.scene import CARRIES, nearly_one_speed, RESISTS, Search
+from friction_comp.model.effects.scene import CARRIES, nearly_one_speed, RESISTS, SearchRange
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Look, Scene, Signals
@@ -28,8 +28,8 @@ class Bump(Effect):
     numbers = (('height', 'A'),)
     variable = 'position'
     most = 3
-    constants = {'position': Search(0.5, unit=lambda _, constants: constants['width']),
-                 'width': Search(1.5), 'exponent': Search(2.2), 'directional': None,
+    constants = {'position': SearchRange(0.5, unit=lambda _, constants: constants['width']),
+                 'width': SearchRange(1.5), 'exponent': SearchRange(2.2), 'directional': None,
                  'transition': None}
 
     def __init__(self, parameters: dict[str, Any]) -> None:

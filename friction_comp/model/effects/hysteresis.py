@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.compiling import njit
 from friction_comp.model.effects.base import Effect, geometric, segment_starts
-from friction_comp.model.effects.scene import Search, too_coarse
+from friction_comp.model.effects.scene import SearchRange, too_coarse
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
@@ -74,7 +74,7 @@ class Hysteresis(Effect):
     name = 'hysteresis'
     numbers = (('friction that turns round', 'A'), ('friction while it turns round', 'A'))
     variable = 'history'
-    constants = {'distance': Search(1.6), 'exponent': Search(1.5), 'transition': None}
+    constants = {'distance': SearchRange(1.6), 'exponent': SearchRange(1.5), 'transition': None}
     signs = (1,)
     sees_history = True
     fades_at_rest = True

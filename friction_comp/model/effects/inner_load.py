@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.model.effects.base import Effect, geometric
-from friction_comp.model.effects.scene import Scene, Search, Signals
+from friction_comp.model.effects.scene import Scene, SearchRange, Signals
 
 
 class InnerLoadFriction(Effect):
@@ -32,7 +32,7 @@ class InnerLoadFriction(Effect):
     signs = (1,)
     constants = {'cosine': None, 'sine': None, 'slope': None, 'offset': None, 'inertia': None,
                  'with_inertia': None, 'exponent': None, 'fading': None,
-                 'velocity': Search(1.6), 'transition': None}
+                 'velocity': SearchRange(1.6), 'transition': None}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, TYPE_CHECKING
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.scene import NEITHER, Search
+from friction_comp.model.effects.scene import NEITHER, SearchRange
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -63,7 +63,7 @@ class LoadFriction(Effect):
     needs = ('load',)
     signs = (1,)
     held = {'load': 0.25}
-    constants = {'exponent': Search(1.6), 'transition': None}
+    constants = {'exponent': SearchRange(1.6), 'transition': None}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, TYPE_CHECKING
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.scene import CARRIES, Search
+from friction_comp.model.effects.scene import CARRIES, SearchRange
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
@@ -58,7 +58,7 @@ class CarriedLoadFriction(Effect):
     numbers = (('friction at 1 N·m', 'A'),)
     variable = 'load'
     needs = ('rigid_body',)
-    constants = {'exponent': Search(1.6), 'transition': None}
+    constants = {'exponent': SearchRange(1.6), 'transition': None}
     signs = (1,)
 
     @classmethod

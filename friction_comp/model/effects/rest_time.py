@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.compiling import njit
 from friction_comp.model.effects.base import Effect, geometric, segment_starts
-from friction_comp.model.effects.scene import Search
+from friction_comp.model.effects.scene import SearchRange
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
@@ -59,7 +59,7 @@ class RestTime(Effect):
     name = 'rest_time'
     numbers = (('stiction after a long rest', 'A'),)
     variable = 'history'
-    constants = {'time_constant': Search(1.8), 'distance': Search(1.8), 'velocity': None,
+    constants = {'time_constant': SearchRange(1.8), 'distance': SearchRange(1.8), 'velocity': None,
                  'transition': None}
     signs = (1,)
     sees_history = True

@@ -10,7 +10,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.scene import CARRIES, Search, Signals
+from friction_comp.model.effects.scene import CARRIES, SearchRange, Signals
 from friction_comp.model.effects.spectrum import (
     FEWEST_PERIODS,
     highest_frequency,
@@ -30,7 +30,7 @@ class _Ripple(Effect):
     most = 4
     numbers = (('part with the cosine of the phase', 'A'), ('part with the sine of the phase', 'A'))
     constants = {
-        'frequency': Search(1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12)),
+        'frequency': SearchRange(1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12)),
         'growth': None, 'speed': None, 'transition': None}
     # Its size at speeds that were seen; along the way it repeats.
     held = {'velocity': 0.25}

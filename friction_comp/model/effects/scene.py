@@ -148,7 +148,7 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Search:
+class SearchRange:
     """How a constant is searched around a first value.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects.base import Effect, geometric
-from friction_comp.model.effects.scene import Search, speed_hardly_varied
+from friction_comp.model.effects.scene import SearchRange, speed_hardly_varied
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
@@ -21,7 +21,7 @@ class Stribeck(Effect):
     name = 'stribeck'
     numbers = (('height at standstill', 'A'),)
     variable = 'velocity'
-    constants = {'velocity': Search(1.6), 'exponent': None, 'transition': None}
+    constants = {'velocity': SearchRange(1.6), 'exponent': None, 'transition': None}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:

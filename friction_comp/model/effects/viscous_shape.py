@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, TYPE_CHECKING
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.scene import Search, speed_hardly_varied
+from friction_comp.model.effects.scene import SearchRange, speed_hardly_varied
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
@@ -26,7 +26,7 @@ class ViscousShape(Effect):
     numbers = (('size at the reference speed', 'A'),)
     variable = 'velocity'
     held = {'velocity': 0.25}
-    constants = {'exponent': Search(1.3), 'reference': None, 'transition': None}
+    constants = {'exponent': SearchRange(1.3), 'reference': None, 'transition': None}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:

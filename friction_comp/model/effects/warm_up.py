@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.model.effects.base import Effect, geometric
-from friction_comp.model.effects.scene import NEITHER, Search
+from friction_comp.model.effects.scene import NEITHER, SearchRange
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
@@ -54,7 +54,7 @@ class WarmUp(_Drift):
     numbers = (('Coulomb friction at the start', 'A'),
                ('viscous friction at the start', 'A·s/rad'),
                ('offset at the start', 'A'))
-    constants = {'time_constant': Search(1.7), 'transition': None}
+    constants = {'time_constant': SearchRange(1.7), 'transition': None}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
@@ -90,7 +90,7 @@ class OffsetDrift(_Drift):
     role = NEITHER
     not_fed_back = ('a drifting offset of the current sensor is no torque; fed back it could push '
                     'an untouched joint')
-    constants = {'time_constant': Search(1.7)}
+    constants = {'time_constant': SearchRange(1.7)}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
