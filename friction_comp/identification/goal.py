@@ -140,6 +140,8 @@ class IdentificationResult:
     warnings : list of str
     presliding : Presliding, optional
         None where the encoder is too coarse to tell.
+    backlash : float, optional
+        rad; None where the ramps show none.
     """
 
     points: list[KineticPoint]
@@ -151,6 +153,7 @@ class IdentificationResult:
     goal: IdentificationGoal
     warnings: list[str] = field(default_factory=list)
     presliding: Presliding | None = None
+    backlash: float | None = None
 
     @property
     def speeds(self) -> np.ndarray:
@@ -198,5 +201,6 @@ class IdentificationResult:
                 'ramp_period': self.goal.ramp_period,
                 'breakaway_cycles': self.goal.breakaway_cycles,
                 'breakaway_scatter': self.scatter().sentences(),
+                **({} if self.backlash is None else {'backlash': self.backlash}),
                 'warnings': list(self.warnings),
             })
