@@ -143,9 +143,17 @@ def test_backlash_is_told_with_its_size_and_kept_out_of_breakaway(backlash):
 
 @pytest.mark.parametrize('distance', [1e-4, 5e-4, 2e-3])
 def test_a_gear_without_backlash_is_said_to_have_none(distance):
-    ramps = [friction_of(ramp(dahl(distance), slope)) for slope in (0.1, 0.15, 0.2, 0.3)]
-    assert crossed_backlash(ramps, COUNT) == 0.0
-    assert crossed_backlash([], COUNT) == 0.0
+    ramps = [friction_of(ramp(dahl(distance), slope, sign=sign))
+             for slope in (0.1, 0.2) for sign in (1, -1)]
+    assert crossed_backlash(ramps, [1, -1, 1, -1], COUNT) == (0.0, [0.0] * 4)
+    assert crossed_backlash([], [], COUNT) == (0.0, [])
+
+
+def test_a_contact_that_is_stiffer_to_one_side_is_no_backlash():
+    ramps = [friction_of(ramp(contact, sign=sign)) for contact, sign in (
+        (loose(3e-4), 1), (dahl(2e-4), -1)) * 2]
+    assert crossed_backlash(ramps, [1, -1, 1, -1], COUNT)[0] == 0.0
+    assert crossed_backlash(ramps, [1, 1, -1, -1], COUNT)[0] > 0.0
 
 
 def test_breakaway_that_backlash_makes_unsure_is_refused_with_that_word():

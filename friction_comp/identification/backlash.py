@@ -7,9 +7,7 @@ leaves fewer that still hold (Dahl, LuGre, Bouc-Wen and Maxwell slip alike). So 
 a concave curve of the way. Where teeth come apart, the motor meets its own friction alone until
 they touch on the other side; then the link's is added, and the curve turns up. How far it stays
 below its concave hull tells of backlash, and the way from the hull's corner to the lowest place is
-the least that it can be. A motor that springs back at the end of a slide crosses the backlash, or
-part of it, on the ramps after slides one way, and seldom on the others: each kind is looked at by
-itself.
+the least that it can be.
 """
 
 from __future__ import annotations
@@ -22,10 +20,11 @@ import numpy as np
 if TYPE_CHECKING:
     from friction_comp.identification.friction_peak import RampFriction
 
-# Share of breakaway by which three ramps of four stay below their hull. Of 48 simulated gears that
-# have no backlash (`bench/law_table.py`, seeds 44 and 46) the most is 0.02; of those with backlash
-# that show it 0.043 to 0.16.
-_DEPTH = 0.04
+# Share of breakaway by which a ramp stays below its hull, and the share of the ramps in either
+# direction: which of them cross backlash hangs on where the slide before left the link. Simulated
+# gears without backlash stay within 0.03, but for one whose sides differ (`bench/law_table.py
+# --floors identification`, seeds 44 and 46); those that show it have 0.04 to 0.14.
+_DEPTH, _SHARE = 0.04, 0.2
 # Backlash is the same on each ramp: the standard deviation of its size, as a share.
 _SPREAD = 0.35
 _COUNTS = 3.0    # the least that an encoder tells
@@ -76,21 +75,26 @@ def _rises(x: np.ndarray, y: np.ndarray, i: int, j: int, k: int) -> bool:
     return bool((y[j] - y[i]) * (x[k] - x[j]) <= (y[k] - y[j]) * (x[j] - x[i]))
 
 
-def crossed_backlash(ramps: Sequence[RampFriction], resolution: float) -> float:
-    """Return the backlash in rad that ramps of one kind cross, 0 where none shows.
+def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
+                     resolution: float) -> tuple[float, list[float]]:
+    """Return the backlash of a gear, and what of it each ramp crossed, rad; 0 where none shows.
 
     Parameters
     ----------
     ramps : sequence of RampFriction
-        After slides to the same side, as seen from the ramp.
+    directions : sequence of int
+        +1 or -1, the ramps'.
     resolution : float
         rad of an encoder count.
     """
-    if not ramps:
-        return 0.0
-    depths, ways = np.array([softer_way(ramp, resolution) for ramp in ramps]).T
-    size = float(np.median(ways))
-    if (np.quantile(depths, 0.25) < _DEPTH or size < _COUNTS * resolution
-            or float(np.std(ways)) > _SPREAD * size):
-        return 0.0
-    return size
+    found = [softer_way(ramp, resolution) for ramp in ramps]
+    crossed = [way if depth > _DEPTH and way >= _COUNTS * resolution else 0.0
+               for depth, way in found]
+    shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])
+              for sign in set(directions)]
+    ways = np.array([way for way in crossed if way > 0.0])
+    # A contact that is stiffer to one side turns up, too, but in one direction alone.
+    if (len(shares) < 2 or min(shares) < _SHARE
+            or float(np.std(ways)) > _SPREAD * float(np.median(ways))):
+        return 0.0, [0.0] * len(found)
+    return float(np.median(ways)), crossed

@@ -111,7 +111,9 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
 
     given, speed, acceleration = local_parabolas(way, count, step)
     smooth = np.convolve(driven, np.full(count, 1.0 / count), 'valid')
-    friction = smooth - acceleration / acceleration_per_current - viscous * speed
+    # A joint that is slowed down was stopped by friction, or by teeth that met after backlash.
+    inertia = np.maximum(acceleration, 0.0) / acceleration_per_current
+    friction = smooth - inertia - viscous * speed
     # A rotor that slides through backlash is caught by the link: the last slide is the joint's.
     slow = speed <= SLIDING_SPEED
     end = even.size - count + 1 - int(np.argmax(slow[::-1]))

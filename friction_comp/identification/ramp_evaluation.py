@@ -99,14 +99,12 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     if not shares or _surely(shares) > 0.5 * (1.0 + begun):
         records = at_peaks
     sides = [ramp.before == ramp.direction for ramp in kept]
-    crossed = {side: crossed_backlash([p for s, p in zip(sides, peaks) if s is side], resolution)
-               for side in (True, False)}
-    backlash = max(crossed.values()) or None
-    if backlash is not None:
+    backlash, crossed = crossed_backlash(peaks, [ramp.direction for ramp in kept], resolution)
+    if backlash > 0.0:
         warnings.append(_said(backlash, records))
     levels = np.abs(records.current)
     return RampEvaluation(records, _presliding(sides, peaks, levels, crossed, resolution),
-                          warnings, backlash)
+                          warnings, backlash or None)
 
 
 def _said(backlash: float, records: BreakawayRecords) -> str:
@@ -163,9 +161,9 @@ def _at_peaks(records: BreakawayRecords, ramps: Sequence[Ramp],
 
 
 def _presliding(sides: Sequence[bool], peaks: Sequence[RampFriction], breakaway: np.ndarray,
-                crossed: dict[bool, float], resolution: float) -> Presliding | None:
-    ways = [(side, max(0.0, peak.presliding(level) - crossed[side]))
-            for side, peak, level in zip(sides, peaks, breakaway)]
+                crossed: Sequence[float], resolution: float) -> Presliding | None:
+    ways = [(side, max(0.0, peak.presliding(level) - loose))
+            for side, peak, level, loose in zip(sides, peaks, breakaway, crossed)]
     distance = combined_presliding(ways)
     # Less than two counts is not known.
     if distance <= 2.0 * resolution:
