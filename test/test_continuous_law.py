@@ -16,6 +16,7 @@ from friction_comp.compensation.law_parameters import (
     RISE_TIME,
 )
 from friction_comp.model.effects.hysteresis import Hysteresis
+from friction_comp.model.friction_model import Presliding
 from friction_comp.simulation.joint_parameters import GEARS
 from simulated_recordings.gear_batch import push, run_gears
 from simulated_recordings.random_gears import random_gear
@@ -38,9 +39,10 @@ def maxwell_slip(path, shares, distances):
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10 ** 6), factor=st.floats(0.7, 1.1), share=st.floats(0.05, 1.0),
-       longest=st.floats(1e-4, 3e-4), size=st.floats(0.2, 20.0), speed=st.floats(0.01, 0.3))
+       longest=st.floats(1e-4, 3e-4), size=st.floats(0.2, 20.0), speed=st.floats(0.01, 0.3),
+       std=st.sampled_from([None, 1e-5]))
 def test_over_closed_paths_it_gives_less_than_the_gear_takes(
-        seed, factor, share, longest, size, speed):
+        seed, factor, share, longest, size, speed, std):
     """Random to and fro, through the encoder, friction over-estimated by a tenth at most."""
     rng = np.random.default_rng(seed)
     turns = np.concatenate(([0.0], longest * size * rng.uniform(-1.0, 1.0, 12), [0.0]))
@@ -50,7 +52,8 @@ def test_over_closed_paths_it_gives_less_than_the_gear_takes(
     path = np.tile(path, 4)
     shares = np.array([share, 1.0 - share])
     gear = maxwell_slip(path, shares, (longest, rng.uniform(0.1, 1.0) * longest))
-    law = CompensationLaw([small_model(presliding=3e-4, factor=factor)])
+    model = replace(small_model(factor=factor), presliding=Presliding(3e-4, std=std))
+    law = CompensationLaw([model])
     current = np.array([
         law.update(1e-3 * k, [round(x / COUNT) * COUNT], None, [0])[0]
         for k, x in enumerate(path)])
@@ -101,6 +104,34 @@ def test_help_comes_gently_where_it_was_not_announced_and_goes_at_once(direction
     assert np.max(np.diff(current[:990])) <= LEVEL / within * 1e-3 * (1.0 + 1e-9)
     assert current[990] > 0.85 * LEVEL
     assert current[1040] < 0.0
+
+
+@pytest.mark.parametrize('presliding, known', [
+    (Presliding(3e-4, std=3e-5), True), (Presliding(3e-4), False),
+    (Presliding(3e-4, std=6e-5), False), (Presliding(9.0 * COUNT, std=COUNT), False)])
+def test_a_push_that_nobody_announced_is_helped_where_presliding_is_known(presliding, known):
+    """Pushed slowly from rest, the joint is helped before it slides; else not before it does."""
+    model = replace(small_model(), presliding=presliding)
+    distance = float(law_parameters(model)['distance'][0]) - 2.0 * COUNT
+    assert distance == pytest.approx(presliding.distance * LONGER if not known
+                                     else presliding.distance + presliding.std)
+    law, helped = CompensationLaw([model]), 0.0
+    for k in range(500):
+        way = presliding.distance * min(1.0, max(0.0, 1e-3 * k - 0.4) / 0.06)
+        helped = law.update(1e-3 * k, [math.floor(way / COUNT) * COUNT], None, [0])[0]
+        if way == presliding.distance:
+            break
+    assert (helped > 0.6 * LEVEL) if known else (helped < 0.3 * LEVEL)
+
+
+def test_help_that_comes_at_once_does_not_answer_a_vibration():
+    """A joint that goes to and fro within presliding gets it on the first way from rest alone."""
+    model = replace(small_model(), presliding=Presliding(3e-4, std=3e-5))
+    law, current = CompensationLaw([model]), []
+    for k in range(2500):
+        way = 1.5e-4 * (1.0 - math.cos(0.16 * math.pi * max(0, k - 400)))
+        current.append(law.update(1e-3 * k, [math.floor(way / COUNT) * COUNT], None, [0])[0])
+    assert np.ptp(current[2000:]) < 0.3 * np.ptp(current[400:800])
 
 
 @pytest.fixture(scope='module')

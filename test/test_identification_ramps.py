@@ -8,12 +8,15 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
+from friction_comp.identification.backlash import crossed_backlash
 from friction_comp.identification.excitation import position_reference
 from friction_comp.identification.friction_peak import (
     combined_presliding,
     common_stiffness,
+    presliding_std,
     ramp_friction,
 )
+from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.local_parabola import local_parabolas
 from friction_comp.identification.push import acceleration_of_cycle
 from friction_comp.identification.ramp import level_that_moves, Ramp, STOP_TIME, time_of_ramp
@@ -114,6 +117,60 @@ def test_both_ways_of_a_contact_with_memory_make_its_distance(elements):
 def test_one_kind_of_way_is_better_than_none():
     assert combined_presliding([(False, 2e-4), (False, 4e-4), (False, 3e-4)]) == 3e-4
     assert combined_presliding([]) == 0.0
+
+
+def loose(backlash, distance=2e-4, link=0.2):
+    """Return a contact whose link's share is met only once the teeth touch."""
+    return lambda x: ((1.0 - link) * dahl(distance)(x)
+                      + link * min(1.0, max(0.0, (x - backlash) / 3e-5)))
+
+
+@pytest.mark.parametrize('backlash', [2.5e-4, 1e-3])
+def test_backlash_is_told_with_its_size_and_kept_out_of_breakaway(backlash):
+    """The longer one is crossed in a slide of the rotor alone."""
+    turned, onward = loose(backlash), dahl(2e-4)
+    ramps = [ramp(turned if sign != before else onward, slope=slope, sign=sign, before=before)
+             for slope in (0.19, 0.2, 0.21)
+             for sign, before in [(1, -1), (1, 1), (-1, 1), (-1, -1)]]
+    found = evaluate_ramps(ramps, [], 0.2, COUNT, RATE, 0.0)
+    # Contacts that give smoothly hide where the teeth came apart: it is so much at least.
+    assert 0.5 * backlash < found.backlash < 1.1 * backlash
+    assert any('backlash of' in warning for warning in found.warnings)
+    for sign in (1, -1):
+        assert abs(np.mean(found.records.currents(sign))) == pytest.approx(LEVEL, rel=0.05)
+    assert found.presliding.distance < 2e-4 + 0.3 * backlash
+
+
+@pytest.mark.parametrize('distance', [1e-4, 5e-4, 2e-3])
+def test_a_gear_without_backlash_is_said_to_have_none(distance):
+    ramps = [friction_of(ramp(dahl(distance), slope, sign=sign))
+             for slope in (0.1, 0.2) for sign in (1, -1)]
+    assert crossed_backlash(ramps, [1, -1, 1, -1], COUNT) == (0.0, [0.0] * 4)
+    assert crossed_backlash([], [], COUNT) == (0.0, [])
+
+
+def test_a_contact_that_is_stiffer_to_one_side_is_no_backlash():
+    ramps = [friction_of(ramp(contact, sign=sign)) for contact, sign in (
+        (loose(3e-4), 1), (dahl(2e-4), -1)) * 2]
+    assert crossed_backlash(ramps, [1, -1, 1, -1], COUNT)[0] == 0.0
+    assert crossed_backlash(ramps, [1, 1, -1, -1], COUNT)[0] > 0.0
+
+
+def test_breakaway_that_backlash_makes_unsure_is_refused_with_that_word():
+    ramps = [ramp(loose(1e-3), sign=sign, before=-sign, level=level * LEVEL)
+             for level in (0.8, 0.9, 1.0, 1.1) for sign in (1, -1)]
+    with pytest.raises(IdentificationError, match=r'backlash of .* rad: breakaway .* scatters'):
+        evaluate_ramps(ramps, [], 0.2, COUNT, RATE, 0.0)
+
+
+def test_presliding_is_the_less_sure_the_more_ramps_differ_and_the_coarser_the_encoder():
+    same = [(side, 3e-4) for side in (True, False)] * 4
+    differ = [(side, way) for side in (True, False) for way in (2e-4, 3e-4, 3e-4, 4e-4)]
+    few = [presliding_std(ways, 3e-4, COUNT) for ways in (same, differ)]
+    assert 0.05 * 3e-4 < few[0] < few[1] < 0.5 * 3e-4
+    assert presliding_std(same, 3e-4, 1e-4) > few[0]
+    # One ramp a side tells little.
+    assert presliding_std(same[:2], 3e-4, COUNT) > few[1]
 
 
 STOPS = tuple(LEVEL * share for share in np.arange(0.8, 1.3, 0.025))

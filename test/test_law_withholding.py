@@ -3,8 +3,10 @@
 """What the continuous law withholds, leads and gives back, along prescribed motion."""
 
 from dataclasses import replace
+import importlib
 import math
 
+import law_ablation
 import numpy as np
 import pytest
 
@@ -199,3 +201,10 @@ def test_a_joint_with_its_preload_does_not_ring_on_after_a_knock(factor, knock):
             speed += 70.0 * (late - friction) * step
         speeds.append(speed)
     assert np.std(speeds[2500:]) < 0.05 * DEGREE
+
+
+def test_every_rule_that_the_ablation_switches_off_is_one_of_the_law():
+    for rule, constants in law_ablation.RULES.items():
+        for path in constants:
+            module, _, name = path.rpartition('.')
+            assert hasattr(importlib.import_module(module), name), rule

@@ -17,6 +17,12 @@ from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import COLUMNS
 from simulated_recordings.random_gears import random_gear
 
+OLDER = {
+    'format': 'friction_comp_model', 'version': 1,
+    'drive': {'torque_constant': 0.119, 'gear_ratio': 100.0},
+    'sigmoid': {'coefficients': [0.1, 80.0, 0.1, 1.0, 1.0, 0.01], 'velocity_unit': 'rad/s'},
+    'presliding': {'distance': 3e-4, 'stiffness': 800.0}}
+
 
 def identified(gear, seed):
     breakaway = gear.model.breakaway.positive_mean
@@ -53,6 +59,10 @@ def test_identification_finds_breakaway_and_presliding(kind, seed, tmp_path):
         0.3 * gear.model.presliding.distance + count)
     result.model(gear.model.drive).save(tmp_path / 'model.yaml')
     assert FrictionModel.load(tmp_path / 'model.yaml').presliding == result.presliding
+
+
+def test_an_older_model_file_does_not_say_how_sure_its_presliding_is():
+    assert FrictionModel.from_dict(OLDER).presliding == Presliding(3e-4, 800.0)
 
 
 @pytest.mark.parametrize('distance', [0.0, -1e-3, math.nan, math.inf])

@@ -17,6 +17,8 @@ SPEEDS = np.array([1, 2, 3, 5, 7.5, 10, 15, 20, 30, 40, 50, 60, 70, 80, 90, 100]
 # A model's transition cannot be sharper than the slowest speed of identification shows.
 STEEPEST = 4.0 / SPEEDS[0]
 REFERENCE_TEMPERATURE = 25.0
+# How sure a model says that its presliding is, as a share; what identification is off by.
+STD = 0.1
 
 
 def fit_sigmoid(speeds, currents):
@@ -37,7 +39,7 @@ def fit_sigmoid(speeds, currents):
 def true_models(world, gears, seed, repetitions=48):
     """Return the documents of the model files of gears, shape (J,), as `scaled` takes them.
 
-    Every other one knows its presliding distance, and its backlash where there is one.
+    Every other one knows its presliding distance.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def true_models(world, gears, seed, repetitions=48):
         written = document(gear, sigmoid, (measured[::2], measured[1::2]), tables)
         distance, _ = world.presliding_and_stiffness(gear)
         if k % 2 == 1 and np.isfinite(distance):
-            written['presliding'] = {'distance': float(distance)}
+            written['presliding'] = {'distance': float(distance), 'std': STD * float(distance)}
         documents.append(written)
     return documents
 

@@ -14,6 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from law_judge.bank import Joints
 from law_judge.loop import make_law, NONE, run
+from law_judge.model import STD
 from law_judge.person import nobody
 from law_judge.persons import draw_persons, FIRM, LEANING, SOFT
 from law_judge.rows import count, DEGREE
@@ -93,7 +94,7 @@ def _few_counts(bank):
         old = bank.documents[g]
         turn = 2.0 * np.pi / old['drive']['gear_ratio']
         documents.append({
-            **old, 'presliding': {'distance': float(distance[g])},
+            **old, 'presliding': {'distance': float(distance[g]), 'std': STD * float(distance[g])},
             'drive': {**old['drive'], 'encoder_counts': round(turn / gears['resolution'][g])}})
     return replace(bank.chosen(known, documents), gears=gears[known])
 

@@ -288,10 +288,14 @@ def rise(p: Any, s: Any, wanted: float, direction: float) -> None:
     """Let friction's current rise gently and fall at once.
 
     A person who breaks a joint loose has a loaded arm: help that comes with the first milliradian
-    would throw it. Less on the way up than on the way back only takes more from a vibration.
+    would throw it. Less on the way up than on the way back only takes more from a vibration. A push
+    that nobody announced is helped at once while presliding, which is known, shows it: on the
+    first way from rest, for what comes to and fro is a vibration.
     """
     held = s.friction if s.friction * wanted > 0.0 else 0.0
     time = p.rise_time if wanted * direction > 0.0 else p.alone_time
+    if s.starting == 1 and s.creeping < p.start_time and abs(s.position - s.home) < p.distance:
+        time = min(time, p.push_time)
     most = max(p.upper, -p.lower) * s.step / time
     s.friction = approach(held, wanted, most) if abs(wanted) > abs(held) else wanted
 

@@ -28,9 +28,16 @@ SLOW_SHARE = 0.89
 # Near standstill friction is this rest's breakaway friction, which scatters: standard deviations
 # that the level stays below its mean once the joint has left its place of rest.
 SCATTER_MARGIN = 3.0
-# The operator turns round over so many presliding distances of the gear: identification knows
-# them to 30 %.
+# The operator turns round over presliding and what that may be off by, at most so many times
+# presliding; so many where nobody says how sure it is.
 LONGER = 1.5
+# Backlash of the operator as a share of its distance, beyond a count: against the vibration of a
+# joint that is held. What is known to be as long as presliding needs less.
+BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
+# Presliding is known where it is so many counts long, and surer than this share: then a push shows
+# before the joint slides, and help that nobody announced rises as fast as this, s.
+KNOWN_COUNTS, KNOWN_STD = 10.0, 0.15
+KNOWN_TIME = 0.03
 # rad; where the model has no presliding distance. Geared joints were found to have 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
 DEFAULT_RESOLUTION = 1e-5
@@ -120,7 +127,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
     set_breakaway(p[0], model.breakaway)
     _set_distances(p, model)
     _set_turning(p, model)
-    _set_times(p)
+    _set_times(p, model)
     _set_speeds(p, model)
     _set_excess(p, model)
     return p
@@ -149,12 +156,25 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
     p['std_negative'] = SCATTER_MARGIN * breakaway.negative_std
 
 
+def knows_presliding(model: FrictionModel) -> bool:
+    """Tell whether presliding is known so well that a push shows before the joint slides."""
+    known, count = model.presliding, model.drive.position_resolution
+    return (known is not None and known.std is not None and count is not None
+            and known.distance >= KNOWN_COUNTS * count
+            and known.std <= KNOWN_STD * known.distance)
+
+
 def _set_distances(p: Any, model: FrictionModel) -> None:
     count = model.drive.position_resolution or DEFAULT_RESOLUTION
-    presliding = DEFAULT_PRESLIDING if model.presliding is None else model.presliding.distance
-    distance = LONGER * presliding + 2.0 * count
+    distance, backlash = LONGER * DEFAULT_PRESLIDING, BACKLASH
+    if model.presliding is not None:
+        distance = LONGER * model.presliding.distance
+        if knows_presliding(model):
+            distance = min(distance, model.presliding.distance + (model.presliding.std or 0.0))
+            backlash = KNOWN_BACKLASH
+    distance += 2.0 * count
     p['resolution'], p['distance'] = count, distance
-    p['backlash'] = 0.15 * distance + count
+    p['backlash'] = backlash * distance + count
     p['slip'] = 0.75 * distance + 4.0 * count
     p['still_way'] = distance / 16.0 + 1.5 * count
     p['start_way'], p['moved_way'] = START_WAY * distance, max(MOVED, 8.0 * distance)
@@ -176,9 +196,10 @@ def _set_turning(p: Any, model: FrictionModel) -> None:
             p['turning_distance'] = max(float(p['turning_distance'][0]), LONGER * turning[1])
 
 
-def _set_times(p: Any) -> None:
+def _set_times(p: Any, model: FrictionModel) -> None:
     p['rest_time'] = 0.15
     p['rise_time'], p['alone_time'] = RISE_TIME, ALONE_TIME
+    p['push_time'] = KNOWN_TIME if knows_presliding(model) else ALONE_TIME
     p['bear_time'] = BEAR_TIME
     p['bad_time'] = 0.02
     p['start_time'] = START_TIME

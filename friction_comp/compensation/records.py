@@ -34,7 +34,8 @@ PARAMETERS = _record(
     'distance turning_distance backlash slip still_way start_way moved_way resolution '
     'lowest highest soft_end '
     # Times in s.
-    'rest_time bear_time lead_time rise_time alone_time start_time bad_time sample_time '
+    'rest_time bear_time lead_time rise_time alone_time push_time start_time bad_time '
+    'sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
     'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
     'law',

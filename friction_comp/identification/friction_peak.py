@@ -33,6 +33,9 @@ _SHORTEST, _LONGEST = 0.024, 0.064
 _NOISE = 0.007
 # Shares of breakaway: presliding is left at `_GONE`; stiffness is read from up to `_EARLY`.
 _GONE, _EARLY = 0.95, 1.0 / 3.0
+# Standard deviations of presliding that no scatter shows: of a way that begins and ends within a
+# count, and of the method, as a share (gears of `bench/law_table.py`, seeds 44 and 46: 0.09).
+_SHARE_OF_COUNT, _METHOD = 0.4, 0.09
 _COUNTS = 4.0   # that a joint must have given in that part, times the root of the ramps' number
 
 
@@ -45,13 +48,17 @@ class RampFriction:
     time, current, position : ndarray, shape (M,)
         s, friction's part of the current in A, and the way given since the ramp's begin in rad,
         all smoothed, up to where the joint slides.
+    driven, measured : ndarray, shape (M,)
+        All of the current, smoothed, A, and the way as the encoder shows it, rad.
     peak : int
-        Index of the largest current.
+        Index of the largest current of friction.
     """
 
     time: np.ndarray
     current: np.ndarray
     position: np.ndarray
+    driven: np.ndarray
+    measured: np.ndarray
     peak: int
 
     @property
@@ -104,13 +111,18 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
 
     given, speed, acceleration = local_parabolas(way, count, step)
     smooth = np.convolve(driven, np.full(count, 1.0 / count), 'valid')
-    friction = smooth - acceleration / acceleration_per_current - viscous * speed
-    end = int(np.argmax(speed > SLIDING_SPEED))
-    if end == 0:
+    # A joint that is slowed down was stopped by friction, or by teeth that met after backlash.
+    inertia = np.maximum(acceleration, 0.0) / acceleration_per_current
+    friction = smooth - inertia - viscous * speed
+    # A rotor that slides through backlash is caught by the link: the last slide is the joint's.
+    slow = speed <= SLIDING_SPEED
+    end = even.size - count + 1 - int(np.argmax(slow[::-1]))
+    if slow.all() or not slow.any():
         return None
     return RampFriction(
-        time=even[half:half + end], current=friction[:end],
-        position=given[:end], peak=int(np.argmax(friction[:end])))
+        time=even[half:half + end], current=friction[:end], position=given[:end],
+        driven=smooth[:end], measured=way[half:half + end],
+        peak=int(np.argmax(np.where(slow[:end], friction[:end], -np.inf))))
 
 
 def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> int:
@@ -139,6 +151,29 @@ def combined_presliding(ways: list[tuple[bool, float]]) -> float:
     """
     sides = [[way for same, way in ways if same is side] for side in (True, False)]
     return float(np.mean([np.median(side) for side in sides if side])) if ways else 0.0
+
+
+def presliding_std(ways: list[tuple[bool, float]], distance: float, resolution: float) -> float:
+    """Return by how much `combined_presliding` may be off, as a standard deviation in rad.
+
+    The ramps' scatter, the count within which a way begins and ends, and what the method itself
+    is off by on gears that scatter little.
+
+    Parameters
+    ----------
+    ways : list of (bool, float)
+    distance : float
+        What `combined_presliding` returned, rad.
+    resolution : float
+        rad of an encoder count.
+    """
+    sides = [np.array([way for same, way in ways if same is side]) for side in (True, False)]
+    sides = [side for side in sides if len(side)]
+    # Of a median, by the middle half of the ways; one alone tells nothing.
+    errors = [1.25 * float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
+              / math.sqrt(len(side)) if len(side) > 2 else 0.3 * distance for side in sides]
+    scatter = math.hypot(*errors) / len(sides)
+    return math.hypot(scatter, _SHARE_OF_COUNT * resolution, _METHOD * distance)
 
 
 def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,

@@ -139,6 +139,8 @@ class IdentificationResult:
     warnings : list of str
     presliding : Presliding, optional
         None where the encoder is too coarse to tell.
+    backlash : float, optional
+        rad; None where the ramps show none.
     """
 
     points: list[KineticPoint]
@@ -150,6 +152,7 @@ class IdentificationResult:
     goal: IdentificationGoal
     warnings: list[str] = field(default_factory=list)
     presliding: Presliding | None = None
+    backlash: float | None = None
 
     @property
     def speeds(self) -> np.ndarray:
@@ -189,5 +192,6 @@ class IdentificationResult:
                 'ramp_slope': self.goal.ramp_slope,
                 'ramp_period': self.goal.ramp_period,
                 'breakaway_cycles': self.goal.breakaway_cycles,
+                **({} if self.backlash is None else {'backlash': self.backlash}),
                 'warnings': list(self.warnings),
             })

@@ -11,10 +11,12 @@ import math
 import numpy as np
 from scipy.special import ndtr, stdtrit
 
+from friction_comp.identification.backlash import crossed_backlash
 from friction_comp.identification.breakaway import breakaway_currents, BreakawayRecords
 from friction_comp.identification.friction_peak import (
     combined_presliding,
     common_stiffness,
+    presliding_std,
     ramp_friction,
     RampFriction,
 )
@@ -23,6 +25,8 @@ from friction_comp.identification.ramp import level_that_moves, Ramp
 from friction_comp.model.friction_model import Presliding
 
 _MOST_LOST = 0.1   # share of ramps without a breakaway that is borne
+# Two standard errors of breakaway, as a share of it, that are borne of a gear with backlash.
+_MOST_LOOSE = 0.05
 
 
 @dataclass
@@ -35,11 +39,14 @@ class RampEvaluation:
     presliding : Presliding or None
         None where the encoder is too coarse to tell.
     warnings : list of str
+    backlash : float, optional
+        rad; None where none shows.
     """
 
     records: BreakawayRecords
     presliding: Presliding | None
     warnings: list[str] = field(default_factory=list)
+    backlash: float | None = None
 
 
 def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float,
@@ -68,7 +75,7 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     Raises
     ------
     IdentificationError
-        If too many ramps show no breakaway.
+        If too many ramps show no breakaway, or backlash makes it scatter.
     """
     def friction_of(ramp: Ramp) -> RampFriction | None:
         time, position, current = ramp.samples[np.isfinite(ramp.samples[:, 2]), :3].T
@@ -91,8 +98,27 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     begun = float(np.mean(np.abs(records.current)) / np.mean(np.abs(at_peaks.current)))
     if not shares or _surely(shares) > 0.5 * (1.0 + begun):
         records = at_peaks
-    return RampEvaluation(
-        records, _presliding(kept, peaks, np.abs(records.current), resolution), warnings)
+    sides = [ramp.before == ramp.direction for ramp in kept]
+    backlash, crossed = crossed_backlash(peaks, [ramp.direction for ramp in kept], resolution)
+    if backlash > 0.0:
+        warnings.append(_said(backlash, records))
+    levels = np.abs(records.current)
+    return RampEvaluation(records, _presliding(sides, peaks, levels, crossed, resolution),
+                          warnings, backlash or None)
+
+
+def _said(backlash: float, records: BreakawayRecords) -> str:
+    """Return what to say of backlash; refuse a breakaway current that it makes unsure."""
+    for sign in (1, -1):
+        found = np.abs(records.current[records.direction == sign])
+        if len(found) > 1 and 2.0 * np.std(found, ddof=1) > (
+                _MOST_LOOSE * math.sqrt(len(found)) * np.mean(found)):
+            raise IdentificationError(
+                f'backlash of {backlash:.2g} rad: breakaway in the '
+                f'{"positive" if sign > 0 else "negative"} direction scatters by '
+                f'{100.0 * np.std(found, ddof=1) / np.mean(found):.0f} %; ask for more '
+                'breakaway_cycles or a less steep ramp_slope')
+    return (f'backlash of {backlash:.2g} rad at least; presliding is given without it')
 
 
 def _surely(shares: Sequence[float]) -> float:
@@ -134,13 +160,15 @@ def _at_peaks(records: BreakawayRecords, ramps: Sequence[Ramp],
         position=np.array([ramp.samples[0, 1] for ramp in ramps]) + sign * way)
 
 
-def _presliding(ramps: Sequence[Ramp], peaks: Sequence[RampFriction], breakaway: np.ndarray,
-                resolution: float) -> Presliding | None:
-    sides = [ramp.before == ramp.direction for ramp in ramps]
-    distance = combined_presliding([
-        (side, peak.presliding(level)) for side, peak, level in zip(sides, peaks, breakaway)])
+def _presliding(sides: Sequence[bool], peaks: Sequence[RampFriction], breakaway: np.ndarray,
+                crossed: Sequence[float], resolution: float) -> Presliding | None:
+    ways = [(side, max(0.0, peak.presliding(level) - loose))
+            for side, peak, level, loose in zip(sides, peaks, breakaway, crossed)]
+    distance = combined_presliding(ways)
     # Less than two counts is not known.
     if distance <= 2.0 * resolution:
         return None
     onward = [peak for side, peak in zip(sides, peaks) if side]
-    return Presliding(distance, common_stiffness(onward, float(np.mean(breakaway)), resolution))
+    return Presliding(
+        distance, common_stiffness(onward, float(np.mean(breakaway)), resolution),
+        presliding_std(ways, distance, resolution))

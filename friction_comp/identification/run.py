@@ -152,7 +152,8 @@ class IdentificationRun:
         Raises
         ------
         IdentificationError
-            If the run is not finished, or too many ramps show no breakaway.
+            If the run is not finished, too many ramps show no breakaway, or backlash makes it
+            scatter.
         """
         if not self.finished:
             raise IdentificationError(f'identification is not complete: {self.error or self.phase}')
@@ -175,7 +176,8 @@ class IdentificationRun:
                 points=points, sigmoid=sigmoid, sigmoid_error=error,
                 breakaway=statistics, records=ramps.records,
                 acceleration_per_current=acceleration, goal=self.goal,
-                warnings=list(self.warnings), presliding=ramps.presliding)
+                warnings=list(self.warnings), presliding=ramps.presliding,
+                backlash=ramps.backlash)
         return self._result
 
     def _check(self, time: float, position: float) -> None:

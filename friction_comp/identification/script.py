@@ -35,9 +35,10 @@ if TYPE_CHECKING:
     from friction_comp.identification.kinetic import KineticPoint
     from friction_comp.identification.supervision import Supervision
 
-# A ramp is cut once the joint runs, well beyond the run-away that is looked for: at this speed in
-# rad/s over so many s, and beyond so many encoder counts.
-CUT_SPEED, CUT_WINDOW, CUT_COUNTS = 0.05, 0.02, 8.0
+# The joint runs, well beyond the run-away that is looked for, at this speed in rad/s over so many
+# s, and beyond so many encoder counts. A ramp is cut once it has run so far, rad: a rotor that
+# slides through backlash runs, too, and is caught; few gears for robots have more of it.
+CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_WAY = 0.05, 0.02, 8.0, 5e-3
 PUSH_SPEED = 0.3        # rad/s that the inertia's short push aims at
 # Stick-slip asks for higher gains, a joint with more lag than expected, or with a link that is much
 # heavier than its rotor and swings against it, for lower ones.
@@ -301,6 +302,7 @@ class Script(Movement):
         begin, home, samples = sample.time, sample.position, [sample]
         window = deque([sample], maxlen=200)
         farthest = 0.2 * goal.motion_range
+        runs: tuple[float, float] | None = None     # since when, of the ramp's time, and where
         while True:
             rise = time_of_ramp(sample.time - begin, goal.ramp_slope, stops)
             if rise > 0.4 * goal.ramp_period:
@@ -310,11 +312,16 @@ class Script(Movement):
             samples.append(sample)
             window.append(sample)
             way = sign * (sample.position - home)
-            if way > farthest or (way > CUT_COUNTS * self._resolution
-                                  and speed_over(window, sign, CUT_WINDOW) > CUT_SPEED):
+            if (way <= CUT_COUNTS * self._resolution
+                    or speed_over(window, sign, CUT_WINDOW) <= CUT_SPEED):
+                runs = None
+            elif runs is None:
+                runs = rise, way
+            if way > farthest or (runs is not None and way > runs[1] + CUT_WAY):
                 break
         if len(stops) == 0:
-            self._reached[sign] = min(1.0, rise / (0.4 * goal.ramp_period))
+            broke = rise if runs is None else runs[0]
+            self._reached[sign] = min(1.0, broke / (0.4 * goal.ramp_period))
         before, self._slid = self._slid, sign
         return Ramp(sign, cycle, rest, before, np.array(samples), tuple(stops))
 

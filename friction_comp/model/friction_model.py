@@ -67,15 +67,18 @@ class Presliding:
         rad, from rest without load until friction is at 95 % of breakaway.
     stiffness : float, optional
         A/rad, of friction up to a third of breakaway.
+    std : float, optional
+        rad by which the distance may be off, a standard deviation. None where nobody knows.
     """
 
     distance: float
     stiffness: float | None = None
+    std: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ('distance', 'stiffness'):
+        for name in ('distance', 'stiffness', 'std'):
             value = getattr(self, name)
-            if value is None and name == 'stiffness':
+            if value is None and name != 'distance':
                 continue
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(f'presliding.{name} must be positive and finite, not {value!r}')

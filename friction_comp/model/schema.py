@@ -33,7 +33,7 @@ KEYS = {
     'drive': {'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'},
     'sigmoid': {'coefficients', 'velocity_unit'},
     'breakaway': {'positive', 'negative'},
-    'presliding': {'distance', 'stiffness'},
+    'presliding': {'distance', 'stiffness', 'std'},
     'lookup_table': {'speeds', 'currents', 'standard_deviations'},
 }
 """Entries of its sections."""

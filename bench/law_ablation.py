@@ -1,0 +1,140 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What each rule and constant of the compensation law earns: the law without it, on every world.
+
+    python3 bench/law_ablation.py [--rules NAME ...] [--worlds gear mujoco refined]
+                                  [--floors untouched quiet ...] [--seed S] [--draws N]
+                                  [--workers N]
+
+One line a rule and world: the floors of `law_table` with that rule switched off, beside the law as
+it is. A rule that changes no column earns nothing. Rules that are constants of compiled code are
+exchanged before it is compiled, in a process of its own and with a cache of its own, so each of
+them takes some seconds more.
+"""
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+import importlib
+import math
+import multiprocessing
+import os
+import tempfile
+
+import law_table
+from law_table import bank_of, FLOORS, WORLDS
+import numpy as np
+
+
+def no_excess(p, model):
+    """Take Eq. 6 as it is, whatever its look-up table says."""
+    p['knots'] = np.geomspace(1.0, 2.0, p['knots'].shape[-1])
+
+
+PARAMETERS = 'friction_comp.compensation.law_parameters.'
+OPERATOR = 'friction_comp.compensation.friction_operator.'
+GUARDS = 'friction_comp.compensation.guards.'
+# What is set to switch a rule off.
+RULES = {
+    'as it is': {},
+    'margin of breakaway scatter': {PARAMETERS + 'SCATTER_MARGIN': 0.0},
+    'excess of Eq. 6 over its table': {PARAMETERS + '_set_excess': no_excess},
+    'slope limit': {PARAMETERS + 'TURN_TIME': 1e-9},
+    'lead speed': {PARAMETERS + 'LEAD_SPEED': math.inf},
+    'lead time': {PARAMETERS + 'LEAD_TIME': 1e-3},
+    'rise, announced': {PARAMETERS + 'RISE_TIME': 1e-3},
+    'rise, not announced': {PARAMETERS + 'ALONE_TIME': 1e-3},
+    'known presliding': {PARAMETERS + 'KNOWN_COUNTS': math.inf},
+    'start at breakaway friction': {PARAMETERS + 'START_WAY': 1e-6},
+    'withheld while speed changes': {PARAMETERS + 'LEAST_CHANGING': 1.0},
+    'start of a movement': {PARAMETERS + 'START_TIME': 1e-3},
+    'slip': {PARAMETERS + 'LOWERED': 1.0},
+    'early slip': {PARAMETERS + 'EARLY': 1.0},
+    'time to bear the preload': {PARAMETERS + 'BEAR_TIME': 0.0},
+    'creep': {OPERATOR + 'CREEP_TIME': math.inf},
+    'surely borne': {OPERATOR + 'SURELY_BORNE': 0.0},
+    'least borne': {OPERATOR + 'LEAST_BORNE': 0.0},
+    'earliest': {OPERATOR + 'EARLIEST': 0.0},
+    'early time': {OPERATOR + 'EARLY_TIME': math.inf},
+    'taken back beyond the identified speeds': {OPERATOR + 'TAKEN_TIME': math.inf},
+    'given back': {OPERATOR + 'GIVEN_BACK': 1.0},
+    'changes of the announcement': {OPERATOR + 'MOST_CHANGES': math.inf},
+    'fade': {PARAMETERS + 'FADE': 1e6},
+    'bound on the current': {PARAMETERS + 'BOUND': 1e6},
+    'filter of the speed': {GUARDS + 'FILTER_TIME': 1e-6},
+}
+# Short names of the floors' rows, by what they begin with; the others are not printed.
+COLUMNS = {
+    "friction's part of the peak removed, 1 s ahead": 'ahead',
+    "friction's part of the peak removed, with the push": 'push',
+    "friction's part of the peak removed, not announced, presliding known": 'd = 0',
+    'vibrates, hold': 'vibrates', 'vibrates, second': 'at stops',
+    'rings 2 s after a knock': 'rings', 'untouched, model': 'starts',
+    'untouched, friction': 'lost', 'carried': 'carried', 'unknown weight': 'falls',
+    'announcement flickers': 'flicker', 'reversal announced: peak': 'reversal',
+    'let go, model ≤ 1.10': 'gains', 'let go, model ≤ 1.05': 'no rest',
+    'let go, model ≤ 1.5': 'fast', 'let go, friction': 'runs',
+    'pushed by 2 deg, model ≤ 1.10': 'pushed'}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--rules', nargs='+', default=list(RULES), choices=RULES, metavar='NAME')
+    parser.add_argument('--worlds', nargs='+', default=list(WORLDS), choices=WORLDS)
+    parser.add_argument('--floors', nargs='+', choices=FLOORS, default=[
+        name for name in FLOORS if name not in ('identification', 'bad_samples')])
+    parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--draws', type=int, help='gears of each kind')
+    parser.add_argument('--workers', type=int, default=2)
+    options = parser.parse_args()
+    names = None
+    for rule in options.rules:
+        for world, cells in without(rule, options):
+            if names is None:
+                names = list(cells)
+                print(f'{"without":40s} {"world":8s}' + ''.join(f'{n:>11s}' for n in names))
+            print(f'{rule:40s} {world:8s}' + ''.join(
+                f'{cells.get(n, ""):>11s}' for n in names), flush=True)
+
+
+def without(rule, options):
+    """Yield each world and its figures, by column, with a rule switched off."""
+    context = multiprocessing.get_context('spawn')
+    with tempfile.TemporaryDirectory() as cache:
+        if any(not name.startswith(PARAMETERS) for name in RULES[rule]):
+            os.environ['NUMBA_CACHE_DIR'] = cache
+        try:
+            with ProcessPoolExecutor(options.workers, mp_context=context,
+                                     initializer=switch_off, initargs=(rule,)) as pool:
+                jobs = [(world, floor, options.seed, options.draws)
+                        for world in options.worlds for floor in options.floors]
+                found = list(pool.map(figures, jobs))
+        finally:
+            os.environ.pop('NUMBA_CACHE_DIR', None)
+    for world in options.worlds:
+        yield world, {name: text for job, cells in zip(jobs, found) if job[0] == world
+                      for name, text in cells.items()}
+
+
+def switch_off(rule):
+    """Exchange a rule's constants in this process, before anything is compiled."""
+    for path, value in RULES[rule].items():
+        module, _, name = path.rpartition('.')
+        if not hasattr(importlib.import_module(module), name):
+            raise LookupError(f'{path} is no constant of the law any more')
+        setattr(importlib.import_module(module), name, value)
+
+
+def figures(job):
+    """Return one floor's figures on one world, by column."""
+    world, floor, seed, draws = job
+    bank, _ = bank_of(world, 'true', None, draws, seed, False)
+    cells = {}
+    for row in law_table.FLOORS[floor](bank, 'continuous', True):
+        short = next((s for begin, s in COLUMNS.items() if row.floor.startswith(begin)), None)
+        if short is not None and short not in cells:
+            cells[short] = row.measured.replace(' of ', '/')
+    return cells
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,96 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Backlash, from current ramps: friction that rises steeper again the farther the motor has gone.
+
+The friction of a gear's contacts rises ever less with the way: every contact that begins to slide
+leaves fewer that still hold (Dahl, LuGre, Bouc-Wen and Maxwell slip alike). So along a ramp it is
+a concave curve of the way. Where teeth come apart, the motor meets its own friction alone until
+they touch on the other side; then the link's is added, and the curve turns up. How far it stays
+below its concave hull tells of backlash, and the way from the hull's corner to the lowest place is
+the least that it can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from friction_comp.identification.friction_peak import RampFriction
+
+# Share of breakaway by which a ramp stays below its hull, and the share of the ramps in either
+# direction: which of them cross backlash hangs on where the slide before left the link. Simulated
+# gears without backlash stay within 0.03, but for one whose sides differ (`bench/law_table.py
+# --floors identification`, seeds 44 and 46); those that show it have 0.04 to 0.14.
+_DEPTH, _SHARE = 0.04, 0.2
+_COUNTS = 3.0    # the least that an encoder tells
+_PLACES = 60     # of the curve
+
+
+def softer_way(ramp: RampFriction, resolution: float) -> tuple[float, float]:
+    """Return how far one ramp's curve stays below its concave hull, and over which way.
+
+    Parameters
+    ----------
+    ramp : RampFriction
+    resolution : float
+        rad of an encoder count.
+
+    Returns
+    -------
+    depth, way : float
+        Share of the most that friction took, and rad.
+    """
+    place = max(resolution, float(np.max(ramp.measured)) / _PLACES)
+    index = np.maximum.accumulate(np.maximum(0, np.rint(ramp.measured / place).astype(int)))
+    count = np.bincount(index)
+    # Within which part of a count the ramp began is not known, so the first one tells nothing.
+    found = np.flatnonzero(count)[1:]
+    if len(found) < 4:
+        return 0.0, 0.0
+    # What accelerates the rotor shows on neither curve, or on one alone.
+    depths, ways = zip(*(_below_hull(found, np.bincount(index, current)[found] / count[found])
+                         for current in (ramp.driven, ramp.current)))
+    return min(depths), (ways[0] + 1.0) * place
+
+
+def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Return how far points stay below their concave hull, and the way from its corner to there."""
+    corners = [0]
+    for k in range(1, len(x)):
+        while len(corners) > 1 and _rises(x, y, corners[-2], corners[-1], k):
+            corners.pop()
+        corners.append(k)
+    gap = np.interp(x, x[corners], y[corners]) - y
+    lowest = int(np.argmax(gap))
+    before = corners[int(np.searchsorted(corners, lowest, side='right')) - 1]
+    return float(gap[lowest] / np.max(y)), float(x[lowest] - x[before])
+
+
+def _rises(x: np.ndarray, y: np.ndarray, i: int, j: int, k: int) -> bool:
+    return bool((y[j] - y[i]) * (x[k] - x[j]) <= (y[k] - y[j]) * (x[j] - x[i]))
+
+
+def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
+                     resolution: float) -> tuple[float, list[float]]:
+    """Return the backlash of a gear, and what of it each ramp crossed, rad; 0 where none shows.
+
+    Parameters
+    ----------
+    ramps : sequence of RampFriction
+    directions : sequence of int
+        +1 or -1, the ramps'.
+    resolution : float
+        rad of an encoder count.
+    """
+    found = [softer_way(ramp, resolution) for ramp in ramps]
+    crossed = [way if depth > _DEPTH and way >= _COUNTS * resolution else 0.0
+               for depth, way in found]
+    shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])
+              for sign in set(directions)]
+    # A contact that is stiffer to one side turns up, too, but in one direction alone.
+    if len(shares) < 2 or min(shares) < _SHARE:
+        return 0.0, [0.0] * len(found)
+    return float(np.median([way for way in crossed if way > 0.0])), crossed
