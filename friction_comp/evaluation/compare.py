@@ -61,12 +61,9 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what report.json holds."""
-        def help_of(one: Help) -> dict[str, Any]:
-            return {'law': one.law or None, 'model': one.model or None,
-                    'announced': one.announced}
         return {
             'figure': self.figure, 'unit': FIGURES[self.figure][1],
-            'first': help_of(self.first), 'second': help_of(self.second), 'pairs': self.pairs,
+            'first': self.first.as_dict(), 'second': self.second.as_dict(), 'pairs': self.pairs,
             'mean_first': self.before, 'mean_second': self.after,
             'difference': self.difference.as_dict(), 'p_value': self.probability}
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from friction_comp.checks import check_document, check_list, check_mapping, check_number
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm_document import one_joint_of
@@ -240,12 +240,11 @@ class FrictionModel:
             Naming the file and what is wrong with it.
         """
         document = read_yaml(path)
-        try:
-            return cls.from_dict(one_joint_of(document, joint))
-        except InputError as error:
-            raise InputError(f'{path}: {error}') from None
-        except OverflowError:
-            raise InputError(f'{path}: holds a number that is too large') from None
+        with errors_name(path):
+            try:
+                return cls.from_dict(one_joint_of(document, joint))
+            except OverflowError:
+                raise InputError('holds a number that is too large') from None
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> FrictionModel:

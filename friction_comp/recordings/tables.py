@@ -20,7 +20,7 @@ import zipfile
 import numpy as np
 
 from friction_comp.columns import assign, Assignment, Layout, TABLES
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable
 from friction_comp.topics import TOPICS
@@ -84,7 +84,7 @@ class TableScanner:
         except InputError:
             raise
         except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
-            raise unreadable(self.path, ' '.join(str(error).split())) from None
+            raise unreadable(self.path, one_line(error)) from None
         if not self._rows:
             raise InputError(f'{self.path}: holds no row below its header')
 

@@ -12,7 +12,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, progress
 from friction_comp.tools.recorded_drive import layout_of
@@ -66,10 +66,8 @@ def main(argv: list[str] | None = None) -> int:
             raise InputError(f'{arguments.recording}: holds {len(found)} recordings, one is wanted')
         samples, info = found[0]
         report(1.0, 'predicting')
-        try:
+        with errors_name(arguments.recording):
             predicted = model.predict(samples, same_recording=arguments.with_time_effects)
-        except InputError as error:
-            raise InputError(f'{arguments.recording}: {error}') from None
     measured = model.measured(samples)
     text = table(samples, info, measured, predicted)
     write_atomically(arguments.output, text)

@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.tools.common import (
     Arguments,
     command_line,
@@ -76,13 +76,11 @@ def main(argv: list[str] | None = None) -> int:
             progress=lambda share: report(0.2 * share), layout=layout_of(arguments))
         unit = unit_of(arguments, model, [info for _, info in found])
         drive, limit = limited(arguments, drive, [samples for samples, _ in found])
-        try:
+        with errors_name(arguments.recordings[0]):
             result = refine(
                 [samples for samples, _ in found], model, drive,
                 progress=lambda share, name: report(0.2 + 0.7 * share, f'trying {name}'),
                 unit=unit)
-        except InputError as error:
-            raise InputError(f'{arguments.recordings[0]}: {error}') from None
         # What is missing from a recording, or odd in it, is to be known beside the result.
         result.report['warnings'].extend(
             f'{info.path}: {note}' for _, info in found for note in info.notes)

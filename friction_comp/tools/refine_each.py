@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from friction_comp.attempts import Failure
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.files import encodable, to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
 from friction_comp.tools.processes import interrupts_deferred
@@ -148,10 +148,8 @@ def _refined(arguments: Namespace, part: Part) -> RefinedPart:
         layout=layout_of(arguments))
     unit = unit_of(arguments, model, [info])
     drive, limit = limited(arguments, drive, [samples])
-    try:
+    with errors_name(f'{part.path}: {info.joint or "the joint"}'):
         result = refine([samples], model, drive, unit=unit)
-    except InputError as error:
-        raise InputError(f'{part.path}: {info.joint or "the joint"}: {error}') from None
     result.report['warnings'].extend(f'{info.path}: {note}' for note in info.notes)
     name = str(part.path)
     result.model.notes = {**result.model.notes, 'refined_from': [name], 'unit': unit, **limit}

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from friction_comp import __version__
 from friction_comp.attempts import attempt, Failure, in_turn, Outcomes, Runner
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 from friction_comp.tools.common import Arguments, whole_number
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
                 client = Client(scheduler, timeout=_PATIENCE)
             except (OSError, ValueError) as error:
                 raise InputError(f'--scheduler {scheduler}: no Dask scheduler answers there '
-                                 f'({" ".join(str(error).split())})') from None
+                                 f'({one_line(error)})') from None
             with client:
                 _check_workers(client, scheduler)
                 yield client
