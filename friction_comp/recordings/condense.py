@@ -68,6 +68,19 @@ class Condensing:
                 'errors are those of the averages')
 
 
+def condensed(samples: Samples, limit: int) -> Samples:
+    """Return averages at 100 Hz or more, about so many of them, from all over a recording.
+
+    Parameters
+    ----------
+    samples : Samples
+        Of one recording.
+    limit : int
+    """
+    length = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
+    return Condensing(length, min(1.0, limit * length / max(len(samples), 1))).of(samples)
+
+
 def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    torque_constant: float = 1.0, gear_ratio: float = 1.0,
                    progress: Progress | None = None, layout: Layout | None = None,

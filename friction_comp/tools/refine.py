@@ -33,7 +33,8 @@ def main(argv: list[str] | None = None) -> int:
         'examples/elbow --torque-constant 0.119 --gear-ratio 100 --output output/refined',
         'log.csv --columns time=t,position=q_2,velocity=dq_2,effort=tau_2 --unit position=deg '
         '--output output/refined',
-        'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each')
+        'examples/elbow --each --model config/armin_configuration_2.yaml --output output/each',
+        'examples/elbow --model output/refined/model.yaml --history --output output/next')
     ).add_recordings(unit_help=(
         '. A unit alone, such as A or V, is that of the figures in the report; by default A where '
         'a torque constant, a gear ratio or a model is given (1 and 1 say that effort holds '
@@ -47,11 +48,17 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--each', action='store_true',
                         help='refine each joint of each recording by itself, in parallel, with '
                         'one page on all; without it, all recordings together give one model')
+    parser.add_argument('--history', action='store_true',
+                        help='fit what is kept of earlier recordings too, in .history.npz beside '
+                        '--model, and write it on beside the new model')
     add_workers(parser)
     parser.add_argument('--current-limit', metavar='A', type=positive,
                         help='largest motor current that may ever be commanded, for the model '
                              'file; by default that of --model, else the largest recorded one')
     arguments = parser.parse(argv)
+    if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):
+        raise InputError('--history goes with --model, and with one joint: not with --each or '
+                         '--urdf')
     if arguments.each:
         from friction_comp.tools.refine_each import refine_each
 
@@ -65,20 +72,25 @@ def main(argv: list[str] | None = None) -> int:
         return refine_whole_arm(arguments)
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings.condense import read_condensed
+    from friction_comp.recordings.history import History
     from friction_comp.refinement import refine
     from friction_comp.reports.refinement_report import refinement_report
 
     model = FrictionModel.load(arguments.model, arguments.joint) if arguments.model else None
     drive = drive_of(arguments, model)
+    history = History.beside(arguments.model, drive) if arguments.history else None
     with progress('reading') as report:
         found = read_condensed(
             arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
             progress=lambda share: report(0.2 * share), layout=layout_of(arguments))
         unit = unit_of(arguments, model, [info for _, info in found])
-        drive, limit = limited(arguments, drive, [samples for samples, _ in found])
+        recorded = [samples for samples, _ in found]
+        drive, limit = limited(arguments, drive, recorded)
+        if history is not None:
+            recorded = history.with_new(found)
         with errors_name(arguments.recordings[0]):
             result = refine(
-                [samples for samples, _ in found], model, drive,
+                recorded, model, drive,
                 progress=lambda share, name: report(0.2 + 0.7 * share, f'trying {name}'),
                 unit=unit)
         # What is missing from a recording, or odd in it, is to be known beside the result.
@@ -92,6 +104,8 @@ def main(argv: list[str] | None = None) -> int:
             refinement_report(result, names, [command_line('refine', argv)]).save(
                 folder / 'report.html')
             result.model.save(folder / 'model.yaml')
+            if history is not None:
+                history.save(folder / 'model.yaml')
     if arguments.json:
         print(to_json(result.report), end='')
         return 0

@@ -1,0 +1,79 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page on a drive's history: friction, error and temperature from recording to recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from friction_comp.evaluation.drive_history import RecordedFriction
+from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.reports.html import Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Dates that fit below the picture.
+_LABELS = 16
+
+
+def history_report(model: str, recordings: Sequence[RecordedFriction],
+                   notes: Sequence[tuple[str, str]]) -> Report:
+    """Return the page.
+
+    Parameters
+    ----------
+    model : str
+        Name of the model file.
+    recordings : sequence of RecordedFriction
+        In the order of their dates, at least one.
+    notes : sequence of (str, str)
+        ISO date and what was done to the drive.
+    """
+    report = Report('History of a drive', f'{model}, {len(recordings)} recordings from '
+                    f'{recordings[0].day} to {recordings[-1].day}')
+    first, last = recordings[0], recordings[-1]
+    words = f"**Friction is {100 * last.level:.0f} %** of the model's in the latest recording"
+    if len(recordings) > 1:
+        words += f', it was {100 * first.level:.0f} % in the first'
+    report.verdict(f'{words}. The model misses the latest by {1e3 * last.error:.3g} mA.')
+    done = '; '.join(f'{text} ({day})' for day, text in notes)
+    report.figure(_figure(recordings, notes), 'Each dot is a recording; bars are 95 % intervals.'
+                  + (f' Dashed: {done}.' if done else ''))
+    report.table(['recording', 'date', 'kept (s)', 'friction (% of the model)', 'error (mA)',
+                  'motor (°C)'],
+                 [[one.name, one.day, round(one.seconds), round(100.0 * one.level, 1),
+                   1e3 * one.error, one.temperature] for one in recordings])
+    if notes:
+        report.heading('What was done')
+        report.table(['date', 'what'], notes)
+    return report
+
+
+@styled
+def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, str]]) -> Figure:
+    warm = [one.temperature for one in recordings]
+    rows = 2 + any(value is not None for value in warm)
+    figure, axes = new_figure(rows, 1, height=2.1, sharex=True)
+    order = range(1, len(recordings) + 1)
+    axes[0].errorbar(order, [100.0 * one.level for one in recordings],
+                     [196.0 * one.level_error for one in recordings], fmt='o',
+                     color=COLOURS['blue'], capsize=3)
+    axes[0].axhline(100.0, color=COLOURS['grey'], linewidth=0.8)
+    axes[0].set_ylabel('friction\n(% of the model)')
+    axes[1].plot(order, [1e3 * one.error for one in recordings], 'o', color=COLOURS['orange'])
+    axes[1].set_ylim(bottom=0.0)
+    axes[1].set_ylabel('error (mA)')
+    if rows == 3:
+        axes[2].plot(order, [float('nan') if value is None else value for value in warm], 'o',
+                     color=COLOURS['red'])
+        axes[2].set_ylabel('motor (°C)')
+    for day, _ in notes:
+        before = sum(one.day < day for one in recordings)
+        for each in axes:
+            each.axvline(before + 0.5, color=COLOURS['violet'], linestyle='--', linewidth=1.0)
+    step = -(-len(recordings) // _LABELS)
+    axes[-1].set_xticks(list(order)[::step], [one.day for one in recordings[::step]], rotation=30,
+                        ha='right')
+    return figure

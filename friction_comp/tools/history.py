@@ -1,0 +1,67 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``history``: a drive's friction over all recordings kept beside its model file.
+
+``refine --history`` keeps them, in MODEL.history.npz: averages, some 200 kB a recording. Deleting
+the file loses nothing else.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from friction_comp.errors import InputError
+from friction_comp.tools.common import (
+    Arguments,
+    command_line,
+    output_folder,
+    REPORT_VERSION,
+    to_json,
+)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write report.html and report.json; returns 0.
+
+    Raises
+    ------
+    InputError
+        If there is no history, or it cannot be read.
+    """
+    parser = Arguments('history', __doc__, (
+        'output/next/model.yaml --output output/history',
+        "output/next/model.yaml --note 'new grease' --output output/history")).add_output()
+    parser.add_argument('model', metavar='MODEL', type=Path,
+                        help='model file, with its history beside it')
+    parser.add_argument('--note', metavar='TEXT',
+                        help='what was done to the drive today; kept in the history')
+    arguments = parser.parse(argv)
+    from friction_comp.evaluation.drive_history import recorded_friction
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings.history import History
+    from friction_comp.reports.history_report import history_report
+
+    model = FrictionModel.load(arguments.model)
+    history = History.beside(arguments.model, model.drive)
+    if not history.recordings:
+        raise InputError(f'{History.path_of(arguments.model)}: no recordings are kept beside this '
+                         'model; `refine --history` keeps them')
+    if arguments.note:
+        history.note(arguments.note)
+        history.save(arguments.model)
+    found = recorded_friction(history, model)
+    if not found:
+        raise InputError(f'{arguments.model}: in none of the recordings kept does the joint slide')
+    content = {'version': REPORT_VERSION, 'model': str(arguments.model),
+               'recordings': [one.as_dict() for one in found],
+               'notes': [{'day': day, 'text': text} for day, text in history.notes]}
+    with output_folder(arguments.output) as folder:
+        page = history_report(str(arguments.model), found, history.notes)
+        page.made_by(command_line('history', argv))
+        page.save(folder / 'report.html')
+        (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+    for one in found:
+        print(f"{one.day}  {100 * one.level:5.1f} % of the model's friction, error "
+              f'{1e3 * one.error:.3g} mA  {one.name}')
+    print(arguments.output / 'report.html')
+    return 0

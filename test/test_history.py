@@ -1,0 +1,127 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the recordings of a drive held is kept beside its model, and shown over the months."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from report_pages import assert_documented
+
+from friction_comp.__main__ import run
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.evaluation.drive_history import recorded_friction
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.recordings.history import History, KEPT
+from friction_comp.recordings.reader import RecordingInfo
+from friction_comp.samples import Samples
+
+MODEL = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',
+                      sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.05))
+JANUARY, MARCH = 1.7685e9, 1.7736e9
+
+
+def recording(level, seed=0, seconds=30.0, rate=200.0):
+    """A joint that swings, with so many times the model's friction."""
+    time = np.arange(round(seconds * rate)) / rate
+    position = 0.4 * np.sin(1.7 * time) + 0.3 * np.sin(0.61 * time + 1.0)
+    samples = Samples(time=time, position=position, current=np.zeros(len(time)), joint='elbow')
+    noise = np.random.default_rng(seed).normal(0.0, 0.01, len(time))
+    return samples.with_(current=level * MODEL.predict(samples) + noise)
+
+
+def info(name, start):
+    return RecordingInfo(Path(name), joint='elbow', start=start)
+
+
+def test_what_is_kept_comes_back_and_no_recording_comes_twice(tmp_path):
+    history = History.beside(tmp_path / 'model.yaml', MODEL.drive)
+    assert history.add(recording(1.0, rate=1000.0), info('a', MARCH))
+    assert history.add(recording(1.2), info('b', JANUARY))
+    assert not history.add(recording(1.0), info('a', MARCH))
+    history.note('new grease')
+    history.save(tmp_path / 'model.yaml')
+    back = History.beside(tmp_path / 'model.yaml', MODEL.drive)
+    assert [(one.name, one.start, one.samples.joint) for one in back.recordings] == [
+        ('b', JANUARY, 'elbow'), ('a', MARCH, 'elbow')]
+    assert back.notes == history.notes
+    for before, after in zip(history.samples(), back.samples()):
+        np.testing.assert_array_equal(before.position, after.position)
+        np.testing.assert_array_equal(before.recording, after.recording)
+        assert after.sample_time == pytest.approx(0.01)
+
+
+def test_an_hour_takes_no_more_room_than_minutes():
+    history = History(10.0)
+    history.add(recording(1.0, seconds=3600.0), info('long', 0.0))
+    assert len(history.recordings[0].samples) < 1.2 * KEPT
+    # From all over the hour.
+    assert np.ptp(history.recordings[0].samples.time) > 3400.0
+
+
+def test_friction_that_changed_is_seen_beside_the_model():
+    history = History(10.0)
+    for level, start in ((1.0, JANUARY), (0.8, MARCH)):
+        history.add(recording(level), info(str(level), start))
+    first, last = recorded_friction(history, MODEL)
+    assert (first.day[:7], last.day[:7]) == ('2026-01', '2026-03')
+    for one, level in ((first, 1.0), (last, 0.8)):
+        assert one.level == pytest.approx(level, abs=max(0.01, 4.0 * one.level_error))
+        assert one.level_error < 0.02
+
+
+@pytest.mark.parametrize(('content', 'word'), [
+    (b'', 'no history'), (b'PK\x03\x04 and then nothing', 'no history'), (None, 'N·m/A')])
+def test_what_is_no_history_of_the_drive_is_refused_by_name(tmp_path, content, word):
+    path = History.path_of(tmp_path / 'model.yaml')
+    if content is None:
+        History(7.0, []).save(tmp_path / 'model.yaml')
+    else:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=word) as error:
+        History.beside(tmp_path / 'model.yaml', MODEL.drive)
+    assert path.name in str(error.value)
+    assert '\n' not in str(error.value)
+
+
+def test_months_of_recordings_give_one_model_and_one_page(tmp_path, capsys):
+    MODEL.save(tmp_path / 'model.yaml')
+    before = tmp_path / 'model.yaml'
+    for k, start in enumerate((JANUARY, MARCH)):
+        samples = recording(1.0 - 0.2 * k, seed=k)
+        table = np.column_stack((samples.time + start, samples.position, samples.current))
+        np.savetxt(tmp_path / f'{k}.csv', table, '%.7f', ',', header='time,position,effort',
+                   comments='')
+        after = tmp_path / f'next_{k}' / 'model.yaml'
+        assert run('refine', [str(tmp_path / f'{k}.csv'), '--unit', 'effort=A', '--model',
+                              str(before), '--history', '--output', str(after.parent)]) == 0
+        before = after
+    kept = History.beside(before, MODEL.drive)
+    assert [one.name for one in kept.recordings] == ['0.csv', '1.csv']
+    # Not in place: the model that was started from keeps its own.
+    assert len(History.beside(tmp_path / 'next_0' / 'model.yaml', MODEL.drive).recordings) == 1
+    # Beside the first model both are judged alike.
+    kept.save(tmp_path / 'model.yaml')
+    capsys.readouterr()
+    assert run('history', [str(tmp_path / 'model.yaml'), '--note', 'new grease', '--output',
+                           str(tmp_path / 'page')]) == 0
+    assert '% of the model' in capsys.readouterr().out
+    found = json.loads((tmp_path / 'page' / 'report.json').read_text(encoding='utf-8'))
+    assert_documented(found, 'history')
+    assert [round(one['level'], 1) for one in found['recordings']] == [1.0, 0.8]
+    assert found['notes'][0]['text'] == 'new grease'
+    page = (tmp_path / 'page' / 'report.html').read_text(encoding='utf-8')
+    assert 'new grease' in page
+    assert '<svg' in page
+
+
+def test_without_a_history_it_says_how_to_begin_one(tmp_path, capsys):
+    MODEL.save(tmp_path / 'model.yaml')
+    assert run('history', [str(tmp_path / 'model.yaml'), '--output', str(tmp_path / 'o')]) == 2
+    assert 'refine --history' in capsys.readouterr().err
+    assert not (tmp_path / 'o').exists()
+    assert run('refine', ['none.csv', '--history', '--output', str(tmp_path / 'o')]) == 2
+    assert '--history goes with --model' in capsys.readouterr().err
