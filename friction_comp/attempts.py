@@ -23,7 +23,7 @@ class Failure:
 
 Outcomes = Iterator[tuple[int, 'U | Failure']]
 Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
-"""Does work on each of several things, and yields number and outcome in the order of their end."""
+"""Does work on each of several things, and yields index and outcome in the order of their end."""
 
 
 def attempt(work: Callable[[T], U], thing: T) -> U | Failure:
@@ -55,7 +55,7 @@ def in_turn(work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
     Yields
     ------
     int, object or Failure
-        Number of the thing, and the outcome.
+        Index of the thing, and the outcome.
     """
     if len(things) == 1:
         yield 0, work(things[0])

@@ -110,16 +110,16 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
         return read_recording_with_info(found, joint, torque_constant, gear_ratio,
                                         progress=progress, layout=layout)
     results: list[tuple[Samples, RecordingInfo]] = []
-    for number, path in enumerate(found):
-        def report(share: float, number: int = number) -> None:
+    for index, path in enumerate(found):
+        def report(share: float, index: int = index) -> None:
             if progress:
-                progress((number + share) / len(found))
+                progress((index + share) / len(found))
         samples, info = _read(how, path, stream_recording_with_info(
             path, joint, torque_constant, gear_ratio, _STRETCH, layout=layout, others=True,
             progress=report))
         if results:
             info.check_joint(results[0][1])
-        results.append((samples.with_(recording=np.full(len(samples), number)), info))
+        results.append((samples.with_(recording=np.full(len(samples), index)), info))
     results[0][1].notes.append(str(how))
     return results
 

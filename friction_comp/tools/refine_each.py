@@ -76,14 +76,14 @@ def refine_each(arguments: Namespace) -> int:
         interrupted = False
         try:
             with workers(arguments, len(parts)) as run:
-                for number, outcome in run(work, parts) if parts else ():
-                    part = parts[number]
+                for index, outcome in run(work, parts) if parts else ():
+                    part = parts[index]
                     if isinstance(outcome, Failure):
                         failures.append(outcome.reason)
                     else:
                         # What is written is counted.
                         with interrupts_deferred():
-                            rows[number] = _kept(arguments.output, part, outcome)
+                            rows[index] = _kept(arguments.output, part, outcome)
                     done = len(rows) + len(failures)
                     report(done / len(parts), f'{done} of {len(parts)}: {part}')
         except KeyboardInterrupt:
@@ -92,7 +92,7 @@ def refine_each(arguments: Namespace) -> int:
             raise InputError(failures[0])
         missing = len(parts) - len(rows) if interrupted else 0
         content = {
-            'recordings': [rows[number] for number in sorted(rows)], 'failed': sorted(failures),
+            'recordings': [rows[index] for index in sorted(rows)], 'failed': sorted(failures),
             'not_done': missing, 'seconds': time.monotonic() - begin}
         if rows:
             with output_folder(arguments.output) as folder:

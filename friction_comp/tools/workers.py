@@ -177,15 +177,15 @@ def _spread(client: Client, work: Callable[[T], U], things: Sequence[T]) -> Outc
     from distributed import as_completed, KilledWorker
 
     futures = client.map(partial(attempt, work), things, pure=False)
-    numbers = {future.key: k for k, future in enumerate(futures)}
+    index_of = {future.key: k for k, future in enumerate(futures)}
     try:
         for future in as_completed(futures):
-            number = numbers[future.key]
+            index = index_of[future.key]
             try:
                 # What was done, but not yet fetched when its process was killed, is done again.
-                yield number, future.result()
+                yield index, future.result()
             except KilledWorker:
-                yield number, Failure(f'{things[number]}: the process that had it was killed '
+                yield index, Failure(f'{things[index]}: the process that had it was killed '
                                       '(out of memory?)')
             future.release()
     finally:
