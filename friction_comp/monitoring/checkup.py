@@ -43,10 +43,10 @@ def check_system(seen: Observation) -> list[Finding]:
     if not seen.nodes:
         return [Finding(NOTE, 'discovery', f'no node was found within {seen.seconds:g} s',
                         f'start one, or {NO_PEER}')]
-    found = [Finding(OK, 'discovery', f'{len(seen.nodes)} nodes: {", ".join(seen.nodes)}')]
+    findings = [Finding(OK, 'discovery', f'{len(seen.nodes)} nodes: {", ".join(seen.nodes)}')]
     for check in (_quality, _states, _commands, _driver, _direction, _clocks, _diagnostics):
-        found += check(seen)
-    return found
+        findings += check(seen)
+    return findings
 
 
 def _quality(seen: Observation) -> Iterator[Finding]:

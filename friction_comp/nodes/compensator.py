@@ -374,15 +374,15 @@ class CompensatorNode(LifecycleNode):
 
     def _missing(self):
         """Return joint, effect and reason for what the last joint state could not feed back."""
-        found = []
+        missing = []
         for index, effect, signals in self._loop.law.missing:
             reasons = [
                 self._loop.temperature.why_unknown(index, self._loop.states.stamp)
                 if signal == 'temperature' else
                 f'the {signal} is not measured here: the torque sensor is for evaluation only'
                 for signal in signals]
-            found.append((self._joints[index], effect, reasons or ['its value is not finite']))
-        return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in found]
+            missing.append((self._joints[index], effect, reasons or ['its value is not finite']))
+        return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in missing]
 
 
 def main(argv=None):

@@ -72,6 +72,14 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     return list(unique.values())
 
 
+def find_recording(path: AnyPath) -> Path:
+    """Return the recording that a path names; raises InputError if there are none or several."""
+    recordings = find_recordings(path)
+    if len(recordings) != 1:
+        raise InputError(f'{path}: holds {len(recordings)} recordings, one is wanted')
+    return recordings[0]
+
+
 def _expand(path: Path) -> Iterator[Path]:
     if path.is_file():
         if is_storage(path) or path.name.lower().endswith(TABLES):

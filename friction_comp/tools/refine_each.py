@@ -111,12 +111,12 @@ def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
     """Return what is refined by itself, and why some recordings cannot be."""
     from friction_comp.recordings import find_recordings, recorded_joints
 
-    found = find_recordings(arguments.recordings)
-    above = Path(os.path.commonpath([path.absolute().parent for path in found]))
+    recordings = find_recordings(arguments.recordings)
+    above = Path(os.path.commonpath([path.absolute().parent for path in recordings]))
     parts: list[Part] = []
     failures = []
     taken: set[str] = set()
-    for path in found:
+    for path in recordings:
         try:
             joints: list[str | None] = [arguments.joint] if arguments.joint else [
                 *recorded_joints(path, layout_of(arguments))]
@@ -181,8 +181,8 @@ def _print(content: dict[str, Any]) -> None:
 
     print(verdict(content).replace('**', ''))
     for row in content['recordings']:
-        found = ', '.join(effect['name'] for effect in row['effects']) or 'nothing'
+        effects = ', '.join(effect['name'] for effect in row['effects']) or 'nothing'
         print(f"{row['folder']}: {number(row['before'])} → {number(row['after'])} {row['unit']}, "
-              f"{row['verdict']}; found: {found}")
+              f"{row['verdict']}; found: {effects}")
     for reason in content['failed']:
         print(f'left out: {reason}')

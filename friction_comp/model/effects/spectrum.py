@@ -72,10 +72,10 @@ def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.nd
 
 def peaks(k: np.ndarray, power: np.ndarray, number: int, separation: float) -> list[float]:
     """Return the frequencies of the highest peaks, apart by at least a separation."""
-    found: list[float] = []
+    highest: list[float] = []
     for index in np.argsort(power)[::-1][:2000]:
-        if all(abs(k[index] - other) > separation for other in found):
-            found.append(float(k[index]))
-            if len(found) == number:
+        if all(abs(k[index] - other) > separation for other in highest):
+            highest.append(float(k[index]))
+            if len(highest) == number:
                 break
-    return found
+    return highest
