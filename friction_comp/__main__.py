@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from friction_comp import __version__
 from friction_comp.compiling import begin_plain
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 from friction_comp.package_files import name_this_environment
 from friction_comp.terminal import patient_output
 
@@ -111,7 +111,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
             module = importlib.import_module(f'friction_comp.{room}.{name}')
             return module.main(argv) or 0
         except InputError as error:
-            print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
+            print(f'{name}: {one_line(error)}', file=sys.stderr)
             return 2
         except ModuleNotFoundError as error:
             missing = (error.name or '').partition('.')[0]

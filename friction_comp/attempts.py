@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 
 T = TypeVar('T')
 U = TypeVar('U')
@@ -23,7 +23,7 @@ class Failure:
 
 Outcomes = Iterator[tuple[int, 'U | Failure']]
 Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
-"""Does work on each of several things, and yields number and outcome in the order of their end."""
+"""Does work on each of several things, and yields index and outcome in the order of their end."""
 
 
 def attempt(work: Callable[[T], U], thing: T) -> U | Failure:
@@ -38,10 +38,10 @@ def attempt(work: Callable[[T], U], thing: T) -> U | Failure:
     try:
         return work(thing)
     except InputError as error:
-        return Failure(' '.join(str(error).split()))
+        return Failure(one_line(error))
     except Exception as error:
         # Of a thousand recordings, one that shows a mistake in the program is not worth the others.
-        return Failure(f'{thing}: {type(error).__name__}: {" ".join(str(error).split())}')
+        return Failure(f'{thing}: {type(error).__name__}: {one_line(error)}')
 
 
 def in_turn(work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
@@ -55,7 +55,7 @@ def in_turn(work: Callable[[T], U], things: Sequence[T]) -> Outcomes[U]:
     Yields
     ------
     int, object or Failure
-        Number of the thing, and the outcome.
+        Index of the thing, and the outcome.
     """
     if len(things) == 1:
         yield 0, work(things[0])

@@ -272,15 +272,15 @@ def _own_unit(name: str, signal: str) -> str:
 
 def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
     """Return the columns whose names are common, those called most plainly first."""
-    found = []
+    columns = []
     for name in names:
         signal, joint = _signal_and_joint(name)
         if signal:
-            found.append(_column(name, signal, joint, layout))
+            columns.append(_column(name, signal, joint, layout))
     # `effort` goes before `current`, where a table has both.
-    found.sort(key=lambda column: SIGNALS.index(column.signal))
-    places = {column.joint for column in found if column.signal == 'position'}
-    return [column for column in found if column.joint in (*places, '')]
+    columns.sort(key=lambda column: SIGNALS.index(column.signal))
+    joints = {column.joint for column in columns if column.signal == 'position'}
+    return [column for column in columns if column.joint in (*joints, '')]
 
 
 def _signal_and_joint(name: str) -> tuple[str, str]:

@@ -2,6 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors a user can do something about."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class InputError(ValueError):
     """Input that cannot be used: a file, an argument, a message or a parameter.
@@ -9,3 +14,23 @@ class InputError(ValueError):
     The text is one line that names the thing and the reason. Command-line tools print it to
     standard error and exit with status 2; nodes refuse the parameter, goal or message.
     """
+
+
+@contextmanager
+def errors_name(thing: object) -> Iterator[None]:
+    """Put what the input came from before the text of an InputError.
+
+    Parameters
+    ----------
+    thing : object
+        A path, mostly.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f'{thing}: {error}') from None
+
+
+def one_line(error: BaseException) -> str:
+    """Return an error's text in one line; its type where it has none."""
+    return ' '.join(str(error).split()) or type(error).__name__

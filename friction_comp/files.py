@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 
 
 class _PlainLoader(yaml.SafeLoader):
@@ -107,8 +107,7 @@ def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
     try:
         return yaml.load(data.decode('utf-8'), Loader=_PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = ' '.join(str(error).split())
-        raise InputError(f'{path}: not a YAML document: {reason}') from None
+        raise InputError(f'{path}: not a YAML document: {one_line(error)}') from None
 
 
 def encodable(text: str) -> str:

@@ -131,9 +131,9 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
     gap = max(_GAP, _GAP_STEPS * float(np.median(step)))
     whole = ((np.maximum.reduceat(step[:last], begins) <= gap)
              & (np.minimum.reduceat(step[:last], begins) > 0.0))
-    told = whole & (np.maximum(np.abs(went), np.abs(way)) >= max(
+    moved = whole & (np.maximum(np.abs(went), np.abs(way)) >= max(
         _SHORT, _FEW_COUNTS * resolution))
-    went, way, swing = went[told], way[told], swing[told]
+    went, way, swing = went[moved], way[moved], swing[moved]
     stands = np.abs(went) <= _STILL_COUNTS * resolution
     ratio = np.divide(way, went, out=np.full(len(went), math.inf), where=~stands)
     return np.where(np.abs(went - way) < _VELOCITY_LAG * swing, 1.0, ratio)
@@ -211,11 +211,11 @@ class VelocityCheck:
 
     def judge(self) -> None:
         """Judge what came since the last time; a tenth of a millisecond's work."""
-        found = np.array(self._samples)
+        samples = np.array(self._samples)
         self._samples[:] = self._samples[-1:]
-        self._moved = self._moved or bool(found[:, 2].any())
+        self._moved = self._moved or bool(samples[:, 2].any())
         if self._moved:
-            ratios = velocity_ratios(found[:, 0], found[:, 1], found[:, 2], self._resolution)
+            ratios = velocity_ratios(samples[:, 0], samples[:, 1], samples[:, 2], self._resolution)
             self._ratios.extend(ratios)
             if len(ratios) and len(self._ratios) == self._ratios.maxlen:
                 self.fault = velocity_fault(np.array(self._ratios), self._factor)
@@ -271,11 +271,11 @@ def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> 
         s and A; the last 0.8 s count. Both currents are smoothed alike.
     """
     back = np.arange(round(_MEMORY / _GRID)) * _GRID
-    found = np.interp(time[-1] - back, time, measured, left=0.0)
+    answered = np.interp(time[-1] - back, time, measured, left=0.0)
     delays = np.arange(round(LATEST / _GRID) + 1) * _GRID
     asked = np.interp(time[-1] - back - delays[:, None], time, command, left=0.0)
-    power, product = np.sum(asked ** 2, axis=1), asked @ found
-    alike = product / np.sqrt(np.maximum(power * (found @ found), 1e-300))
+    power, product = np.sum(asked ** 2, axis=1), asked @ answered
+    alike = product / np.sqrt(np.maximum(power * (answered @ answered), 1e-300))
     size = np.abs(alike)
     index = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY else 0
     gain = float(product[index] / max(power[index], 1e-300))

@@ -36,16 +36,6 @@ def test_a_written_model_is_read_back_whole(model, tmp_path):
         assert again.sigmoid(speed) == pytest.approx(model.sigmoid(speed), rel=1e-9)
 
 
-def test_the_lag_of_earlier_model_files_is_how_motion_is_computed(model):
-    entry = {'name': 'actuation_lag', 'variable': 'history', 'parameters': {
-        'lag': 0.03, 'first_order': 0.0, 'coefficients': []}}
-    document = {**model.to_dict(), 'differentiation': {'source': 'velocity', 'bandwidth': None}}
-    document['effects'] = [*document['effects'], entry]
-    again = FrictionModel.from_dict(document)
-    assert [effect.name for effect in again.effects] == ['gravity']
-    assert again.differentiation == {'source': 'velocity', 'bandwidth': None, 'lag': 0.03}
-
-
 @pytest.mark.parametrize(('change', 'reason'), [
     ({'differentiation': {'lag': 'long'}}, 'differentiation'),
     ({'format': 'something'}, 'format'),

@@ -61,12 +61,9 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """Return what report.json holds."""
-        def help_of(one: Help) -> dict[str, Any]:
-            return {'law': one.law or None, 'model': one.model or None,
-                    'announced': one.announced}
         return {
             'figure': self.figure, 'unit': FIGURES[self.figure][1],
-            'first': help_of(self.first), 'second': help_of(self.second), 'pairs': self.pairs,
+            'first': self.first.as_dict(), 'second': self.second.as_dict(), 'pairs': self.pairs,
             'mean_first': self.before, 'mean_second': self.after,
             'difference': self.difference.as_dict(), 'p_value': self.probability}
 
@@ -104,7 +101,7 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     for repetition in repetitions:
         groups.setdefault(repetition.help, {}).setdefault(
             repetition.movement.sign, []).append(repetition)
-    found = []
+    comparisons = []
     ordered = sorted(groups, key=lambda one: (one.led, one.law != 'none', one))
     for first, second in combinations(ordered, 2):
         if not asked(first, second, ordered[0]):
@@ -115,10 +112,10 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
             values = np.array([(a.figures[figure], b.figures[figure]) for a, b in two
                                if figure in a.figures and figure in b.figures])
             if len(values):
-                found.append(_compared(figure, first, second, values))
+                comparisons.append(_compared(figure, first, second, values))
     for figure in COMPARED:
-        _correct([comparison for comparison in found if comparison.figure == figure])
-    return found
+        _correct([comparison for comparison in comparisons if comparison.figure == figure])
+    return comparisons
 
 
 def _compared(figure: str, first: Help, second: Help, values: np.ndarray) -> Comparison:

@@ -80,10 +80,10 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     repetitions: list[Repetition] = []
     for k, (samples, name) in enumerate(zip(recordings, names)):
         info = about[k] if about else None
-        found = repetitions_of(samples, name, info, friction, notes)
-        if not found:
+        repeated = repetitions_of(samples, name, info, friction, notes)
+        if not repeated:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
-        repetitions.extend(found)
+        repetitions.extend(repeated)
     averages: Averages = {}
     sum_up(repetitions, averages)
     return evaluate_repetitions(recordings[0].joint, repetitions, averages, model, notes)
@@ -183,16 +183,16 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
     if friction is not None and movements:
         applied = samples.current if samples.command is None else samples.command
         residual = friction.predict(samples) - applied
-    found = []
+    measured = []
     for movement in movements:
         if movement.end > samples.time[-1] - samples.sample_time and (
                 len(movements) > 1 or not whole):
             if whole:
                 said.append(f'{name}: the last movement is cut off and left out')
             continue
-        found.append(measure(samples, movement, name, info, residual))
+        measured.append(measure(samples, movement, name, info, residual))
     notes.extend(note for note in said if note not in notes)
-    return found
+    return measured
 
 
 def _usual(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings.history import History
@@ -69,11 +69,9 @@ def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFr
     """
     found = []
     for one, samples in zip(history.recordings, history.samples()):
-        try:
+        with errors_name(one.name):
             predicted = model.predict(samples)
             measured = model.measured(samples)
-        except InputError as error:
-            raise InputError(f'{one.name}: {error}') from None
         velocity = np.asarray(differentiate(
             samples, model.differentiation or DEFAULT_SETTINGS).velocity)
         speed = np.abs(velocity)

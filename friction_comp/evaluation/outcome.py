@@ -127,8 +127,8 @@ class Evaluation:
     def words(self, known: Help) -> tuple[str, ...]:
         """Return direction, law and, where there are several, model of a condition."""
         models = {c.help.model for c in self.conditions if c.help.model}
-        told = known.words if len(models) > 1 else known.words[:2]
-        return tuple(filter(None, told))
+        words = known.words if len(models) > 1 else known.words[:2]
+        return tuple(filter(None, words))
 
     def label(self, known: Help) -> str:
         """Return the same in one line."""

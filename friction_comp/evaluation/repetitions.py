@@ -9,7 +9,7 @@ from datetime import datetime, timezone
 import math
 from pathlib import Path
 import re
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
@@ -88,6 +88,10 @@ class Help:
     def label(self) -> str:
         """The same in one line."""
         return ' · '.join(filter(None, self.words))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what report.json holds."""
+        return {'law': self.law or None, 'model': self.model or None, 'announced': self.announced}
 
 
 @dataclass

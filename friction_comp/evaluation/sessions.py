@@ -177,16 +177,16 @@ def _in_order(outcomes: Iterable[tuple[int, Measured | Failure]], count: int,
     """Yield outcomes in the order of the pieces: sums are the same however the work is shared."""
     waiting: dict[int, Measured | Failure] = {}
     done = due = 0
-    for number, outcome in outcomes:
-        waiting[number], done = outcome, done + 1
+    for index, outcome in outcomes:
+        waiting[index], done = outcome, done + 1
         if progress:
             progress(done / count)
         while due in waiting:
             yield waiting.pop(due)
             due += 1
     # Behind one that never came, where the work was broken off.
-    for number in sorted(waiting):
-        yield waiting[number]
+    for index in sorted(waiting):
+        yield waiting[index]
 
 
 def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> Measured:

@@ -53,8 +53,7 @@ class Trend:
     def as_dict(self) -> dict[str, Any]:
         """Return what report.json holds."""
         return {
-            'figure': self.figure, 'unit': FIGURES[self.figure][1], 'law': self.help.law or None,
-            'model': self.help.model or None, 'announced': self.help.announced,
+            'figure': self.figure, 'unit': FIGURES[self.figure][1], **self.help.as_dict(),
             'days': {day: value.as_dict() for day, value in self.days.items()},
             'per_week': self.per_week.as_dict() if self.per_week else None,
             'p_value': self.probability}

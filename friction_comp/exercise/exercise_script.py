@@ -18,7 +18,7 @@ from friction_comp.checks import (
     check_number,
     check_whole_number,
 )
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml
 
 FORMAT, VERSION = 'friction_comp_exercise', 1
@@ -111,10 +111,8 @@ def load_exercise(path: str | Path) -> ExerciseScript:
         Naming the file, the step, and what is wrong with it.
     """
     document = read_yaml(path)
-    try:
+    with errors_name(path):
         return exercise_of(document)
-    except InputError as error:
-        raise InputError(f'{path}: {error}') from None
 
 
 def exercise_of(document: Any) -> ExerciseScript:

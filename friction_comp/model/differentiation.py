@@ -114,19 +114,19 @@ def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
         s.
     """
     source = np.reshape(np.asarray(values, dtype=float), (len(values), -1))
-    place = np.arange(len(source))
+    index = np.arange(len(source))
     for part in samples.segments():
         time = samples.time[part]
-        place[part] = part.start + np.clip(
+        index[part] = part.start + np.clip(
             np.searchsorted(time, time + lag, side='right') - 1, 0, max(len(time) - 2, 0))
     last = np.zeros(len(source), dtype=bool)
     last[[part.stop - 1 for part in samples.segments()]] = True
-    after = np.where(last[place], place, place + 1)
-    step = samples.time[after] - samples.time[place]
-    share = (samples.time + lag - samples.time[place]) / np.where(step > 0, step, 1.0)
+    after = np.where(last[index], index, index + 1)
+    step = samples.time[after] - samples.time[index]
+    share = (samples.time + lag - samples.time[index]) / np.where(step > 0, step, 1.0)
     share = np.where(step > 0, np.clip(share, 0.0, 1.0), 0.0)
     # Column by column, each of which lies together in memory.
-    moved = np.array([(1.0 - share) * column[place] + share * column[after]
+    moved = np.array([(1.0 - share) * column[index] + share * column[after]
                       for column in source.T]).T
     return moved.reshape(np.shape(values))
 

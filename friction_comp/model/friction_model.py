@@ -13,7 +13,7 @@ import numpy as np
 
 from friction_comp.checks import check_document, check_list, check_mapping, check_number
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.files import plain, read_yaml, write_yaml
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm_document import one_joint_of
@@ -243,12 +243,11 @@ class FrictionModel:
             Naming the file and what is wrong with it.
         """
         document = read_yaml(path)
-        try:
-            return cls.from_dict(one_joint_of(document, joint))
-        except InputError as error:
-            raise InputError(f'{path}: {error}') from None
-        except OverflowError:
-            raise InputError(f'{path}: holds a number that is too large') from None
+        with errors_name(path):
+            try:
+                return cls.from_dict(one_joint_of(document, joint))
+            except OverflowError:
+                raise InputError('holds a number that is too large') from None
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
@@ -266,8 +265,6 @@ class FrictionModel:
         for name in ('lookup_table', 'simulation', 'notes'):
             if document.get(name) is not None:
                 optional[name] = _section(document, name)
-        entries = _list(document, 'effects')
-        optional['differentiation'], entries = _differentiation(document, entries)
         if document.get('arm') is not None:
             optional['arm'] = Arm.from_dict(_section(document, 'arm'))
         return cls(
@@ -275,30 +272,20 @@ class FrictionModel:
             sigmoid=Sigmoid.from_coefficients(
                 sigmoid['coefficients'], sigmoid.get('velocity_unit', 'rad/s')),
             breakaway=_breakaway(document),
-            effects=[_effect(entry) for entry in entries],
+            effects=[_effect(entry) for entry in _list(document, 'effects')],
+            differentiation=_differentiation(document),
             joint=str(document.get('joint') or ''), **optional)
 
 
-def _differentiation(document: dict[str, Any], entries: list[Any]
-                     ) -> tuple[dict[str, Any], list[Any]]:
-    """Return how motion is computed, and the effects.
-
-    In earlier model files the lag between current and motion was an effect.
-    """
-    section: dict[str, Any] = {}
-    if document.get('differentiation') is not None:
-        section = dict(_section(document, 'differentiation'))
+def _differentiation(document: dict[str, Any]) -> dict[str, Any]:
+    """Return how motion is computed."""
+    if document.get('differentiation') is None:
+        return {}
+    section = dict(_section(document, 'differentiation'))
     for name in ('bandwidth', 'lag'):
         if section.get(name) is not None:
             section[name] = _number(section, name, 'differentiation')
-    kept = []
-    for entry in entries:
-        if isinstance(entry, dict) and entry.get('name') == 'actuation_lag':
-            lag = _number(_section(entry, 'parameters'), 'lag', "effect 'actuation_lag'")
-            section = {**(section or DEFAULT_SETTINGS), 'lag': section.get('lag', 0.0) + lag}
-        else:
-            kept.append(entry)
-    return section, kept
+    return section
 
 
 def _presliding(section: dict[str, Any]) -> Presliding:

@@ -100,18 +100,18 @@ def _fits(seen: Observation, joint: str, model: FrictionModel, rows: np.ndarray)
         return [Finding(PROBLEM, joint, f'the current works against the motion ({power:.3g} A on '
                         'average): friction would give energy', 'turn the sign of effort, or that '
                         'of position and velocity, round in the driver; do not compensate before')]
-    found = [Finding(OK, joint, 'current and motion have one sign')]
+    findings = [Finding(OK, joint, 'current and motion have one sign')]
     residual = LiveResidual(model)
     residual.take(rows)
     verdict = residual.verdict()
     if not verdict.known:
-        found.append(Finding(NOTE, joint, residual.blind or verdict.words,
+        findings.append(Finding(NOTE, joint, residual.blind or verdict.words,
                              'look for longer: --seconds 60'))
     else:
-        found.append(Finding(
+        findings.append(Finding(
             OK if verdict.fits else WARNING, joint, verdict.words,
             '' if verdict.fits else 'check torque constant and gear ratio, then refine the model'))
-    return found
+    return findings
 
 
 def measured_rows(seen: Observation, joint: str, model: FrictionModel) -> np.ndarray:

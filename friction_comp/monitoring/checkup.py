@@ -43,10 +43,10 @@ def check_system(seen: Observation) -> list[Finding]:
     if not seen.nodes:
         return [Finding(NOTE, 'discovery', f'no node was found within {seen.seconds:g} s',
                         f'start one, or {NO_PEER}')]
-    found = [Finding(OK, 'discovery', f'{len(seen.nodes)} nodes: {", ".join(seen.nodes)}')]
+    findings = [Finding(OK, 'discovery', f'{len(seen.nodes)} nodes: {", ".join(seen.nodes)}')]
     for check in (_quality, _states, _commands, _driver, _direction, _clocks, _diagnostics):
-        found += check(seen)
-    return found
+        findings += check(seen)
+    return findings
 
 
 def _quality(seen: Observation) -> Iterator[Finding]:
@@ -128,31 +128,31 @@ def _stamps(states: StatesSeen, ticking: bool) -> Iterator[Finding]:
             yield Finding(OK, 'clocks', f'joint_states are {1e3 * late:.2g} ms old')
 
 
-def _values(states: StatesSeen, number: int, joint: str) -> Iterator[Finding]:
+def _values(states: StatesSeen, index: int, joint: str) -> Iterator[Finding]:
     for name, do in (('position', 'friction cannot be compensated without it'),
                      ('effort', 'let the driver report k_t · n · current; identification and '
                                 'refinement need it')):
-        values = getattr(states, name)[:, number]
+        values = getattr(states, name)[:, index]
         if not np.isfinite(values).any():
             yield Finding(PROBLEM, joint, f'joint_states hold no {name}', do)
         elif not np.isfinite(values).all():
             yield Finding(WARNING, joint, f'{int((~np.isfinite(values)).sum())} of '
                           f'{len(values)} joint_states hold no finite {name}', do)
     for name in ('position', 'velocity'):
-        values = getattr(states, name)[:, number]
+        values = getattr(states, name)[:, index]
         if (absurd := beyond(name, values)).any():
             yield Finding(PROBLEM, joint, f'a {name} of {values[absurd][0]:.3g} '
                           f'{LIMITS[name][1]} cannot be', 'look what the driver makes of its '
                           'sensor, and of one that fails')
-    if not np.isfinite(states.velocity[:, number]).any():
+    if not np.isfinite(states.velocity[:, index]).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
         return
-    yield from _velocity(states, number, joint)
+    yield from _velocity(states, index, joint)
 
 
-def _velocity(states: StatesSeen, number: int, joint: str) -> Iterator[Finding]:
+def _velocity(states: StatesSeen, index: int, joint: str) -> Iterator[Finding]:
     time = states.stamp if states.stamp.any() else states.received
-    ratios = velocity_ratios(time, states.position[:, number], states.velocity[:, number])
+    ratios = velocity_ratios(time, states.position[:, index], states.velocity[:, index])
     if len(ratios) < _FEWEST:
         yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
                       'run doctor again while it is moved')

@@ -179,8 +179,8 @@ class CompensatorNode(LifecycleNode):
         for joint, model in zip(self._joints, self._loop.law.models):
             if model.joint not in ('', joint):
                 self.get_logger().warning(f"{joint}: its model file is that of '{model.joint}'")
-        for number, effect, why in self._loop.law.never_applied:
-            self.get_logger().warning(f'{self._joints[number]}: {effect} is not fed back: {why}')
+        for index, effect, why in self._loop.law.never_applied:
+            self.get_logger().warning(f'{self._joints[index]}: {effect} is not fed back: {why}')
 
     # Transitions.
 
@@ -361,7 +361,7 @@ class CompensatorNode(LifecycleNode):
         values.update((f'{joint}: residual', _BLIND[values['law'] == 'none']) for joint in joints)
         values.update(per_joint(joints, 'direction', loop.direction.at(stamp)))
         values.update(per_joint(joints, 'direction age [s]', (
-            loop.direction.age(number, stamp) for number in range(len(joints)))))
+            loop.direction.age(index, stamp) for index in range(len(joints)))))
         values.update({
             'directions refused': loop.direction.refused,
             'joint_states passed over': loop.states.passed_over,
@@ -374,15 +374,15 @@ class CompensatorNode(LifecycleNode):
 
     def _missing(self):
         """Return joint, effect and reason for what the last joint state could not feed back."""
-        found = []
-        for number, effect, signals in self._loop.law.missing:
+        missing = []
+        for index, effect, signals in self._loop.law.missing:
             reasons = [
-                self._loop.temperature.why_unknown(number, self._loop.states.stamp)
+                self._loop.temperature.why_unknown(index, self._loop.states.stamp)
                 if signal == 'temperature' else
                 f'the {signal} is not measured here: the torque sensor is for evaluation only'
                 for signal in signals]
-            found.append((self._joints[number], effect, reasons or ['its value is not finite']))
-        return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in found]
+            missing.append((self._joints[index], effect, reasons or ['its value is not finite']))
+        return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in missing]
 
 
 def main(argv=None):

@@ -227,8 +227,8 @@ class ExerciseNode(Node):
             return 'waits for /clock'
         if not self._told_of:
             return 'waits for joint_states'
-        missing = [joint for joint, place in zip(self._joints, self._received)
-                   if not np.isfinite(place)]
+        missing = [joint for joint, position in zip(self._joints, self._received)
+                   if not np.isfinite(position)]
         words = (f'waits for a position of {", ".join(missing)}: joint_states hold '
                  f'{", ".join(sorted(self._told_of))}')
         self._reports += 1

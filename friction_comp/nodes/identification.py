@@ -94,8 +94,8 @@ class IdentificationNode(Node):
         try:
             if self._busy:
                 raise InputError('another goal is running')
-            number, _ = make_goal(request, self._joints, self._drives, self._defaults)
-            self._check_states(number)
+            index, _ = make_goal(request, self._joints, self._drives, self._defaults)
+            self._check_states(index)
             self._check_surroundings()
         except InputError as error:
             self._refused = str(error)
@@ -105,13 +105,13 @@ class IdentificationNode(Node):
         self._busy = True
         return GoalResponse.ACCEPT
 
-    def _check_states(self, number: Any) -> None:
+    def _check_states(self, index: Any) -> None:
         if time.monotonic() - self._received > _RECENT:
             raise InputError('there are no joint_states')
         if time.monotonic() - self._fresh > _RECENT:
             raise InputError(self._states.wrong or 'joint_states bring nothing new')
-        if self._joints[number] in self._states.missing:
-            raise InputError(f'joint_states lack {self._joints[number]}')
+        if self._joints[index] in self._states.missing:
+            raise InputError(f'joint_states lack {self._joints[index]}')
 
     def _check_surroundings(self) -> None:
         """Raise InputError where the joint must not be driven, or to no purpose."""
@@ -127,15 +127,15 @@ class IdentificationNode(Node):
     async def _execute(self, goal_handle: Any) -> Any:
         result = IdentifyFriction.Result()
         try:
-            self._number, goal = make_goal(
+            self._index, goal = make_goal(
                 goal_handle.request, self._joints, self._drives, self._defaults)
-            joint = self._joints[self._number]
+            joint = self._joints[self._index]
             self._goal_handle = goal_handle
             self._started = self._shown = None
             self._done, self._silent, self._accompanied = Future(), False, False
             self._states.forget()
             self._port.open()
-            run = self._run = IdentificationRun(goal, self._drives[self._number])
+            run = self._run = IdentificationRun(goal, self._drives[self._index])
             self.get_logger().info(f'identifies {joint}')
             end, result.message = await self._done
             if end == 'done':
@@ -165,7 +165,7 @@ class IdentificationNode(Node):
         outcome = run.result()
         path = Path(self.get_parameter('output_folder').value) / f'{joint}.yaml'
         path = path.absolute()
-        outcome.model(self._drives[self._number], joint).save(path)
+        outcome.model(self._drives[self._index], joint).save(path)
         fill_result(result, outcome)
         result.model_file = str(path)
         result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
@@ -220,25 +220,25 @@ class IdentificationNode(Node):
 
     def _measure(self, ticket: Any) -> None:
         """Answer one joint state."""
-        states, number = self._states, self._number
-        drive = self._drives[number]
+        states, index = self._states, self._index
+        drive = self._drives[index]
         if self._started is None:
             self._started = states.stamp
         at = (states.stamp - self._started) / NANO
         velocity = states.velocity
         sample = [
-            float(states.position[number]),
-            math.nan if velocity is None else float(velocity[number]),
-            float(states.effort[number]) / drive.torque_per_current]
+            float(states.position[index]),
+            math.nan if velocity is None else float(velocity[index]),
+            float(states.effort[index]) / drive.torque_per_current]
         if not math.isfinite(sample[0]) or not math.isfinite(sample[2]):
             raise InputError(
-                f'joint_states hold no finite position and effort of {self._joints[number]}')
+                f'joint_states hold no finite position and effort of {self._joints[index]}')
         temperature = self._temperature.before(states.stamp)
         current = self._run.update(
             at, sample[0], sample[1], sample[2],
-            None if temperature is None else float(temperature[number]))
+            None if temperature is None else float(temperature[index]))
         commands = [0.0] * len(self._joints)
-        commands[number] = 0.0 if self._run.finished else current
+        commands[index] = 0.0 if self._run.finished else current
         simulated = self.get_clock().ros_time_is_active
         self._port.answer(commands, ticket, states.stamp if simulated else 0)
         self._feed_back(at, sample)
@@ -286,10 +286,10 @@ class IdentificationNode(Node):
                   'listeners to current_command': self._port.listeners}
         if self._run is not None:
             values.update({
-                'joint': self._joints[self._number], 'phase': self._run.phase,
+                'joint': self._joints[self._index], 'phase': self._run.phase,
                 'progress': float(self._run.progress),
                 **per_joint(self._joints, 'command [A]', self._port.last)})
-            return OK, f'identifies {self._joints[self._number]}', values
+            return OK, f'identifies {self._joints[self._index]}', values
         if self._last_end.startswith('aborted'):
             return ERROR, self._last_end, values
         if not self._states.stamp:

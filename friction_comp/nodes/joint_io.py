@@ -100,8 +100,6 @@ class CommandPort:
         To be taken before a current is computed.
     last : list of float
         The last command in A.
-    trimmed : int
-        Number of values so far that were not finite.
     """
 
     def __init__(self, node: Any, limits: Sequence[float]) -> None:
@@ -114,7 +112,7 @@ class CommandPort:
         self._publisher: Any = None
         self._lock = threading.Lock()
         self._sealed = False
-        self.ticket = self.trimmed = 0
+        self.ticket = 0
         self.last = [0.0] * size
         self._answered = 0
 
@@ -183,7 +181,6 @@ class CommandPort:
         for value, limit in zip(np.asarray(currents).tolist(), self.limits):
             if not -limit <= value <= limit:
                 if not math.isfinite(value):
-                    self.trimmed += 1
                     value = 0.0
                 value = min(max(value, -limit), limit)
             elif -_NOTHING < value < _NOTHING:

@@ -36,6 +36,18 @@ def frame_of(cdr: bytes) -> str:
     return bytes(cdr[16:15 + length]).decode(errors='replace')
 
 
+def value_at(values: Any, index: int) -> float:
+    """Return an element of an array in a message; NaN where the array is shorter."""
+    return float(values[index]) if len(values) > index else math.nan
+
+
+def values_of(message: Any, joint: str) -> tuple[float, float, float]:
+    """Return position, velocity and effort of a joint that a joint state names."""
+    index = message.name.index(joint)
+    return (value_at(message.position, index), value_at(message.velocity, index),
+            value_at(message.effort, index))
+
+
 class LiveSignals:
     """Rows for `LiveResidual` from serialised messages, a hundred or so a second.
 
@@ -69,16 +81,12 @@ class LiveSignals:
             return
         self._due = stamp + _STEP
         message = deserialize_message(bytes(cdr), JointState)
-        for number, joint in enumerate(self._joints):
+        for index, joint in enumerate(self._joints):
             if joint not in message.name:
                 continue
-            place = message.name.index(joint)
-
-            def value(values: Any, place: Any = place) -> Any:
-                return values[place] if len(values) > place else math.nan
-            self._rows[number].append([
-                stamp * 1e-9, value(message.position), value(message.velocity),
-                value(message.effort) / self._gains[number],
+            position, velocity, effort = values_of(message, joint)
+            self._rows[index].append([
+                stamp * 1e-9, position, velocity, effort / self._gains[index],
                 self._load(joint, stamp), self._temperature(joint, stamp)])
 
     def _load(self, joint: str, stamp: int) -> Any:

@@ -26,7 +26,7 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.dated_topics import stamp_of
 from friction_comp.nodes.executor import StreamExecutor
-from friction_comp.nodes.joint_watch import frame_of
+from friction_comp.nodes.joint_watch import frame_of, value_at, values_of
 from friction_comp.nodes.ros_start import start_ros
 from friction_comp.recordings.activity import compensator_says
 from friction_comp.samples import Samples
@@ -172,14 +172,12 @@ class LiveFeed:
         reference = self._held.get('reference')
         reference = reference and deserialize_message(reference, JointState)
         with self._lock:
-            for number, joint in enumerate(self.joints):
+            for index, joint in enumerate(self.joints):
                 if joint in message.name:
-                    place = message.name.index(joint)
-                    row = (1e-9 * (stamp - self._first), _at(message.position, place),
-                           _at(message.velocity, place), _at(message.effort, place),
-                           self._load(joint), _at(commands, number),
+                    row = (1e-9 * (stamp - self._first), *values_of(message, joint),
+                           self._load(joint), value_at(commands, index),
                            directions.get(joint, math.nan),
-                           _at(reference.velocity, list(reference.name).index(joint))
+                           value_at(reference.velocity, list(reference.name).index(joint))
                            if reference and joint in reference.name else math.nan)
                     self._rows.setdefault(joint, deque(maxlen=_KEPT)).append(row)
 
@@ -249,7 +247,3 @@ class LiveFeed:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
-
-
-def _at(values, place):
-    return float(values[place]) if len(values) > place else math.nan

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 import math
 import threading
 import time
@@ -18,7 +19,7 @@ from rclpy.parameter_service import ParameterService
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.loaded_models import turn
+from friction_comp.nodes.compensator_client import turn
 
 # s that files may take to be read and checked.
 PATIENCE = 10.0
@@ -44,21 +45,22 @@ class Loading:
         self.files = tuple(files)
         self._load, self._end = load, time.monotonic() + patience
         self._patience = patience
-        self._found: tuple[Any, InputError | None] | None = None
+        self._loaded: Future[Any] = Future()
+        # A daemon, unlike an executor's threads: one that hangs does not keep the node from ending.
         threading.Thread(target=self._run, name='model loading', daemon=True).start()
 
     def _run(self) -> None:
         try:
-            self._found = self._load(self.files), None
+            self._loaded.set_result(self._load(self.files))
         except InputError as error:
-            self._found = None, error
+            self._loaded.set_exception(error)
         except Exception as error:
-            self._found = None, InputError(f'{", ".join(self.files)}: {error!r}')
+            self._loaded.set_exception(InputError(f'{", ".join(self.files)}: {error!r}'))
 
     @property
     def done(self) -> bool:
         """Whether `result` has an answer."""
-        return self._found is not None or time.monotonic() > self._end
+        return self._loaded.done() or time.monotonic() > self._end
 
     def result(self) -> Any:
         """Return what was loaded.
@@ -68,13 +70,10 @@ class Loading:
         InputError
             If it could not be, or not in time.
         """
-        found = self._found
-        if found is None:
+        if not self._loaded.done():
             raise InputError(
                 f'{", ".join(self.files)}: not read within {self._patience:g} s')
-        if found[1] is not None:
-            raise found[1]
-        return found[0]
+        return self._loaded.result()
 
 
 def try_model(model: FrictionModel, gravity: str, path: str) -> None:

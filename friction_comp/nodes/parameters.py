@@ -10,7 +10,7 @@ from typing import Any, TYPE_CHECKING
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -123,8 +123,6 @@ def _load(path: str, joint: str, joints: Sequence[str] | None) -> FrictionModel:
 
     model = FrictionModel.load(path, joint)
     if joints is not None:
-        try:
+        with errors_name(path):
             check_for_motor(model, joint, joints)
-        except InputError as error:
-            raise InputError(f'{path}: {error}') from None
     return model

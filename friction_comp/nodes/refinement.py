@@ -15,10 +15,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
+from friction_comp.nodes.compensator_client import CompensatorClient, turn
 from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
-from friction_comp.nodes.loaded_models import LoadedModels, turn
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.recent_past import Message, RecentPast
@@ -64,7 +64,7 @@ class RefinementNode(Node):
             read_only=True), round(1e6 * declare(
                 self, 'memory_size', 500.0, 'largest size of what is kept [MB]', 1.0, 1e5,
                 read_only=True)))
-        self._loaded = LoadedModels(self, declare(
+        self._compensator = CompensatorClient(self, declare(
             self, 'compensator', 'compensator', 'name of the node that takes refined models over',
             read_only=True))
         self._signals = LiveSignals(
@@ -118,9 +118,9 @@ class RefinementNode(Node):
             self._looking = False
 
     async def _compare(self):
-        exchanges = self._loaded.exchanges
-        files = await self._loaded.files()
-        if exchanges != self._loaded.exchanges:
+        exchanges = self._compensator.exchanges
+        files = await self._compensator.files()
+        if exchanges != self._compensator.exchanges:
             # The answer may be from before the exchange, and would end the new model's trial.
             return
         compensated = self._compensated()
@@ -140,7 +140,7 @@ class RefinementNode(Node):
             await self._judge(joint, watch)
 
     def _compensated(self):
-        name = self._loaded.compensator.rpartition('/')[2]
+        name = self._compensator.name.rpartition('/')[2]
         return any(info.node_name == name for info in self.get_publishers_info_by_topic(
             self.resolve_topic_name('current_command')))
 
@@ -149,7 +149,7 @@ class RefinementNode(Node):
         if why:
             before, _ = watch.before
             watch.before = None
-            await self._loaded.load(joint, before)
+            await self._compensator.load(joint, before)
             worse = watch.file
             watch.use(before)
             self._said = f'{joint}: {worse} was taken back: {why}'
@@ -216,7 +216,7 @@ class RefinementNode(Node):
 
     async def _refine(self, joint, request):
         """Return what refinement found and the model file it began with."""
-        files = await self._loaded.files()
+        files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
         output = _new_folder(Path(self.get_parameter('output_folder').value).absolute(), joint)
         messages = []
@@ -250,7 +250,7 @@ class RefinementNode(Node):
         if why:
             return f'{said}; not loaded: {why}'
         try:
-            await self._loaded.load(joint, str(refined.model_file))
+            await self._compensator.load(joint, str(refined.model_file))
         except InputError as error:
             return f'{said}; not loaded: {error}'
         watch.try_out(str(refined.model_file))

@@ -41,7 +41,7 @@ class Direction:
         self.refused = 0
         self.why = ''
         self.planners: list[str] = []
-        self._numbers = {joint: index for index, joint in enumerate(joints)}
+        self._indices = {joint: index for index, joint in enumerate(joints)}
         self._zeros = np.zeros(len(joints))
         self.forget()
 
@@ -95,51 +95,51 @@ class Direction:
         if len(names) != len(velocities):
             return self._refuse(f'{len(velocities)} velocities for {len(names)} names',
                                 range(len(self._zeros)), max(stamp, now))
-        mine = [(self._numbers[name], value) for name, value in zip(names, velocities)
-                if name in self._numbers]
-        numbers = [number for number, _ in mine]
+        mine = [(self._indices[name], value) for name, value in zip(names, velocities)
+                if name in self._indices]
+        indices = [index for index, _ in mine]
         if stamp - now > self.timeout * 1e9:
-            return self._refuse('a stamp ahead of time', numbers, min(stamp, now))
-        if len(set(numbers)) < len(numbers):
-            return self._refuse('a joint named twice', numbers, stamp)
+            return self._refuse('a stamp ahead of time', indices, min(stamp, now))
+        if len(set(indices)) < len(indices):
+            return self._refuse('a joint named twice', indices, stamp)
         finite = [math.isfinite(value) for _, value in mine]
-        self._set(numbers, [float(np.sign(value)) if good else 0.0
+        self._set(indices, [float(np.sign(value)) if good else 0.0
                             for (_, value), good in zip(mine, finite)], stamp)
         if not all(finite):
             return self._refuse('a velocity that is not finite', (), stamp)
         return True
 
-    def _refuse(self, why: str, numbers: Sequence[int], time: int) -> bool:
+    def _refuse(self, why: str, indices: Sequence[int], time: int) -> bool:
         """Count the joints' direction as 0 from a time in ns on, and return False."""
         self.refused += 1
         self.why = why
-        self._set(numbers, [0.0] * len(numbers), time)
+        self._set(indices, [0.0] * len(indices), time)
         return False
 
-    def _set(self, numbers: Sequence[int], values: Sequence[float], time: int) -> None:
+    def _set(self, indices: Sequence[int], values: Sequence[float], time: int) -> None:
         mixed, times = self._values.copy(), list(self._times)
-        for number, value in zip(numbers, values):
-            if times[number] is None or time >= times[number]:
-                if value != mixed[number]:
-                    self._note_change(number, value, time)
-                mixed[number], times[number] = value, time
+        for index, value in zip(indices, values):
+            if times[index] is None or time >= times[index]:
+                if value != mixed[index]:
+                    self._note_change(index, value, time)
+                mixed[index], times[index] = value, time
         self._values, self._times = mixed, times
 
-    def _note_change(self, number: int, value: float, time: int) -> None:
-        before, changed = self._before[number], self._changed[number]
+    def _note_change(self, index: int, value: float, time: int) -> None:
+        before, changed = self._before[index], self._changed[index]
         if (len(self.planners) > 1 and changed is not None and value == before
                 and time - changed <= self.timeout * 1e9):
-            self._disputed[number] = time
+            self._disputed[index] = time
         self._before = self._before.copy()
-        self._before[number], self._changed[number] = self._values[number], time
+        self._before[index], self._changed[index] = self._values[index], time
 
     def disputed(self, time: int) -> list[str]:
         """Return the joints whose planners contradict each other at a time in ns."""
-        return [joint for joint, number in self._numbers.items()
-                if self._is_disputed(number, time)]
+        return [joint for joint, index in self._indices.items()
+                if self._is_disputed(index, time)]
 
-    def _is_disputed(self, number: int, time: int) -> bool:
-        since = self._disputed[number]
+    def _is_disputed(self, index: int, time: int) -> bool:
+        since = self._disputed[index]
         return since is not None and time - since <= 2.0 * self.timeout * 1e9
 
     def at(self, time: int) -> np.ndarray:
@@ -153,16 +153,16 @@ class Direction:
                     for index, (value, taken) in enumerate(zip(self._values, self._times))])
         return self._values
 
-    def age(self, number: int, time: int) -> float:
+    def age(self, index: int, time: int) -> float:
         """Return how old a joint's direction is at a time in ns, s; NaN where there is none."""
-        taken = self._times[number]
+        taken = self._times[index]
         return math.nan if taken is None else (time - taken) * 1e-9
 
     def silent(self, time: int) -> list[str]:
         """Return the joints whose last direction, +1 or -1, was not taken back but fell silent."""
-        return [joint for joint, number in self._numbers.items()
-                if self._values[number] != 0.0
-                and self.age(number, time) > self.timeout]
+        return [joint for joint, index in self._indices.items()
+                if self._values[index] != 0.0
+                and self.age(index, time) > self.timeout]
 
 
 class MotorTemperature:
@@ -177,27 +177,27 @@ class MotorTemperature:
     """
 
     def __init__(self, joints: Sequence[str]) -> None:
-        self._numbers = {joint: index for index, joint in enumerate(joints)}
+        self._indices = {joint: index for index, joint in enumerate(joints)}
         self.forget()
 
     def forget(self) -> None:
         """Know nothing until the next reading."""
-        self._values = np.full(len(self._numbers), np.nan)
-        self._times = [0] * len(self._numbers)
+        self._values = np.full(len(self._indices), np.nan)
+        self._times = [0] * len(self._indices)
         self._coming: list[tuple[int, int, float]] = []
         self._shown: np.ndarray | None = None
         self._fresh_until = math.inf
 
     def take(self, joint: str, value: float, time: int) -> None:
         """Take a reading in degrees Celsius with its stamp in ns."""
-        if joint in self._numbers and np.isfinite(value):
-            self._coming.append((time, self._numbers[joint], value))
+        if joint in self._indices and np.isfinite(value):
+            self._coming.append((time, self._indices[joint], value))
 
-    def why_unknown(self, number: int, time: int) -> str:
+    def why_unknown(self, index: int, time: int) -> str:
         """Return in words why there is no reading of a joint for a state stamped `time` ns."""
-        if self._times[number] == 0:
+        if self._times[index] == 0:
             return 'no motor_temperature received'
-        return f'last motor_temperature is {(time - self._times[number]) * 1e-9:.0f} s old'
+        return f'last motor_temperature is {(time - self._times[index]) * 1e-9:.0f} s old'
 
     def before(self, time: int) -> np.ndarray | None:
         """Return the temperatures for a state stamped `time` ns, shape (J,), or None.

@@ -71,7 +71,7 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]], begin: int) -> list[
         Each differs from the one before in more than its time.
     """
     store = get_typestore(Stores.ROS2_JAZZY)
-    found: list[Activity] = []
+    activities: list[Activity] = []
     for time, raw in sorted(messages):
         try:
             message: Any = store.deserialize_cdr(raw, DIAGNOSTICS)
@@ -82,14 +82,16 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]], begin: int) -> list[
             if 'identification' in status.name:
                 # It has a phase only while it moves a joint.
                 if any(item.key == 'phase' for item in status.values):
-                    _note(found, Activity(time, 'identification', '', ''))
-                elif found and found[-1].state == 'identification':
-                    _note(found, Activity(time, '', '', ''))
+                    _note(activities, Activity(time, 'identification', '', ''))
+                elif activities and activities[-1].state == 'identification':
+                    _note(activities, Activity(time, '', '', ''))
             elif (now := compensator_says(status, time)) is not None:
-                _note(found, now)
-    if found and found[0].time - begin < _FIRST_WORD and found[0].state != 'identification':
-        found[0] = replace(found[0], time=min(found[0].time, begin))
-    return found
+                _note(activities, now)
+    if activities:
+        first = activities[0]
+        if first.time - begin < _FIRST_WORD and first.state != 'identification':
+            activities[0] = replace(first, time=min(first.time, begin))
+    return activities
 
 
 def compensator_says(status: Any, time: int = 0) -> Activity | None:
@@ -111,8 +113,8 @@ def compensator_says(status: Any, time: int = 0) -> Activity | None:
                     re.sub(r"""['"\[\]]""", '', model), status.hardware_id)
 
 
-def _note(found: list[Activity], now: Activity) -> None:
+def _note(activities: list[Activity], now: Activity) -> None:
     """Add an activity that differs from the one before."""
-    if not found or (found[-1].state, found[-1].law, found[-1].model) != (
+    if not activities or (activities[-1].state, activities[-1].law, activities[-1].model) != (
             now.state, now.law, now.model):
-        found.append(now)
+        activities.append(now)

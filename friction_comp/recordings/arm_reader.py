@@ -51,11 +51,11 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
         If a recording cannot be used, or recordings hold different joints.
     """
     result: dict[str, list[tuple[Samples, RecordingInfo]]] = {}
-    found = find_recordings(paths)
-    for number, path in enumerate(found):
-        def report(share: float, number: int = number) -> None:
+    recordings = find_recordings(paths)
+    for index, path in enumerate(recordings):
+        def report(share: float, index: int = index) -> None:
             if progress:
-                progress((number + share) / len(found))
+                progress((index + share) / len(recordings))
         scan = scan_recording(path, with_states(tuple(TOPICS)), report, layout=layout)
         everyone = usable_joints(scan, torque_per_current)
         if result and set(everyone) != set(result):
@@ -63,7 +63,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
             raise InputError(f'{path}: joint {odd!r} is not in all recordings: an arm needs the '
                              'same joints in each')
         for name, (samples, info) in everyone.items():
-            samples = samples.with_(recording=np.full(len(samples), number),
+            samples = samples.with_(recording=np.full(len(samples), index),
                                     arm=beside(samples, info, everyone))
             result.setdefault(name, []).append((samples, info))
     return result

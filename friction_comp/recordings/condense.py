@@ -104,34 +104,34 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     InputError
         As `read_recording`.
     """
-    found = find_recordings(paths)
-    how = _condensing(found, joint, layout, limit)
+    recordings = find_recordings(paths)
+    how = _condensing(recordings, joint, layout, limit)
     if how == Condensing():
-        return read_recording_with_info(found, joint, torque_constant, gear_ratio,
+        return read_recording_with_info(recordings, joint, torque_constant, gear_ratio,
                                         progress=progress, layout=layout)
     results: list[tuple[Samples, RecordingInfo]] = []
-    for number, path in enumerate(found):
-        def report(share: float, number: int = number) -> None:
+    for index, path in enumerate(recordings):
+        def report(share: float, index: int = index) -> None:
             if progress:
-                progress((number + share) / len(found))
+                progress((index + share) / len(recordings))
         samples, info = _read(how, path, stream_recording_with_info(
             path, joint, torque_constant, gear_ratio, _STRETCH, layout=layout, others=True,
             progress=report))
         if results:
             info.check_joint(results[0][1])
-        results.append((samples.with_(recording=np.full(len(samples), number)), info))
+        results.append((samples.with_(recording=np.full(len(samples), index)), info))
     results[0][1].notes.append(str(how))
     return results
 
 
-def _condensing(found: Sequence[Path], joint: str | None, layout: Layout | None, limit: int
+def _condensing(recordings: Sequence[Path], joint: str | None, layout: Layout | None, limit: int
                 ) -> Condensing:
     """Return how much to keep, from the first stretch of the largest recording."""
-    sizes = [_bytes(path) for path in found]
+    sizes = [_bytes(path) for path in recordings]
     if sum(sizes) < _SMALLEST * limit:
         return Condensing()
     first: list[float] = []
-    largest = found[int(np.argmax(sizes))]
+    largest = recordings[int(np.argmax(sizes))]
     stretches = stream_recording_with_info(largest, joint, seconds=_LOOK, layout=layout,
                                            progress=first.append)
     samples, _ = next(stretches)

@@ -20,6 +20,7 @@ from friction_comp.recordings.joint_motion import beside, unwrapped
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import (
     AnyPath,
+    find_recording,
     find_recordings,
     Progress,
     Scan,
@@ -142,12 +143,12 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
     list of (Samples, RecordingInfo)
     """
     torque_per_current = Drive(torque_constant, gear_ratio).torque_per_current
-    found = find_recordings(paths)
+    recordings = find_recordings(paths)
     results: list[tuple[Samples, RecordingInfo]] = []
-    for number, path in enumerate(found):
-        def report(share: float, number: int = number) -> None:
+    for index, path in enumerate(recordings):
+        def report(share: float, index: int = index) -> None:
             if progress:
-                progress((number + share) / len(found))
+                progress((index + share) / len(recordings))
         scan = scan_recording(path, with_states(signals), report,
                               None if others else joint, layout)
         samples, info = to_samples(scan, joint, torque_per_current)
@@ -155,7 +156,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
             samples = samples.with_(arm=beside(samples, info, usable_joints(scan)))
         if results:
             info.check_joint(results[0][1])
-        samples = samples.with_(recording=np.full(len(samples), number))
+        samples = samples.with_(recording=np.full(len(samples), index))
         results.append((samples, info))
         report(1.0)
     return results
@@ -232,10 +233,7 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
     InputError
         If the recording or a joint cannot be used.
     """
-    found = find_recordings(path)
-    if len(found) != 1:
-        raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scan = scan_recording(found[0], with_states(signals), progress, layout=layout)
+    scan = scan_recording(find_recording(path), with_states(signals), progress, layout=layout)
     if joints is None:
         joints = list(dict.fromkeys(n for track in scan.of('joint_states') for n in track.names))
     if not joints:
@@ -323,9 +321,9 @@ def to_samples(scan: Scan, joint: str | None,
 
 def _others_moved(scan: Scan, joint: str) -> bool:
     """Tell whether another joint of the recording was moved."""
-    places = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
+    positions = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
               for name, values in track.values.items() if name != joint]
-    return any(len(place) > 0 and np.ptp(place) > 0.01 for place in places)
+    return any(len(position) > 0 and np.ptp(position) > 0.01 for position in positions)
 
 
 def _choose(scan: Scan, joint: str | None) -> tuple[Track, str, list[str]]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.columns import TABLES
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 from friction_comp.recordings import cdr
 from friction_comp.recordings.activity import Activity, DIAGNOSTICS, from_diagnostics, SOURCES
 from friction_comp.recordings.storage import (
@@ -70,6 +70,14 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     for path in found:
         unique.setdefault(path.resolve(), path)
     return list(unique.values())
+
+
+def find_recording(path: AnyPath) -> Path:
+    """Return the recording that a path names; raises InputError if there are none or several."""
+    recordings = find_recordings(path)
+    if len(recordings) != 1:
+        raise InputError(f'{path}: holds {len(recordings)} recordings, one is wanted')
+    return recordings[0]
 
 
 def _expand(path: Path) -> Iterator[Path]:
@@ -205,8 +213,7 @@ class Scanner:
         # Broken files fail in many ways inside the storage libraries, by absurd sizes among them:
         # each is the file's fault.
         except Exception as error:
-            raise unreadable(
-                self.path, ' '.join(str(error).split()) or type(error).__name__) from None
+            raise unreadable(self.path, one_line(error)) from None
 
     def _wanted(self, topic: str, kind: str) -> bool:
         return kind == DIAGNOSTICS or signal_of(topic, kind) in self._signals

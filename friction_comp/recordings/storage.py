@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 import zstandard
 
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message
 from friction_comp.recordings.sqlite_file import SqliteFile
 
@@ -154,8 +154,7 @@ class Storage:
         except OSError as error:
             raise unreadable(self.path, f'{METADATA}: {error.strerror or error}') from None
         except Exception as error:
-            reason = ' '.join(str(error).split()) or type(error).__name__
-            raise unreadable(self.path, f'{METADATA}: {reason}') from None
+            raise unreadable(self.path, f'{METADATA}: {one_line(error)}') from None
         if not files:
             raise unreadable(self.path, f'{METADATA} lists no file')
         return files

@@ -21,7 +21,7 @@ from friction_comp.recordings.reader import (
 )
 from friction_comp.recordings.scan import (
     AnyPath,
-    find_recordings,
+    find_recording,
     Progress,
     Scan,
     Scanner,
@@ -80,10 +80,8 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
     gain = Drive(torque_constant, gear_ratio).torque_per_current
     if not seconds > 0:
         raise InputError(f'seconds must be positive, not {seconds}')
-    found = find_recordings(path)
-    if len(found) != 1:
-        raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-    scanner = open_scanner(found[0], with_states(signals), None if others else joint, layout)
+    scanner = open_scanner(
+        find_recording(path), with_states(signals), None if others else joint, layout)
     cutter = _Cutter(seconds)
     clock = _OneClock()
     info, samples = None, None

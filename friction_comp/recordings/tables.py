@@ -20,7 +20,7 @@ import zipfile
 import numpy as np
 
 from friction_comp.columns import assign, Assignment, Layout, TABLES
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable
 from friction_comp.topics import TOPICS
@@ -84,7 +84,7 @@ class TableScanner:
         except InputError:
             raise
         except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
-            raise unreadable(self.path, ' '.join(str(error).split())) from None
+            raise unreadable(self.path, one_line(error)) from None
         if not self._rows:
             raise InputError(f'{self.path}: holds no row below its header')
 
@@ -150,10 +150,10 @@ def _to_further(columns: Columns, use: Assignment, first: int) -> Iterator[Track
         yield Track(topic, topic, states.receive, states.stamp, states.order, use.joints, values)
     references = {}
     for name in use.joints:
-        place = use.of('reference_position', name)
-        if place is not None:
+        column = use.of('reference_position', name)
+        if column is not None:
             reference = np.full((len(states.stamp), 3), np.nan)
-            reference[:, 0] = place.factor * columns[place.name]
+            reference[:, 0] = column.factor * columns[column.name]
             speed = use.of('reference_velocity', name)
             if speed is not None:
                 reference[:, 1] = speed.factor * columns[speed.name]
@@ -219,51 +219,52 @@ class _Csv:
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
         """Yield blocks of columns and the share of the file that has been read."""
-        places = [self.names.index(name) for name in wanted]
+        indices = [self.names.index(name) for name in wanted]
         whole = max(self._path.stat().st_size, 1)
         read = 0
         with self._stream() as stream:
             for _ in range(self._skip):
                 stream.readline()
-            number = self._skip
+            first_line = self._skip
             while lines := [line for _, line in zip(range(rows), stream)]:
                 read += sum(map(len, lines))
-                yield dict(zip(wanted, self._parse(lines, places, number).T)), min(
+                yield dict(zip(wanted, self._parse(lines, indices, first_line).T)), min(
                     read / whole, 1.0)
-                number += len(lines)
+                first_line += len(lines)
 
-    def _parse(self, lines: list[str], places: list[int], number: int) -> np.ndarray:
+    def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
         """Return the cells wanted, shape (rows, columns)."""
         if self._separator == ';' and ',' in lines[0]:
             lines = [line.replace(',', '.') for line in lines]
         try:
-            return np.loadtxt(lines, delimiter=self._separator, usecols=places, ndmin=2,
+            return np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
                               comments=None)
         except ValueError:
             # Cells are missing, or hold words: slower, and with a say in what is wrong.
-            return self._parse_each(lines, places, number)
+            return self._parse_each(lines, indices, first_line)
 
-    def _parse_each(self, lines: list[str], places: list[int], number: int) -> np.ndarray:
-        found = []
+    def _parse_each(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
+        rows = []
         for k, line in enumerate(lines):
             if not line.strip() or line.startswith('#'):
                 continue
             cells = _split(line, self._separator)
-            if len(cells) <= max(places):
+            if len(cells) <= max(indices):
                 # The last line of a file that broke off.
-                found.append([np.nan] * len(places))
+                rows.append([np.nan] * len(indices))
                 continue
-            found.append([self._number(cells[place], place, number + k + 1) for place in places])
-        return np.array(found).reshape(len(found), len(places))
+            rows.append([self._number(cells[index], index, first_line + k + 1)
+                         for index in indices])
+        return np.array(rows).reshape(len(rows), len(indices))
 
-    def _number(self, cell: str, place: int, line: int) -> float:
+    def _number(self, cell: str, index: int, line: int) -> float:
         text = cell.strip()
         if not text or text.lower() in ('nan', 'na', 'null', 'none', '-'):
             return float('nan')
         try:
             return float(text)
         except ValueError:
-            raise InputError(f'{self._path}: line {line}, column {self.names[place]!r}: {text!r} '
+            raise InputError(f'{self._path}: line {line}, column {self.names[index]!r}: {text!r} '
                              'is no number') from None
 
 

@@ -101,20 +101,20 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
 def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]],
                base: TimeBase, notes: list[str]) -> np.ndarray | None:
     """Return what was announced, by the later of the plain and the stamped topic."""
-    found = []
+    directions = []
     plain = _of_array(scan.of('direction'), joint, order, notes)
     if plain is not None:
         # Anything else counts as 0 for the compensator too.
-        found.append((plain[0], np.where(np.isin(plain[1], (-1.0, 1.0)), plain[1], 0.0)))
+        directions.append((plain[0], np.where(np.isin(plain[1], (-1.0, 1.0)), plain[1], 0.0)))
     stamped = _of_joint(scan.of('direction_stamped'), joint, joints, notes)
     if stamped is not None:
-        found.append((stamped[0], np.sign(stamped[1][:, 1])))
-    if not found:
+        directions.append((stamped[0], np.sign(stamped[1][:, 1])))
+    if not directions:
         return None
-    held = np.array([base.hold(*one) for one in found])
+    held = np.array([base.hold(*one) for one in directions])
     # Each by its own clock: the two need not agree.
     age = np.array([base.pair(track)[0] - base.hold(track, base.pair(track)[1].astype(float), -1.0)
-                    for track, _ in found])
+                    for track, _ in directions])
     latest: np.ndarray = held[np.argmin(age, axis=0), np.arange(held.shape[1])].astype(int)
     return latest
 

@@ -130,9 +130,9 @@ def parts_figure(result: RefineResult) -> Drawn:
     lines = []
     for side, colour, shift in (('before', 'orange', -0.2), ('after', 'blue', 0.2)):
         errors = np.array(report[side]['part_rmse'], dtype=float)
-        place = np.arange(1, len(errors) + 1)
-        axes.bar(place + shift, errors, 0.38, color=COLOURS[colour], label=side)
-        lines.append(Line(side, place, errors, colour))
+        part = np.arange(1, len(errors) + 1)
+        axes.bar(part + shift, errors, 0.38, color=COLOURS[colour], label=side)
+        lines.append(Line(side, part, errors, colour))
         still = report[side]['standstill_rmse']
         if still is not None:
             axes.bar(len(errors) + 2 + shift, still, 0.38, color=COLOURS[colour])
@@ -287,6 +287,6 @@ def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np
 
 def coarse(k: np.ndarray, size: np.ndarray, number: int = 700) -> tuple[np.ndarray, np.ndarray]:
     """Return the largest values in ranges of equal ratio, so that no peak is lost."""
-    place = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * number).astype(int)
-    first = np.nonzero(np.diff(place, prepend=-1))[0]
+    range_index = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * number).astype(int)
+    first = np.nonzero(np.diff(range_index, prepend=-1))[0]
     return k[first], np.maximum.reduceat(size, first)

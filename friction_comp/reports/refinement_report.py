@@ -184,10 +184,10 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
                 rows.append([name, key.replace('_', ' '), number(value), _UNITS.get(key, ''),
                              between(bounds[key])])
-        for place, (value, ends) in enumerate(zip(
+        for index, (value, ends) in enumerate(zip(
                 effect['parameters'].get('coefficients', ()), bounds.get('coefficients', ()))):
-            known = kind.numbers[place:place + 1] if kind else ()
-            what, own = known[0] if known else (f'coefficient {place + 1}', '')
+            known = kind.numbers[index:index + 1] if kind else ()
+            what, own = known[0] if known else (f'coefficient {index + 1}', '')
             rows.append([name, what, number(value), own.replace('A', unit, 1), between(ends)])
     return rows
 
@@ -204,8 +204,8 @@ def change_rows(result: RefineResult) -> list[list[Any]]:
                         'A'), ('viscous friction', old.viscous, new.viscous, 'A·s/rad'))]
     for before, after in zip(result.start.effects, result.model.effects):
         if before.name == after.name:
-            for place, pair in enumerate(zip(before.coefficients, after.coefficients)):
-                known = after.numbers[place:place + 1] or ((f'coefficient {place + 1}', ''),)
+            for index, pair in enumerate(zip(before.coefficients, after.coefficients)):
+                known = after.numbers[index:index + 1] or ((f'coefficient {index + 1}', ''),)
                 rows.append([f"{after.name.replace('_', ' ')}: {known[0][0]}",
                              *map(number, pair), known[0][1].replace('A', unit, 1)])
     return rows
@@ -217,13 +217,13 @@ def wave_words(result: RefineResult) -> str:
     left = result.after[result.usable]
     if not len(k) or not np.any(left):
         return ''
-    place = int(np.argmax(size))
-    share = 0.5 * size[place] ** 2 / float(np.mean(left ** 2))
+    largest = int(np.argmax(size))
+    share = 0.5 * size[largest] ** 2 / float(np.mean(left ** 2))
     why = (f'an effect has to take away {100 * LEAST_SHARE:.0f} %' if share < LEAST_SHARE
            else 'parts of the recording did not agree on it')
-    return (f'The largest wave left has {quantity(float(size[place]), result.report["unit"])}, '
-            f'{number(float(k[place]))} times a turn: {100 * share:.2g} % of the squared error. It '
-            f'is not named: {why}.')
+    return (f'The largest wave left has {quantity(float(size[largest]), result.report["unit"])}, '
+            f'{number(float(k[largest]))} times a turn: {100 * share:.2g} % of the squared error. '
+            f'It is not named: {why}.')
 
 
 def show(page: Report, drawn: Drawn, caption: str) -> None:

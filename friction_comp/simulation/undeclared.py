@@ -17,7 +17,7 @@ from numba import njit
 import numpy as np
 
 from friction_comp.checks import check_document, check_list, check_mapping, check_number
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.files import read_yaml
 
 FORMAT = 'friction_comp_undeclared'
@@ -175,10 +175,8 @@ class Undeclared:
             Naming the file and what is wrong with it.
         """
         document = read_yaml(path)
-        try:
+        with errors_name(path):
             return cls.from_dict(document)
-        except InputError as error:
-            raise InputError(f'{path}: {error}') from None
 
     @classmethod
     def from_dict(cls, document: Any) -> Undeclared:

@@ -12,7 +12,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name
 from friction_comp.files import write_atomically
 from friction_comp.tools.common import Arguments, progress
 from friction_comp.tools.recorded_drive import layout_of
@@ -51,25 +51,20 @@ def main(argv: list[str] | None = None) -> int:
     import numpy as np
 
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings import read_recording_with_info
+    from friction_comp.recordings import find_recording, read_recording_with_info
 
     model = FrictionModel.load(arguments.model, arguments.joint)
     with progress('reading') as report:
         joint = arguments.joint
         if model.arm is not None:
             joint = joint or model.joint
-        found = read_recording_with_info(
-            [arguments.recording], joint, model.drive.torque_constant,
+        (samples, info), = read_recording_with_info(
+            find_recording(arguments.recording), joint, model.drive.torque_constant,
             model.drive.gear_ratio, progress=report, others=model.arm is not None,
             layout=layout_of(arguments))
-        if len(found) != 1:
-            raise InputError(f'{arguments.recording}: holds {len(found)} recordings, one is wanted')
-        samples, info = found[0]
         report(1.0, 'predicting')
-        try:
+        with errors_name(arguments.recording):
             predicted = model.predict(samples, same_recording=arguments.with_time_effects)
-        except InputError as error:
-            raise InputError(f'{arguments.recording}: {error}') from None
     measured = model.measured(samples)
     text = table(samples, info, measured, predicted)
     write_atomically(arguments.output, text)

@@ -7,7 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.tools.common import (
     Arguments,
     command_line,
@@ -80,24 +80,22 @@ def main(argv: list[str] | None = None) -> int:
     drive = drive_of(arguments, model)
     history = History.beside(arguments.model, drive) if arguments.history else None
     with progress('reading') as report:
-        found = read_condensed(
+        recordings = read_condensed(
             arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
             progress=lambda share: report(0.2 * share), layout=layout_of(arguments))
-        unit = unit_of(arguments, model, [info for _, info in found])
-        recorded = [samples for samples, _ in found]
+        unit = unit_of(arguments, model, [info for _, info in recordings])
+        recorded = [samples for samples, _ in recordings]
         drive, limit = limited(arguments, drive, recorded)
         if history is not None:
-            recorded = history.with_new(found)
-        try:
+            recorded = history.with_new(recordings)
+        with errors_name(arguments.recordings[0]):
             result = refine(
                 recorded, model, drive,
                 progress=lambda share, name: report(0.2 + 0.7 * share, f'trying {name}'),
                 unit=unit)
-        except InputError as error:
-            raise InputError(f'{arguments.recordings[0]}: {error}') from None
         # What is missing from a recording, or odd in it, is to be known beside the result.
         result.report['warnings'].extend(
-            f'{info.path}: {note}' for _, info in found for note in info.notes)
+            f'{info.path}: {note}' for _, info in recordings for note in info.notes)
         report(0.9, 'writing')
         names = [str(path) for path in arguments.recordings]
         result.model.notes = {**result.model.notes, 'refined_from': names, 'unit': unit, **limit}

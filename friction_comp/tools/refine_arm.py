@@ -108,20 +108,20 @@ def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None)
     from friction_comp.reports.refinement_report import refinement_report
 
     arm = result.report()
-    places = {name: folder if joint else folder / folder_name(name) for name in result.results}
+    folders = {name: folder if joint else folder / folder_name(name) for name in result.results}
     for name, one in result.results.items():
-        place = places[name]
-        place.mkdir(exist_ok=True)
+        own_folder = folders[name]
+        own_folder.mkdir(exist_ok=True)
         own = {**one.report, 'arm': arm} if joint else one.report
-        (place / 'report.json').write_text(to_json(own), encoding='utf-8')
-        refinement_report(one, names).save(place / 'report.html')
-        one.model.save(place / 'model.yaml')
+        (own_folder / 'report.json').write_text(to_json(own), encoding='utf-8')
+        refinement_report(one, names).save(own_folder / 'report.html')
+        one.model.save(own_folder / 'model.yaml')
     if joint:
         return
     whole = {'unit': next(iter(result.results.values())).report['unit'], 'arm': arm,
              'joints': {name: one.report for name, one in result.results.items()}}
     (folder / 'report.json').write_text(to_json(whole), encoding='utf-8')
-    arm_report(result, names, {name: place.name for name, place in places.items()}).save(
+    arm_report(result, names, {name: own_folder.name for name, own_folder in folders.items()}).save(
         folder / 'report.html')
     write_yaml(folder / 'model.yaml', arm_document(
         {name: one.model.to_dict() for name, one in result.results.items()}))

@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from friction_comp.attempts import Failure
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 from friction_comp.files import encodable, to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
 from friction_comp.tools.processes import interrupts_deferred
@@ -76,14 +76,14 @@ def refine_each(arguments: Namespace) -> int:
         interrupted = False
         try:
             with workers(arguments, len(parts)) as run:
-                for number, outcome in run(work, parts) if parts else ():
-                    part = parts[number]
+                for index, outcome in run(work, parts) if parts else ():
+                    part = parts[index]
                     if isinstance(outcome, Failure):
                         failures.append(outcome.reason)
                     else:
                         # What is written is counted.
                         with interrupts_deferred():
-                            rows[number] = _kept(arguments.output, part, outcome)
+                            rows[index] = _kept(arguments.output, part, outcome)
                     done = len(rows) + len(failures)
                     report(done / len(parts), f'{done} of {len(parts)}: {part}')
         except KeyboardInterrupt:
@@ -92,7 +92,7 @@ def refine_each(arguments: Namespace) -> int:
             raise InputError(failures[0])
         missing = len(parts) - len(rows) if interrupted else 0
         content = {
-            'recordings': [rows[number] for number in sorted(rows)], 'failed': sorted(failures),
+            'recordings': [rows[index] for index in sorted(rows)], 'failed': sorted(failures),
             'not_done': missing, 'seconds': time.monotonic() - begin}
         if rows:
             with output_folder(arguments.output) as folder:
@@ -111,12 +111,12 @@ def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
     """Return what is refined by itself, and why some recordings cannot be."""
     from friction_comp.recordings import find_recordings, recorded_joints
 
-    found = find_recordings(arguments.recordings)
-    above = Path(os.path.commonpath([path.absolute().parent for path in found]))
+    recordings = find_recordings(arguments.recordings)
+    above = Path(os.path.commonpath([path.absolute().parent for path in recordings]))
     parts: list[Part] = []
     failures = []
     taken: set[str] = set()
-    for path in found:
+    for path in recordings:
         try:
             joints: list[str | None] = [arguments.joint] if arguments.joint else [
                 *recorded_joints(path, layout_of(arguments))]
@@ -148,10 +148,8 @@ def _refined(arguments: Namespace, part: Part) -> RefinedPart:
         layout=layout_of(arguments))
     unit = unit_of(arguments, model, [info])
     drive, limit = limited(arguments, drive, [samples])
-    try:
+    with errors_name(f'{part.path}: {info.joint or "the joint"}'):
         result = refine([samples], model, drive, unit=unit)
-    except InputError as error:
-        raise InputError(f'{part.path}: {info.joint or "the joint"}: {error}') from None
     result.report['warnings'].extend(f'{info.path}: {note}' for note in info.notes)
     name = str(part.path)
     result.model.notes = {**result.model.notes, 'refined_from': [name], 'unit': unit, **limit}
@@ -183,8 +181,8 @@ def _print(content: dict[str, Any]) -> None:
 
     print(verdict(content).replace('**', ''))
     for row in content['recordings']:
-        found = ', '.join(effect['name'] for effect in row['effects']) or 'nothing'
+        effects = ', '.join(effect['name'] for effect in row['effects']) or 'nothing'
         print(f"{row['folder']}: {number(row['before'])} → {number(row['after'])} {row['unit']}, "
-              f"{row['verdict']}; found: {found}")
+              f"{row['verdict']}; found: {effects}")
     for reason in content['failed']:
         print(f'left out: {reason}')

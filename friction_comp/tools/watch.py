@@ -199,7 +199,11 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
     InputError
         If it cannot be used.
     """
-    from friction_comp.recordings import inspect_recording, read_recording_with_info
+    from friction_comp.recordings import (
+        find_recording,
+        inspect_recording,
+        read_recording_with_info,
+    )
 
     with progress('reading') as report:
         wanted = joints or inspect_recording(path).joints
@@ -210,12 +214,9 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
         chosen = dict(zip(wanted, models))
         for index, joint in enumerate(wanted):
             drive = chosen[joint].drive if joint in chosen else None
-            found = read_recording_with_info(
-                [path], joint, drive.torque_constant if drive else 1.0,
+            (samples[joint], info), = read_recording_with_info(
+                find_recording(path), joint, drive.torque_constant if drive else 1.0,
                 drive.gear_ratio if drive else 1.0)
-            if len(found) != 1:
-                raise InputError(f'{path}: holds {len(found)} recordings, one is wanted')
-            samples[joint], info = found[0]
             notes += [note for note in info.notes if note not in notes]
             model = None if joint in chosen else said_by(info, joint, notes)
             if model is not None:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from friction_comp import __version__
 from friction_comp.attempts import attempt, Failure, in_turn, Outcomes, Runner
-from friction_comp.errors import InputError
+from friction_comp.errors import InputError, one_line
 from friction_comp.tools.common import Arguments, whole_number
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
                 client = Client(scheduler, timeout=_PATIENCE)
             except (OSError, ValueError) as error:
                 raise InputError(f'--scheduler {scheduler}: no Dask scheduler answers there '
-                                 f'({" ".join(str(error).split())})') from None
+                                 f'({one_line(error)})') from None
             with client:
                 _check_workers(client, scheduler)
                 yield client
@@ -177,15 +177,15 @@ def _spread(client: Client, work: Callable[[T], U], things: Sequence[T]) -> Outc
     from distributed import as_completed, KilledWorker
 
     futures = client.map(partial(attempt, work), things, pure=False)
-    numbers = {future.key: k for k, future in enumerate(futures)}
+    index_of = {future.key: k for k, future in enumerate(futures)}
     try:
         for future in as_completed(futures):
-            number = numbers[future.key]
+            index = index_of[future.key]
             try:
                 # What was done, but not yet fetched when its process was killed, is done again.
-                yield number, future.result()
+                yield index, future.result()
             except KilledWorker:
-                yield number, Failure(f'{things[number]}: the process that had it was killed '
+                yield index, Failure(f'{things[index]}: the process that had it was killed '
                                       '(out of memory?)')
             future.release()
     finally:

@@ -53,21 +53,21 @@ class Group:
         -------
         ndarray, shape (N, 1) or (N, 2)
         """
-        place = {name: k for k, name in enumerate(names)}
+        column = {name: k for k, name in enumerate(names)}
         factor, slope = np.ones(len(q)), np.zeros(len(q))
         if self.kind == 'kinetic':
-            factor, slope = self._by_lagrange(place, v, a)
+            factor, slope = self._by_lagrange(column, v, a)
         if not self.angles:
             return factor[:, None]
-        total = sum(side * q[:, place[name]] for name, side in self.angles)
+        total = sum(side * q[:, column[name]] for name, side in self.angles)
         cosine, sine = np.cos(total), np.sin(total)
         return np.column_stack((factor * cosine - slope * sine, factor * sine + slope * cosine))
 
-    def _by_lagrange(self, place: dict[str, int], v: np.ndarray, a: np.ndarray
+    def _by_lagrange(self, column: dict[str, int], v: np.ndarray, a: np.ndarray
                      ) -> tuple[np.ndarray, np.ndarray]:
         """Return by what the energy f(angles)·v_one·v_two asks for f, and for its slope."""
-        own, one, two = (place[name] for name in self.joints)
-        turning = sum((side * v[:, place[name]] for name, side in self.angles), np.zeros(len(v)))
+        own, one, two = (column[name] for name in self.joints)
+        turning = sum((side * v[:, column[name]] for name, side in self.angles), np.zeros(len(v)))
         momentum = (own == one) * v[:, two] + (own == two) * v[:, one]
         of_own = dict(self.angles).get(self.joints[0], 0)
         return ((own == one) * a[:, two] + (own == two) * a[:, one],

@@ -163,11 +163,6 @@ class SearchRange:
     width: float
     unit: Callable[[Scene, dict[str, float]], float] | None = None
 
-    @property
-    def logarithmic(self) -> bool:
-        """Whether the constant is searched on a logarithmic scale."""
-        return self.unit is None
-
 
 COARSE = 150
 """An encoder that gives fewer distinct positions over the motion is called coarse: less than a

@@ -61,8 +61,8 @@ def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.nd
         return np.empty(0), np.empty(0)
     bins = min(math.ceil(_BINS_A_PERIOD * highest * span / (2.0 * math.pi)) + 1, _MOST_BINS)
     width = span / bins
-    place = np.minimum(((position - position.min()) / width).astype(np.int64), bins - 1)
-    sums = np.bincount(place, amplitude * signal, minlength=bins)
+    index = np.minimum(((position - position.min()) / width).astype(np.int64), bins - 1)
+    sums = np.bincount(index, amplitude * signal, minlength=bins)
     size = 1 << (4 * bins - 1).bit_length()
     k = 2.0 * math.pi * np.fft.rfftfreq(size, width)
     power = 2.0 * np.abs(np.fft.rfft(sums, size)) ** 2 / energy
@@ -72,10 +72,10 @@ def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.nd
 
 def peaks(k: np.ndarray, power: np.ndarray, number: int, separation: float) -> list[float]:
     """Return the frequencies of the highest peaks, apart by at least a separation."""
-    found: list[float] = []
+    highest: list[float] = []
     for index in np.argsort(power)[::-1][:2000]:
-        if all(abs(k[index] - other) > separation for other in found):
-            found.append(float(k[index]))
-            if len(found) == number:
+        if all(abs(k[index] - other) > separation for other in highest):
+            highest.append(float(k[index]))
+            if len(highest) == number:
                 break
-    return found
+    return highest

@@ -31,22 +31,22 @@ async def turn() -> None:
     await _Turn()
 
 
-class LoadedModels:
-    """The model files of the compensator's joints.
+class CompensatorClient:
+    """A running compensator, and the model files of its joints.
 
     Parameters
     ----------
     node : rclpy.node.Node
-    compensator : str
-        Name of its node.
+    name : str
+        Of its node.
     """
 
-    def __init__(self, node: Node, compensator: str) -> None:
-        self.compensator = compensator
+    def __init__(self, node: Node, name: str) -> None:
+        self.name = name
         # How often models were exchanged: what was asked before the last time is out of date.
         self.exchanges = 0
-        self._get = node.create_client(GetParameters, f'{compensator}/get_parameters')
-        self._set = node.create_client(SetParameters, f'{compensator}/set_parameters')
+        self._get = node.create_client(GetParameters, f'{name}/get_parameters')
+        self._set = node.create_client(SetParameters, f'{name}/set_parameters')
 
     @property
     def there(self) -> bool:
@@ -78,14 +78,14 @@ class LoadedModels:
         """
         files = await self.files()
         if joint not in files:
-            raise InputError(f'no compensator of {joint} is running as {self.compensator}')
+            raise InputError(f'no compensator of {joint} is running as {self.name}')
         before, files[joint] = files[joint], path
         reply = await self._answer(self._set.call_async(SetParameters.Request(parameters=[
             ParameterMessage(name='model_files', value=Parameter(
                 'model_files', value=list(files.values())).get_parameter_value())])))
         result = reply.results[0]
         if not result.successful:
-            raise InputError(f'{self.compensator} refuses the model: {result.reason}')
+            raise InputError(f'{self.name} refuses the model: {result.reason}')
         self.exchanges += 1
         return before
 
@@ -93,6 +93,6 @@ class LoadedModels:
         end = time.monotonic() + _PATIENCE
         while not future.done():
             if time.monotonic() > end:
-                raise InputError(f'{self.compensator} does not answer')
+                raise InputError(f'{self.name} does not answer')
             await turn()
         return future.result()
