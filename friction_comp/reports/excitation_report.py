@@ -56,7 +56,7 @@ def _figure(plan: JointPlan) -> Figure:
     axes[0].plot(motion.time, motion.velocity, color=COLOURS['orange'], linewidth=0.8,
                  label='velocity (rad/s)')
     axes[0].set_xlabel('time (s)')
-    axes[0].legend()
+    axes[0].legend(loc='lower left', bbox_to_anchor=(0.0, 1.0), ncols=2)
     axes[1].plot(motion.position, motion.velocity, '.', color=COLOURS['blue'], markersize=2.0)
     for value in (limits.lowest, limits.highest):
         axes[1].axvline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
