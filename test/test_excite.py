@@ -151,6 +151,8 @@ def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
     (['--effects', 'nonsense,stribeck'], "effect 'nonsense' is unknown"),
     (['--effects', 'stribeck'], 'at least two effects'),
     (['--seconds', '5'], 'too short for a plan'),
+    (['--seconds', '1e9'], 'too long for a plan'),
+    (['--rate', '1e9'], '--rate must be at most'),
     (['--effort', '5'], '--effort needs --model'),
     (['--ambiguous', 'missing.json'], 'cannot be read'),
     (['--position', '1.0', '-1.0'], 'is not below'),

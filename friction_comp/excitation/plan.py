@@ -31,6 +31,7 @@ SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
 # Of the limits: the rest is left to controllers, which interpolate and overshoot.
 MARGIN = 0.95
 SHORTEST = 20.0         # s, below which a plan has too few moves to be planned
+LONGEST = 1800.0        # s, beyond which it holds more moves than points are drawn
 _POINTS, _EVALUATED = 2048, 50.0
 _POPULATION, _GENERATIONS = 6, 10
 # By how much, and how often, a plan is slowed down that asks for too much effort.
@@ -131,10 +132,12 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     Raises
     ------
     InputError
-        If there is too little time, or the effort limit cannot be kept.
+        If there is too little or too much time, or the effort limit cannot be kept.
     """
     if seconds < SHORTEST:
         raise InputError(f'{seconds:g} s are too short for a plan: at least {SHORTEST:g} s')
+    if seconds > LONGEST:
+        raise InputError(f'{seconds:g} s are too long for a plan: at most {LONGEST:g} s')
     scene = scene_within(limits, seconds, 1.0 / _EVALUATED)
     points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
 

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from friction_comp.excitation.separation import Pair
     from friction_comp.model.friction_model import FrictionModel
 
+_HIGHEST_RATE = 1000.0
+
 
 def main(argv: list[str] | None = None) -> int:
     """Write the plan; returns 0.
@@ -78,6 +80,8 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.excitation.trajectory import trajectory_yaml
     from friction_comp.reports.excitation_report import excitation_report
 
+    if arguments.rate > _HIGHEST_RATE:
+        raise InputError(f'--rate must be at most {_HIGHEST_RATE:g} Hz')
     pairs, limits = _pairs(arguments), _limits(arguments)
     model = _model(arguments, limits)
     seconds, rate = arguments.seconds, 50.0
