@@ -195,9 +195,8 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
         peaks = [c.peak_torque for c in found if c is not None]
         if max(peaks) > most:
             most = max(peaks)
-            best = [MovingScene(title, c.time, c.position, c.torque, colour)
-                    for title, c, colour in zip(plain_names(two), found, ('grey', 'blue'))
-                    if c is not None]
+            best = [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
+                    in zip(plain_names(two), found, ('grey', 'blue')) if c is not None]
     return best
 
 
