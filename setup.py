@@ -17,7 +17,7 @@ import interfaces  # noqa: E402 - stands in the folder just added
 
 NAMES = (
     'plant', 'identification', 'compensator', 'exercise', 'recorder', 'refinement',
-    'demo', 'reproduce', 'evaluate', 'refine', 'predict', 'convert', 'export', 'history',
+    'demo', 'reproduce', 'evaluate', 'refine', 'predict', 'convert', 'export', 'excite', 'history',
     'watch', 'doctor',
 )
 # pip puts scripts into the environment's bin/, where such plain names would be in the way; colcon

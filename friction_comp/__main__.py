@@ -36,6 +36,7 @@ TOOLS = {
     'doctor': 'tells what is installed and running, what is wrong with it, and what to do',
     'convert': 'turns a recording into a CSV, Parquet or npz table, and back',
     'export': "writes a model's friction for MuJoCo, URDF or SDF, or as a table",
+    'excite': 'plans a motion that tells effects apart, within limits, as a JointTrajectory',
     'history': "shows a drive's friction over all recordings kept beside its model",
     'predict': "writes a model's current for a recording beside the measured one",
 }
@@ -189,6 +190,7 @@ refine = partial(run, 'refine')
 predict = partial(run, 'predict')
 convert = partial(run, 'convert')
 export = partial(run, 'export')
+excite = partial(run, 'excite')
 history = partial(run, 'history')
 watch = partial(run, 'watch')
 doctor = partial(run, 'doctor')

@@ -1,0 +1,143 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a joint may do: limits from options, from joint_limits.yaml, or from a URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+import math
+from pathlib import Path
+from typing import Any
+import xml.etree.ElementTree as ElementTree
+
+from friction_comp.checks import check_number
+from friction_comp.errors import InputError
+from friction_comp.files import read_yaml
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of one joint.
+
+    Parameters
+    ----------
+    joint : str
+    lowest, highest : float
+        Position, rad.
+    velocity, acceleration : float
+        Largest magnitudes, rad/s and rad/s².
+    effort : float
+        Largest magnitude of the torque at the joint, N·m; infinite where it is not limited.
+
+    Raises
+    ------
+    InputError
+        If a limit is no number, not positive, or leaves no range of position.
+    """
+
+    joint: str
+    lowest: float
+    highest: float
+    velocity: float
+    acceleration: float
+    effort: float = math.inf
+
+    def __post_init__(self) -> None:
+        what = f'joint {self.joint!r}: the limit of'
+        check_number(self.lowest, f'{what} position')
+        check_number(self.highest, f'{what} position')
+        for name in ('velocity', 'acceleration'):
+            check_number(getattr(self, name), f'{what} {name}', above=0.0)
+        if self.effort != math.inf:
+            check_number(self.effort, f'{what} effort', above=0.0)
+        if not self.lowest < self.highest:
+            raise InputError(f'joint {self.joint!r}: the lowest position {self.lowest:g} is not '
+                             f'below the highest {self.highest:g}')
+
+    def gentler(self, share: float) -> JointLimits:
+        """Return the limits with only a share of velocity and acceleration."""
+        return replace(self, velocity=share * self.velocity,
+                       acceleration=share * self.acceleration)
+
+
+def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]:
+    """Return the limits in a file like MoveIt's ``joint_limits.yaml``, with positions.
+
+    Parameters
+    ----------
+    path : path-like
+    joints : sequence of str
+        All joints of the file when empty.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used, or a limit is missing.
+    """
+    document = read_yaml(path)
+    entries = document.get('joint_limits') if isinstance(document, dict) else None
+    if not isinstance(entries, dict) or not entries:
+        raise InputError(f'{path}: has no joint_limits')
+    return [_from_entry(path, str(name), _entry_of(path, entries, name))
+            for name in joints or entries]
+
+
+def _entry_of(path: str | Path, entries: dict[Any, Any], joint: str) -> dict[str, Any]:
+    entry = entries.get(joint)
+    if not isinstance(entry, dict):
+        raise InputError(f'{path}: has no limits of joint {joint!r}')
+    return entry
+
+
+def _from_entry(path: str | Path, joint: str, entry: dict[str, Any]) -> JointLimits:
+    names = ('min_position', 'max_position', 'max_velocity', 'max_acceleration')
+    for name in names:
+        if name not in entry:
+            raise InputError(f'{path}: joint {joint!r} has no {name}')
+    low, high, velocity, acceleration = (entry[name] for name in names)
+    return JointLimits(joint, low, high, velocity, acceleration,
+                       entry.get('max_effort', math.inf))
+
+
+def from_urdf(path: str | Path, acceleration: float,
+              joints: Sequence[str] = ()) -> list[JointLimits]:
+    """Return the limits that a URDF states in ``<limit>``.
+
+    Parameters
+    ----------
+    path : path-like
+    acceleration : float
+        rad/s², for all joints: a URDF does not state it.
+    joints : sequence of str
+        All revolute joints of the file when empty.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be used, or a joint has no limits of position.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise InputError(f'{path}: cannot be read: {error.strerror}') from None
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f'{path}: not a usable URDF file: {error}') from None
+    revolute = {str(one.get('name')): one.find('limit') for one in root.findall('joint')
+                if one.get('type') == 'revolute'}
+    if not revolute:
+        raise InputError(f'{path}: the URDF has no revolute joint')
+    limits = []
+    for name in joints or revolute:
+        limit = revolute.get(name)
+        if limit is None:
+            raise InputError(f'{path}: has no revolute joint {name!r} with a <limit>')
+        try:
+            low, high, velocity = (float(limit.get(key, ''))
+                                   for key in ('lower', 'upper', 'velocity'))
+            effort = float(limit.get('effort', 'inf'))
+        except ValueError:
+            raise InputError(f'{path}: the <limit> of joint {name!r} needs lower, upper and '
+                             'velocity as numbers') from None
+        limits.append(JointLimits(name, low, high, velocity, acceleration, effort))
+    return limits

@@ -1,0 +1,184 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A plan: moves between places, at speeds and with rests that never repeat.
+
+The n-th move's place, speed and rest are the n-th point of a scrambled Sobol sequence, so that all
+combinations come and none twice. Five numbers bend that sequence (`SHAPE`): how slow the slowest
+move is, how many are slow, how long a move and a rest may last, how near the ends places are.
+`scipy.optimize.differential_evolution` chooses them so that the pair of effects that is told apart
+worst is told apart as well as can be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import differential_evolution
+from scipy.stats import qmc
+
+from friction_comp.errors import InputError
+from friction_comp.excitation.joint_limits import JointLimits
+from friction_comp.excitation.move import Move, sampled
+from friction_comp.excitation.separation import Pair, scene_within, separations
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.samples import Samples
+
+# Share of the slowest speed, exponent of speeds, longest move and longest rest in s, exponent of
+# places; each with the range in which it is searched.
+SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
+# Of the limits: the rest is left to controllers, which interpolate and overshoot.
+MARGIN = 0.95
+SHORTEST = 20.0         # s, below which a plan has too few moves to be planned
+LONGEST = 1800.0        # s, beyond which it holds more moves than points are drawn
+_POINTS, _EVALUATED = 2048, 50.0
+_POPULATION, _GENERATIONS = 6, 10
+# By how much, and how often, a plan is slowed down that asks for too much effort.
+_SLOWER, _TRIALS = 0.8, 12
+# What each pair's logarithm counts beside that of the worst pair.
+_MEAN = 0.3
+
+
+@dataclass(frozen=True)
+class JointPlan:
+    """What one joint does.
+
+    Parameters
+    ----------
+    limits : JointLimits
+    start : float
+        Where it begins and ends, rad.
+    moves : tuple of Move
+    seconds : float
+    separation : dict of (str, str) to float
+        Of each pair of effects, as of `separations`.
+    """
+
+    limits: JointLimits
+    start: float
+    moves: tuple[Move, ...]
+    seconds: float
+    separation: dict[Pair, float]
+
+    def samples(self, rate: float) -> Samples:
+        """Return the motion at so many samples a second, with zeros as current."""
+        return _samples(self.moves, self.start, self.seconds, rate, self.limits.joint)
+
+
+def _samples(moves: Sequence[Move], start: float, seconds: float, rate: float,
+             joint: str) -> Samples:
+    time = np.arange(round(seconds * rate) + 1) / rate
+    position, velocity, acceleration = sampled(moves, start, time)
+    return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
+                   current=np.zeros(len(time)), joint=joint)
+
+
+def moves_by(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: float,
+             points: np.ndarray) -> tuple[float, list[Move]]:
+    """Return the place where a plan begins and ends, and its moves.
+
+    Parameters
+    ----------
+    shape : sequence of float, length 5
+        As in `SHAPE`.
+    limits : JointLimits
+    seconds : float
+    points : ndarray, shape (K, 3)
+        In the unit cube.
+    """
+    slowest, lean, longest, rest, reach = shape
+    top, most = MARGIN * limits.velocity, MARGIN * limits.acceleration
+    centre = 0.5 * (limits.lowest + limits.highest)
+    half = 0.5 * MARGIN * (limits.highest - limits.lowest)
+    now, here, moves = float(rest * points[0, 2]), centre, []
+    for place, pace, wait in points[1:]:
+        speed = top * slowest ** (pace ** lean)
+        aim = centre + half * np.copysign(abs(2.0 * place - 1.0) ** reach, place - 0.5)
+        there = float(np.clip(aim, here - speed * longest, here + speed * longest))
+        if abs(there - here) < 0.01 * half:
+            continue
+        move = Move.within(now, here, there, speed, most)
+        then = now + move.duration + rest * wait ** 2
+        back = (Move.within(then, there, centre, 0.5 * top, most)
+                if abs(there - centre) > 1e-6 * half else None)
+        if then + (back.duration if back else 0.0) > seconds:
+            break
+        moves.append(move)
+        now, here = then, there
+    if abs(here - centre) > 1e-6 * half:
+        moves.append(Move.within(now, here, centre, 0.5 * top, most))
+    return centre, moves
+
+
+def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed: int,
+               model: FrictionModel | None = None,
+               report: Callable[[float], None] = lambda share: None) -> JointPlan:
+    """Return the motion of one joint that tells pairs of effects apart.
+
+    Parameters
+    ----------
+    limits : JointLimits
+    pairs : sequence of (str, str)
+        Names of effects.
+    seconds : float
+    seed : int
+        The same seed gives the same plan.
+    model : FrictionModel, optional
+        Says what effort a motion asks for.
+    report : callable
+        Called with the share that is done.
+
+    Raises
+    ------
+    InputError
+        If there is too little or too much time, or the effort limit cannot be kept.
+    """
+    if seconds < SHORTEST:
+        raise InputError(f'{seconds:g} s are too short for a plan: at least {SHORTEST:g} s')
+    if seconds > LONGEST:
+        raise InputError(f'{seconds:g} s are too long for a plan: at most {LONGEST:g} s')
+    scene = scene_within(limits, seconds, 1.0 / _EVALUATED)
+    points = qmc.Sobol(3, scramble=True, seed=seed).random(_POINTS)
+
+    def separation(shape: np.ndarray, own: JointLimits) -> dict[Pair, float]:
+        start, moves = moves_by(shape, own, seconds, points)
+        try:
+            return separations(_samples(moves, start, seconds, _EVALUATED, own.joint), pairs,
+                               scene)
+        except InputError:
+            # Nearly all the time is rest.
+            return dict.fromkeys(pairs, 0.0)
+
+    def cost(shape: np.ndarray) -> float:
+        shares = list(separation(shape, limits).values())
+        logarithms = np.log(np.maximum(shares, 1e-6))
+        return -float(min(logarithms) + len(pairs) * np.mean(logarithms) * _MEAN)
+    done = [0]
+
+    def advance(*_: object, **__: object) -> None:
+        done[0] += 1
+        report(done[0] / _GENERATIONS)
+    shape = differential_evolution(
+        cost, SHAPE, popsize=_POPULATION, maxiter=_GENERATIONS, tol=0.0, polish=False, seed=seed,
+        callback=advance).x
+    own = limits
+    for _ in range(_TRIALS):
+        start, moves = moves_by(shape, own, seconds, points)
+        found = separation(shape, own)
+        if not any(found.values()):
+            # Slowed down, hardly a move fits into the time.
+            break
+        if model is None or effort_of(model, _samples(
+                moves, start, seconds, 200.0, own.joint)) <= MARGIN * limits.effort:
+            return JointPlan(limits, start, tuple(moves), seconds, found)
+        own = own.gentler(_SLOWER)
+    raise InputError(
+        f'joint {limits.joint!r}: {seconds:g} s are too short for motion within these limits'
+        if own is limits else f'joint {limits.joint!r}: by its model even slow motion needs more '
+        f'than the effort limit of {limits.effort:g} N·m')
+
+
+def effort_of(model: FrictionModel, samples: Samples) -> float:
+    """Return the largest torque at the joint in N·m that a motion needs by a model."""
+    return float(np.max(np.abs(model.predict(samples)))) * model.drive.torque_per_current

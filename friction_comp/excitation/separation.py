@@ -1,0 +1,155 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""How well a motion tells effects apart, by the columns and block sums that refinement will fit.
+
+An effect is told from another where part of its columns is repeated neither by the other nor by
+Eq. 6. That share is asked of `BlockSums.own_share`, for the hardest of some constants of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.excitation.joint_limits import JointLimits
+from friction_comp.model.effects import Effect, EFFECTS, Scene
+from friction_comp.refinement.effect_columns import Table, Term
+from friction_comp.refinement.prepare import Rows
+from friction_comp.refinement.recorded_motion import blocks_of, in_motion, row_starts
+from friction_comp.samples import Samples
+
+Pair = tuple[str, str]
+DEFAULT = ('gravity', 'spring', 'stribeck', 'viscous_shape', 'inner_load_friction')
+# Signals that a joint's own motion cannot vary, or that a plan does not know.
+_NOT_MOVED = {'load', 'temperature', 'rigid_body', 'coupling'}
+# Constants of an effect that are compared, from all over its grid.
+_CONSTANTS = 3
+# Of the top speed: where friction changes its sign, and what counts as rest.
+_TRANSITION, _SLOWEST = 0.02, 0.01
+
+
+def pairs_of(names: Iterable[str]) -> list[Pair]:
+    """Return each pair of some effects.
+
+    Raises
+    ------
+    InputError
+        If one is unknown, cannot be told by motion alone, or there are fewer than two.
+    """
+    names = list(dict.fromkeys(names))
+    for name in names:
+        why = _why_not(name)
+        if why:
+            raise InputError(f'effect {name!r} {why}')
+    if len(names) < 2:
+        raise InputError('at least two effects are needed to tell them apart')
+    return list(combinations(names, 2))
+
+
+def _why_not(name: str) -> str:
+    if name not in EFFECTS:
+        return f'is unknown; there are {", ".join(filter(_of_motion, EFFECTS))}'
+    missing = sorted(set(EFFECTS[name].needs) & _NOT_MOVED)
+    if missing or name == 'other_joints':
+        return f"cannot be told by the joint's own motion: it needs {missing or 'other joints'}"
+    return ''
+
+
+def _of_motion(name: str) -> bool:
+    return name != 'other_joints' and not set(EFFECTS[name].needs) & _NOT_MOVED
+
+
+def pairs_in(report: Any, source: str) -> list[Pair]:
+    """Return the pairs of effects that a report of refinement could not tell apart.
+
+    A report names what two effects depend on. The pairs are those of effects that depend on one
+    and on the other.
+
+    Parameters
+    ----------
+    report : object
+        Content of report.json.
+    source : str
+        Named in errors.
+
+    Raises
+    ------
+    InputError
+        If it is no such report, or motion alone answers none of its questions.
+    """
+    entries = report.get('ambiguous') if isinstance(report, dict) else None
+    if not isinstance(entries, list):
+        raise InputError(f"{source}: is no report of refine: it has no list 'ambiguous'")
+    pairs: dict[Pair, None] = {}
+    for entry in entries:
+        between = entry.get('between') if isinstance(entry, dict) else None
+        if not isinstance(between, list) or len(between) != 2:
+            raise InputError(f"{source}: an entry of 'ambiguous' does not name two variables in "
+                             "'between'")
+        for first, second in combinations(filter(_of_motion, EFFECTS), 2):
+            if sorted((EFFECTS[first].variable, EFFECTS[second].variable)) == sorted(
+                    map(str, between)):
+                pairs[first, second] = None
+    if not pairs:
+        raise InputError(f'{source}: refine left nothing open that motion alone can tell apart')
+    return list(pairs)
+
+
+def scene_within(limits: JointLimits, seconds: float, sample_time: float) -> Scene:
+    """Return what a motion that uses the limits covers, so that all motions are asked the same."""
+    return Scene(transition=_TRANSITION * limits.velocity, speed=limits.velocity,
+                 slowest=_SLOWEST * limits.velocity, lowest=limits.lowest, highest=limits.highest,
+                 duration=seconds, sample_time=sample_time)
+
+
+def terms_of(name: str, scene: Scene) -> list[Term]:
+    """Return an effect with a few constants from all over its grid."""
+    kind: type[Effect] = EFFECTS[name]
+    grid = kind.grid(scene)
+    if not grid:
+        raise InputError(f'effect {name!r} cannot be seen in {scene.duration:g} s within these '
+                         'limits')
+    # What is carried loads the teeth most where the limb is level.
+    shares = [{'cosine': 1.0}] if kind.carried else []
+    chosen = dict.fromkeys(np.linspace(0, len(grid) - 1, _CONSTANTS).astype(int).tolist())
+    return [Term(kind, kind.carrying(grid[place], shares)) for place in chosen]
+
+
+def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[Pair, float]:
+    """Return for each pair the share of an effect that the other one does not repeat, 0..1.
+
+    Parameters
+    ----------
+    samples : Samples
+        With velocity and acceleration; the current is not looked at.
+    pairs : sequence of (str, str)
+    scene : Scene
+        As of `scene_within`.
+
+    Raises
+    ------
+    InputError
+        If there is too little motion.
+    """
+    nothing = np.zeros(len(samples), dtype=bool)
+    usable = in_motion(samples, nothing, scene.slowest, None)
+    start = row_starts(samples, usable, 1)
+    block = blocks_of(samples, start)
+    table = Table(Rows(samples, samples.current, usable, nothing, scene, start, 1, block,
+                       np.zeros_like(block)), 2.0 / scene.transition)
+    keys = {name: table.add(terms_of(name, scene)) for pair in pairs for name in pair}
+
+    def least(first: str, second: str) -> float:
+        shares = []
+        for one in keys[first]:
+            for other in keys[second]:
+                places = table.indices([one, other], derivatives=False)
+                share = dict(zip(places, table.sums.own_share(places)))
+                shares += [max(share[place] for place in table.places(key))
+                           for key in (one, other)]
+        return float(min(shares, default=0.0))
+    return {(first, second): least(first, second) for first, second in pairs}

@@ -1,0 +1,170 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``excite``: plans a motion that tells effects of a drive apart, within limits.
+
+Writes trajectory.yaml, a trajectory_msgs/JointTrajectory, report.html that shows what the motion
+covers, and report.json. The robot must stand at the first point before it is played.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+import json
+import math
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from friction_comp import __version__
+from friction_comp.errors import InputError
+from friction_comp.tools.common import (
+    Arguments,
+    command_line,
+    output_folder,
+    positive,
+    progress,
+    REPORT_VERSION,
+    to_json,
+    whole_number,
+)
+
+if TYPE_CHECKING:
+    from friction_comp.excitation.joint_limits import JointLimits
+    from friction_comp.excitation.separation import Pair
+    from friction_comp.model.friction_model import FrictionModel
+
+_HIGHEST_RATE = 1000.0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write the plan; returns 0.
+
+    Raises
+    ------
+    InputError
+        If limits, model or report cannot be used, or no plan keeps the limits.
+    """
+    parser = Arguments('excite', __doc__, (
+        '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --output output/excite',
+        '--urdf arm.urdf --acceleration 4 --seconds 90 --output output/excite')).add_output()
+    parser.add_argument('--joint', metavar='NAME', action='append', default=[],
+                        help='joint; may come several times with --limits or --urdf, where all '
+                        'are planned without it')
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument('--position', metavar=('LOW', 'HIGH'), type=float, nargs=2,
+                        help='limits of position, rad, of one joint')
+    source.add_argument('--limits', metavar='FILE', type=Path,
+                        help="limits as in MoveIt's joint_limits.yaml")
+    source.add_argument('--urdf', metavar='FILE', type=Path, help='limits of a URDF')
+    parser.add_argument('--velocity', metavar='RAD/S', type=positive, help='with --position')
+    parser.add_argument('--acceleration', metavar='RAD/S²', type=positive,
+                        help='with --position or --urdf')
+    parser.add_argument('--effort', metavar='N·M', type=positive,
+                        help='with --position and --model')
+    parser.add_argument('--model', metavar='FILE', type=Path,
+                        help='model file of one joint, by which the effort limit is kept')
+    asked = parser.add_mutually_exclusive_group()
+    asked.add_argument('--effects', metavar='NAME,…', help='effects to tell from each other')
+    asked.add_argument('--ambiguous', metavar='FILE', type=Path,
+                       help='report.json of refine: what it could not tell apart')
+    parser.add_argument('--seconds', metavar='S', type=positive, default=60.0, help='(60)')
+    parser.add_argument('--rate', metavar='HZ', type=positive, default=50.0,
+                        help='points of the trajectory a second (50)')
+    parser.add_argument('--seed', metavar='N', type=whole_number(0), default=0,
+                        help='the same seed gives the same plan (0)')
+    arguments = parser.parse(argv)
+    import numpy as np
+
+    from friction_comp.excitation.comparison import fourier_series, staircase
+    from friction_comp.excitation.plan import plan_joint
+    from friction_comp.excitation.separation import scene_within, separations
+    from friction_comp.excitation.trajectory import trajectory_yaml
+    from friction_comp.reports.excitation_report import excitation_report
+
+    if arguments.rate > _HIGHEST_RATE:
+        raise InputError(f'--rate must be at most {_HIGHEST_RATE:g} Hz')
+    pairs, limits = _pairs(arguments), _limits(arguments)
+    model = _model(arguments, limits)
+    seconds, rate = arguments.seconds, 50.0
+    seeds = np.random.SeedSequence(arguments.seed).generate_state(len(limits)).tolist()
+    plans, others = [], []
+    with progress('Planning') as report:
+        for place, (own, seed) in enumerate(zip(limits, seeds)):
+            plans.append(plan_joint(
+                own, pairs, seconds, seed, model,
+                lambda share, place=place: report(  # type: ignore[misc]
+                    (place + share) / len(limits), f'Planning {limits[place].joint}')))
+            scene = scene_within(own, seconds, 1.0 / rate)
+            others.append({
+                'staircase of speeds': separations(staircase(own, seconds, rate), pairs, scene),
+                'random Fourier series': separations(
+                    fourier_series(own, seconds, rate, seed), pairs, scene)})
+    checked = ['effort limits are kept by the model' if model else 'effort is not checked']
+    content = {'version': REPORT_VERSION, 'seconds': seconds, 'seed': arguments.seed,
+               'effort_checked': model is not None, 'joints': [{
+                   'joint': plan.limits.joint, 'start': plan.start, 'moves': len(plan.moves),
+                   'pairs': [{'between': list(pair), 'plan': share,
+                              'staircase': other['staircase of speeds'][pair],
+                              'fourier': other['random Fourier series'][pair]}
+                             for pair, share in plan.separation.items()]}
+                   for plan, other in zip(plans, others)]}
+    with output_folder(arguments.output) as folder:
+        page = excitation_report(plans, others)
+        page.made_by(command_line('excite', argv))
+        page.save(folder / 'report.html')
+        (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+        (folder / 'trajectory.yaml').write_text(trajectory_yaml(
+            plans, arguments.rate, f'Planned by friction_comp {__version__}; {checked[0]}'),
+            encoding='utf-8')
+    for plan in plans:
+        pair, share = min(plan.separation.items(), key=lambda entry: entry[1])
+        print(f'{plan.limits.joint}: {len(plan.moves)} moves; hardest to tell apart: '
+              f'{" and ".join(pair)}, {100 * share:.2g} % of the one is its own')
+    print(f'{checked[0]}; begins and ends at rest in the middle of each range')
+    print(arguments.output / 'trajectory.yaml')
+    return 0
+
+
+def _limits(arguments: Namespace) -> list[JointLimits]:
+    from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
+
+    if arguments.limits:
+        return from_yaml(arguments.limits, arguments.joint)
+    if arguments.acceleration is None:
+        raise InputError('--acceleration is missing')
+    if arguments.urdf:
+        return from_urdf(arguments.urdf, arguments.acceleration, arguments.joint)
+    if len(arguments.joint) != 1 or arguments.velocity is None:
+        raise InputError('with --position one --joint and --velocity are needed')
+    if arguments.effort is not None and arguments.model is None:
+        raise InputError('--effort needs --model, which says what effort a motion asks for')
+    low, high = arguments.position
+    return [JointLimits(arguments.joint[0], low, high, arguments.velocity,
+                        arguments.acceleration, arguments.effort or math.inf)]
+
+
+def _model(arguments: Namespace, limits: list[JointLimits]) -> FrictionModel | None:
+    if arguments.model is None:
+        return None
+    from friction_comp.model.friction_model import FrictionModel
+
+    if len(limits) > 1:
+        raise InputError('--model is that of one joint: name it with --joint')
+    model = FrictionModel.load(arguments.model)
+    if model.joint and model.joint != limits[0].joint:
+        raise InputError(f'{arguments.model}: is of joint {model.joint!r}, not '
+                         f'{limits[0].joint!r}')
+    return model
+
+
+def _pairs(arguments: Namespace) -> list[Pair]:
+    from friction_comp.excitation.separation import DEFAULT, pairs_in, pairs_of
+
+    if arguments.ambiguous is None:
+        return pairs_of(arguments.effects.split(',') if arguments.effects else DEFAULT)
+    try:
+        report: Any = json.loads(arguments.ambiguous.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise InputError(f'{arguments.ambiguous}: cannot be read: {error.strerror}') from None
+    except ValueError:
+        raise InputError(f'{arguments.ambiguous}: is no JSON') from None
+    return pairs_in(report, str(arguments.ambiguous))

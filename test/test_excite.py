@@ -1,0 +1,165 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A planned motion keeps its limits, repeats with its seed, and tells effects apart."""
+
+import json
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+from report_pages import assert_documented
+from scipy.stats import qmc
+import yaml
+
+from friction_comp.__main__ import run
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.excitation.comparison import fourier_series, staircase
+from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
+from friction_comp.excitation.move import sampled
+from friction_comp.excitation.plan import effort_of, moves_by, plan_joint, SHAPE
+from friction_comp.excitation.separation import (
+    pairs_in,
+    pairs_of,
+    scene_within,
+    separations,
+)
+from friction_comp.excitation.trajectory import trajectory_yaml
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+
+ELBOW = JointLimits('elbow', -1.2, 1.0, 1.5, 6.0)
+PLAIN = ['--joint', 'elbow', '--position', '-1.2', '1.0', '--velocity', '1.5', '--acceleration',
+         '6']
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), bends=st.tuples(*[st.floats(0.0, 1.0)] * 5),
+       lowest=st.floats(-3.0, 3.0), span=st.floats(0.05, 6.0), velocity=st.floats(0.05, 5.0),
+       acceleration=st.floats(0.1, 50.0), seconds=st.floats(20.0, 60.0))
+def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, acceleration, seconds):
+    limits = JointLimits('j', lowest, lowest + span, velocity, acceleration)
+    shape = [low + bend * (high - low) for bend, (low, high) in zip(bends, SHAPE)]
+    points = qmc.Sobol(3, scramble=True, seed=seed).random(512)
+    start, moves = moves_by(shape, limits, seconds, points)
+    time = np.arange(round(seconds * 500.0) + 1) / 500.0
+    q, v, a = sampled(moves, start, time)
+    assert lowest < q.min()
+    assert q.max() < lowest + span
+    assert np.abs(v).max() < velocity
+    assert np.abs(a).max() < acceleration
+    assert np.abs(np.diff(q)).max() * 500.0 < velocity
+    assert np.abs(np.diff(q, 2)).max() * 500.0 ** 2 < acceleration * (1.0 + 1e-6) + 1e-6
+    assert q[0] == start
+    assert q[-1] == pytest.approx(start, abs=1e-9)
+    assert v[-1] == 0.0
+
+
+def test_the_same_seed_gives_the_same_plan_and_another_another():
+    pairs = pairs_of(['stribeck', 'viscous_shape'])
+    one, again, other = (plan_joint(ELBOW, pairs, 20.0, seed) for seed in (3, 3, 4))
+    assert one == again
+    assert one.moves != other.moves
+    distances = [round(move.distance, 9) for move in one.moves]
+    assert len(set(distances)) == len(distances)
+    speeds = [move.speed for move in one.moves]
+    assert max(speeds) > 3.0 * min(speeds)
+    assert {np.sign(distance) for distance in distances} == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize('pair', [
+    ('stribeck', 'viscous_shape'), ('viscous_shape', 'warm_up'), ('hysteresis', 'rest_time')])
+def test_a_plan_tells_more_apart_than_a_staircase_or_a_fourier_series(pair):
+    pairs = pairs_of(pair)
+    scene = scene_within(ELBOW, 40.0, 0.02)
+    planned = plan_joint(ELBOW, pairs, 40.0, 7).separation[pairs[0]]
+    for other in (staircase(ELBOW, 40.0, 50.0), fourier_series(ELBOW, 40.0, 50.0, 7)):
+        assert planned > 1.1 * separations(other, pairs, scene)[pairs[0]]
+
+
+def test_separation_sees_what_cannot_be_told_apart():
+    narrow = JointLimits('j', -0.05, 0.05, 1.5, 6.0)
+    pairs = pairs_of(['gravity', 'spring'])
+    shares = [separations(staircase(limits, 40.0, 50.0), pairs,
+                          scene_within(limits, 40.0, 0.02))[pairs[0]] for limits in (ELBOW, narrow)]
+    assert shares[1] < 0.1 * shares[0]
+
+
+def test_effort_is_kept_by_the_model_or_refused():
+    model = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',
+                          sigmoid=Sigmoid(0.2, -0.2, 400.0, viscous=0.5))
+    pairs = pairs_of(['stribeck', 'viscous_shape'])
+    limits = JointLimits('elbow', -1.2, 1.0, 1.5, 6.0, effort=6.0)
+    plan = plan_joint(limits, pairs, 20.0, 1, model)
+    assert effort_of(model, plan.samples(500.0)) < 6.0
+    assert effort_of(model, plan_joint(ELBOW, pairs, 20.0, 1).samples(500.0)) > 6.0
+    slow = JointLimits('elbow', -1.2, 1.0, 1e-4, 6.0)
+    with pytest.raises(InputError, match='too short for motion within'):
+        plan_joint(slow, pairs, 20.0, 1)
+    with pytest.raises(InputError, match='effort limit of 1 N·m'):
+        plan_joint(JointLimits('elbow', -1.2, 1.0, 1.5, 6.0, 1.0), pairs, 20.0, 1, model)
+
+
+def test_the_trajectory_is_the_message():
+    message = pytest.importorskip('trajectory_msgs.msg').JointTrajectory
+    point = pytest.importorskip('trajectory_msgs.msg').JointTrajectoryPoint
+    plan = plan_joint(ELBOW, pairs_of(['stribeck', 'viscous_shape']), 20.0, 1)
+    document = yaml.safe_load(trajectory_yaml([plan], 20.0, 'a\nb'))
+    assert set(document) == set(message.get_fields_and_field_types())
+    assert all(set(one) == set(point.get_fields_and_field_types()) for one in document['points'])
+    assert document['joint_names'] == ['elbow']
+    assert document['points'][-1]['time_from_start'] == {'sec': 20, 'nanosec': 0}
+    assert all(isinstance(one['positions'][0], float) for one in document['points'])
+
+
+def test_limits_come_from_files(tmp_path):
+    (tmp_path / 'limits.yaml').write_text(
+        'joint_limits:\n  a: {min_position: -1.0, max_position: 1.0, max_velocity: 2.0, '
+        'max_acceleration: 3.0}\n', encoding='utf-8')
+    (tmp_path / 'arm.urdf').write_text(
+        '<robot name="r"><joint name="a" type="revolute"><limit lower="-1" upper="1" '
+        'velocity="2" effort="9"/></joint><joint name="b" type="fixed"/></robot>',
+        encoding='utf-8')
+    assert from_yaml(tmp_path / 'limits.yaml') == [JointLimits('a', -1.0, 1.0, 2.0, 3.0)]
+    assert from_urdf(tmp_path / 'arm.urdf', 3.0) == [JointLimits('a', -1.0, 1.0, 2.0, 3.0, 9.0)]
+    with pytest.raises(InputError, match="no revolute joint 'b'"):
+        from_urdf(tmp_path / 'arm.urdf', 3.0, ['b'])
+
+
+def test_a_report_of_refine_says_what_to_tell_apart():
+    found = pairs_in({'ambiguous': [{'between': ['time', 'velocity']}]}, 'r')
+    assert ('stribeck', 'warm_up') in found
+    assert ('gravity', 'spring') not in found
+    with pytest.raises(InputError, match='nothing open that motion alone'):
+        pairs_in({'ambiguous': [{'between': ['time', 'temperature']}]}, 'r')
+
+
+def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
+    output = tmp_path / 'o'
+    assert run('excite', [*PLAIN, '--effects', 'stribeck,viscous_shape', '--seconds', '20',
+                          '--output', str(output)]) == 0
+    assert 'effort is not checked' in capsys.readouterr().out
+    report = json.loads((output / 'report.json').read_text(encoding='utf-8'))
+    assert_documented(report, 'excite')
+    assert report['joints'][0]['pairs'][0]['between'] == ['stribeck', 'viscous_shape']
+    assert {one.name for one in output.iterdir()} == {
+        'report.html', 'report.json', 'trajectory.yaml'}
+
+
+@pytest.mark.parametrize('wrong, words', [
+    (['--effects', 'load_friction,stribeck'], "cannot be told by the joint's own motion"),
+    (['--effects', 'nonsense,stribeck'], "effect 'nonsense' is unknown"),
+    (['--effects', 'stribeck'], 'at least two effects'),
+    (['--seconds', '5'], 'too short for a plan'),
+    (['--seconds', '1e9'], 'too long for a plan'),
+    (['--rate', '1e9'], '--rate must be at most'),
+    (['--effort', '5'], '--effort needs --model'),
+    (['--ambiguous', 'missing.json'], 'cannot be read'),
+    (['--position', '1.0', '-1.0'], 'is not below'),
+])
+def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
+    assert run('excite', [*PLAIN, *wrong, '--output', str(tmp_path / 'o')]) == 2
+    said = capsys.readouterr().err
+    assert words in said
+    assert said.count('\n') == 1
+    assert not (tmp_path / 'o').exists()
