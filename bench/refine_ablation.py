@@ -89,12 +89,9 @@ def offer_all(attempt, keys):
     attempt.search.candidates = [key for key in table.add(wanted) if key[0] not in kinds]
 
 
-def every_attempt_from(first, last):
-    """Keep some of the starts."""
-    from friction_comp.refinement.attempt import Attempt
-
-    starts = Attempt.starts
-    method('attempt', 'Attempt', 'starts', lambda self: starts(self)[first:last])
+def from_nothing(attempt):
+    """Start without any effect."""
+    return [[]]
 
 
 def other_settings(without):
@@ -121,7 +118,6 @@ def constants_of_the_grid():
 RULES = {
     'nothing': lambda: None,
     'two standard errors': lambda: everywhere('STANDARD_ERRORS', 0.0),
-    'most blocks agree': lambda: everywhere('AGREE', 0.0),
     'a share worth naming': lambda: everywhere('LEAST_SHARE', 0.0),
     'own share of a column': lambda: everywhere('OWN', 0.0),
     'regions of posture': lambda: everywhere('regions_of', no_regions(1)),
@@ -130,8 +126,7 @@ RULES = {
     'exchange': lambda: method('search', 'Search', 'exchange', lambda self, keys: list(keys)),
     'backward': lambda: method(
         'search', 'Search', 'backward', lambda self, keys: self.complete(keys)),
-    'start from physics': lambda: every_attempt_from(0, 1),
-    'start from nothing': lambda: every_attempt_from(1, None),
+    'start from physics': lambda: method('attempt', 'Attempt', 'starts', from_nothing),
     'lag': lambda: other_settings(without_lag),
     'bandwidth again': lambda: other_settings(without_bandwidth),
     'repeated searches': lambda: everywhere('NAMED', 0.0),

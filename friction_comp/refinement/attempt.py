@@ -167,13 +167,13 @@ class Attempt:
             (table.terms[key].kind.variable == 'time') == self._clock)]
 
     def starts(self) -> list[list[Key]]:
-        """Return where to start: nothing, all of plain physics, and the links beside a joint.
+        """Return where to start: from all of plain physics, and with the links beside a joint.
 
         Weight, spring and inertia may cancel in a motion, so that each helps with the others alone.
         """
         table, rows = self.table, self.table.rows
         plain = [key for key in self.search.candidates if table.terms[key].kind.physics]
-        found: list[list[Key]] = [[], plain]
+        found: list[list[Key]] = [plain]
         if rows.joints:
             kind = EFFECTS['other_joints']
             found.append([*plain, *table.add([Term(kind, {}, group) for group in neighbourhood(

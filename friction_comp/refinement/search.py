@@ -3,8 +3,7 @@
 """Which effects are borne out: forward, backward and by exchange, on block sums alone.
 
 One criterion decides: the error of blocks that were not fitted. An effect is borne out where it
-lowers that error by a share worth naming, by two standard errors over the blocks, and in most of
-the blocks.
+lowers that error by a share worth naming, and by two standard errors over the blocks.
 """
 
 from __future__ import annotations
@@ -18,13 +17,7 @@ import numpy as np
 
 from friction_comp.refinement.effect_columns import Key, Table
 from friction_comp.refinement.joint_groups import plain_name
-from friction_comp.refinement.thresholds import (
-    AGREE,
-    LEAST_SHARE,
-    MOST_EFFECTS,
-    OWN,
-    STANDARD_ERRORS,
-)
+from friction_comp.refinement.thresholds import LEAST_SHARE, MOST_EFFECTS, OWN, STANDARD_ERRORS
 
 # An effect stays in a fit where half of what it takes to come in speaks for it.
 _STAYS = 0.5
@@ -100,8 +93,7 @@ class Split:
             ratio = gain / np.maximum(old + new, 1e-300)
             error = float(np.std(ratio, ddof=1)) / math.sqrt(len(gain))
             if not (gain.sum() > share * LEAST_SHARE * old.sum()
-                    and ratio.mean() > share * self._errors * error
-                    and np.mean(gain > 0.0) >= AGREE):
+                    and ratio.mean() > share * self._errors * error):
                 return False
         return True
 

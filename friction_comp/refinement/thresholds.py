@@ -35,7 +35,6 @@ SAME = Threshold(0.005, 'of the error', 'settings whose errors differ by less ar
 LEAST_SHARE = Threshold(0.02, 'of the squared error', 'an effect that takes away less may be a '
                         'base that is not quite of the right shape')
 STANDARD_ERRORS = Threshold(2.0, 'standard errors', 'of the gain over blocks that were not fitted')
-AGREE = Threshold(0.6, 'of the blocks', 'have to be predicted better with an effect')
 OWN = Threshold(0.01, 'of its size', 'that no other term repeats: with less, coefficients cancel')
 MOST_EFFECTS = Threshold(14, 'effects', 'more than any drive was seen to need')
 SEARCHES = Threshold(40, 'searches', 'on blocks drawn anew: a share of one half is known to 8 %')
