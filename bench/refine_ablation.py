@@ -130,8 +130,6 @@ RULES = {
     'lag': lambda: other_settings(without_lag),
     'bandwidth again': lambda: other_settings(without_bandwidth),
     'repeated searches': lambda: everywhere('NAMED', 0.0),
-    'what takes its place': lambda: method(
-        'stability', 'Stability', 'named', lambda self, key: self.chosen.get(key, 0.0) >= 0.6),
     'thirds not fitted': lambda: method(
         'elsewhere', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys)),
     'interval without zero': lambda: method(

@@ -37,6 +37,8 @@ TOOLS = {
     'convert': 'turns a recording into a CSV, Parquet or npz table, and back',
     'export': "writes a model's friction for MuJoCo, URDF or SDF, or as a table",
     'excite': 'plans a motion that tells effects apart, within limits, as a JointTrajectory',
+    'play': 'moves joints along a trajectory, with currents or by a trajectory controller',
+    'improve': 'refines, asks what is open, moves and records, until the model predicts',
     'history': "shows a drive's friction over all recordings kept beside its model",
     'predict': "writes a model's current for a recording beside the measured one",
 }
@@ -96,7 +98,7 @@ def run(name: str, argv: list[str] | None = None) -> int:
     # to twenty times the processor's time where other processes run beside them.
     for library in ('OMP', 'OPENBLAS', 'MKL'):
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
-    if name in NODES or name in ('demo', 'doctor'):
+    if name in NODES or name in ('demo', 'doctor', 'play', 'improve'):
         name_this_environment()
     if name == 'compensator':
         # A motor waits for it; the law runs in plain Python until its compiled form is loaded.
@@ -192,6 +194,8 @@ convert = partial(run, 'convert')
 export = partial(run, 'export')
 excite = partial(run, 'excite')
 history = partial(run, 'history')
+play = partial(run, 'play')
+improve = partial(run, 'improve')
 watch = partial(run, 'watch')
 doctor = partial(run, 'doctor')
 

@@ -24,7 +24,7 @@ from friction_comp.excitation.separation import (
     scene_within,
     separations,
 )
-from friction_comp.excitation.trajectory import trajectory_yaml
+from friction_comp.excitation.trajectory import Trajectory
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 
@@ -104,7 +104,7 @@ def test_the_trajectory_is_the_message():
     message = pytest.importorskip('trajectory_msgs.msg').JointTrajectory
     point = pytest.importorskip('trajectory_msgs.msg').JointTrajectoryPoint
     plan = plan_joint(ELBOW, pairs_of(['stribeck', 'viscous_shape']), 20.0, 1)
-    document = yaml.safe_load(trajectory_yaml([plan], 20.0, 'a\nb'))
+    document = yaml.safe_load(Trajectory.of_plans([plan], 20.0).to_yaml('a\nb'))
     assert set(document) == set(message.get_fields_and_field_types())
     assert all(set(one) == set(point.get_fields_and_field_types()) for one in document['points'])
     assert document['joint_names'] == ['elbow']

@@ -30,6 +30,8 @@ _NOT_MOVED = {'load', 'temperature', 'rigid_body', 'coupling'}
 _CONSTANTS = 3
 # Of the top speed: where friction changes its sign, and what counts as rest.
 _TRANSITION, _SLOWEST = 0.02, 0.01
+# An effect that fewer of the repeated searches choose is asked about again.
+_SURE = 0.9
 
 
 def pairs_of(names: Iterable[str]) -> list[Pair]:
@@ -63,11 +65,34 @@ def _of_motion(name: str) -> bool:
     return name != 'other_joints' and not set(EFFECTS[name].needs) & _NOT_MOVED
 
 
-def pairs_in(report: Any, source: str) -> list[Pair]:
-    """Return the pairs of effects that a report of refinement could not tell apart.
+def open_pairs(report: dict[str, Any]) -> list[Pair]:
+    """Return the pairs of effects that a report of refinement leaves open, none of them twice.
 
-    A report names what two effects depend on. The pairs are those of effects that depend on one
-    and on the other.
+    Those that it calls ambiguous; of an effect that not nearly all searches chose, and of a
+    variable that the remaining error depends on, those with the effects of `DEFAULT`.
+
+    Parameters
+    ----------
+    report : dict
+        Content of report.json.
+    """
+    pairs: dict[Pair, None] = {}
+    for entry in report['ambiguous']:
+        between = sorted(map(str, entry['between']))
+        pairs.update(dict.fromkeys(
+            pair for pair in combinations(filter(_of_motion, EFFECTS), 2)
+            if sorted(EFFECTS[name].variable for name in pair) == between))
+    barely = [one['name'] for one in report.get('effects', ()) if one['chosen'] < _SURE]
+    left = {one['variable'] for one in report.get('unexplained', ())}
+    barely += [name for name in DEFAULT if EFFECTS[name].variable in left]
+    for first in filter(_of_motion, filter(EFFECTS.__contains__, barely)):
+        pairs.update(dict.fromkeys((first, second) for second in DEFAULT if second != first
+                                   and (second, first) not in pairs))
+    return list(pairs)
+
+
+def pairs_in(report: Any, source: str) -> list[Pair]:
+    """Return the pairs of effects that a report of refinement leaves open; see `open_pairs`.
 
     Parameters
     ----------
@@ -84,19 +109,15 @@ def pairs_in(report: Any, source: str) -> list[Pair]:
     entries = report.get('ambiguous') if isinstance(report, dict) else None
     if not isinstance(entries, list):
         raise InputError(f"{source}: is no report of refine: it has no list 'ambiguous'")
-    pairs: dict[Pair, None] = {}
     for entry in entries:
         between = entry.get('between') if isinstance(entry, dict) else None
         if not isinstance(between, list) or len(between) != 2:
             raise InputError(f"{source}: an entry of 'ambiguous' does not name two variables in "
                              "'between'")
-        for first, second in combinations(filter(_of_motion, EFFECTS), 2):
-            if sorted((EFFECTS[first].variable, EFFECTS[second].variable)) == sorted(
-                    map(str, between)):
-                pairs[first, second] = None
+    pairs = open_pairs(report)
     if not pairs:
         raise InputError(f'{source}: refine left nothing open that motion alone can tell apart')
-    return list(pairs)
+    return pairs
 
 
 def scene_within(limits: JointLimits, seconds: float, sample_time: float) -> Scene:

@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol, TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from friction_comp.identification.velocity_control import (
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
-    from friction_comp.identification.goal import IdentificationGoal
     from friction_comp.identification.kinetic import KineticPoint
 
 STILL_TIME = 0.2        # s of standstill asked for before each ramp
@@ -33,12 +32,31 @@ STILL_PATIENCE = 10.0   # s to come to rest
 STILL_COUNTS, STILL_WAY = 2.5, 1e-5
 
 
+class MotionGoal(Protocol):
+    """What of a goal says how a joint may be moved; see `IdentificationGoal`."""
+
+    @property
+    def motion_range(self) -> float:
+        """Width in rad of the range that the joint may use."""
+
+    @property
+    def ramp_peak(self) -> float:
+        """Largest current in A with which the joint is broken free."""
+
+    @property
+    def speeds(self) -> Sequence[float]:
+        """Speeds in rad/s that it is to have, the least first."""
+
+    def cycle(self, speed: float) -> tuple[float, float]:
+        """Return in what time in s, and on what way in rad, it goes there and back."""
+
+
 class Movement:
     """A joint's movements as generators that yield currents and are handed samples.
 
     Parameters
     ----------
-    goal : IdentificationGoal
+    goal : MotionGoal
     drive : Drive
 
     Attributes
@@ -55,7 +73,7 @@ class Movement:
         of the measurement must not drive the joint.
     """
 
-    def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
+    def __init__(self, goal: MotionGoal, drive: Drive) -> None:
         self.goal, self.drive = goal, drive
         self.phase = 'standstill'
         self.sample = Sample(math.nan, math.nan, math.nan, math.nan)

@@ -11,23 +11,22 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator, Sequence
 import math
-from typing import NoReturn, TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.identification.excitation import at_position, at_ramp, at_travel, at_velocity
+from friction_comp.identification.first_motion import FirstMotion
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import constant_velocity_currents
-from friction_comp.identification.movement import Movement, STILL_TIME
-from friction_comp.identification.push import acceleration_of_push
+from friction_comp.identification.movement import STILL_TIME
 from friction_comp.identification.ramp import Ramp, Sample, speed_over, STOP_TIME, time_of_ramp
 from friction_comp.identification.velocity_control import (
     velocity_controller_parameters,
     velocity_controller_state,
     velocity_controller_step,
 )
-from friction_comp.signal_checks import LATEST
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
 # s, and beyond so many encoder counts. A ramp is cut once it has run so far, rad: a rotor that
 # slides through backlash runs, too, and is caught; few gears for robots have more of it.
 CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_WAY = 0.05, 0.02, 8.0, 5e-3
-PUSH_SPEED = 0.3        # rad/s that the inertia's short push aims at
 # Stick-slip asks for higher gains, a joint with more lag than expected, or with a link that is much
 # heavier than its rotor and swings against it, for lower ones.
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
@@ -58,7 +56,7 @@ STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 _Cycle: TypeAlias = tuple[tuple['KineticPoint', ...], tuple['KineticPoint', ...]]
 
 
-class Script(Movement):
+class Script(FirstMotion):
     """The steps of one identification and what they measured.
 
     Parameters
@@ -74,26 +72,22 @@ class Script(Movement):
         The look-up table so far, of measured currents.
     centre : float
         Position at the start in rad, NaN before; the motion range lies about it.
-    friction : pair of float, or None
-        Largest current in A known to be taken by friction, a direction each; None before.
     ramps : list of Ramp
     stopping : list of Ramp
         The ramps with stops.
     cycles_driven : list of ndarray, shape (N, 3)
         Time in s, position and current of each cycle of Eq. 3 that was evaluated.
-    warnings : list of str
     ...
-        And those of `Movement`; its `acceleration` is the push's.
+        And those of `FirstMotion`; its `acceleration` is the push's.
     """
+
+    goal: IdentificationGoal
 
     def __init__(self, goal: IdentificationGoal, drive: Drive,
                  supervision: Supervision) -> None:
-        super().__init__(goal, drive)
-        self._supervision = supervision
+        super().__init__(goal, drive, supervision)
         self.points: list[KineticPoint] = []
-        self.warnings: list[str] = []
         self.centre = math.nan
-        self.friction: tuple[float, float] | None = None
         self.ramps: list[Ramp] = []
         self.stopping: list[Ramp] = []
         self.cycles_driven: list[np.ndarray] = []
@@ -103,15 +97,12 @@ class Script(Movement):
         self._speeds_done = 0
         _compile()
 
-    def _note_friction(self) -> None:
-        """Renew `friction`, after a push or a cycle: it is looked at with every sample."""
-        if 0.0 in self._push.values():
-            return
-        positive, negative = (
-            sign * max([abs(self._push[sign])] + [
-                abs(point.current) for point in self.held if point.speed * sign > 0.0])
-            for sign in (1, -1))
-        self.friction = positive, negative
+    def bounds(self) -> tuple[float, float]:
+        """Return the lowest and highest position in rad that the joint may have."""
+        if math.isnan(self.centre):
+            return -math.inf, math.inf
+        half = 0.5 * self.goal.motion_range
+        return self.centre - half, self.centre + half
 
     def remaining(self) -> float:
         """Return the estimated time to the end in s."""
@@ -132,11 +123,7 @@ class Script(Movement):
         sample = yield 0.0
         self.centre, self.sample = sample.position, sample
         yield from self._standstill(STILL_TIME)
-        self.phase = 'push'
-        rates = []
-        for sign in (1, -1):
-            rates.append((yield from self._short_push(sign)))
-        self.acceleration = self._combine(rates)
+        yield from self._first_motion()
         self._check_accelerations()
         for speed in self.goal.speeds:
             yield from self._constant_velocity(speed)
@@ -166,56 +153,6 @@ class Script(Movement):
         golden = 0.5 * (math.sqrt(5.0) - 1.0)
         share = 2.0 * math.fmod(0.5 + number * golden, 1.0) - 1.0
         return self.centre + share * PLACES_SHARE * self.goal.motion_range
-
-    def _short_push(self, sign: int) -> Generator[float, Sample, float]:
-        """Break the joint free, push it a little, let it coast; return k_t·n/J or NaN."""
-        peak = self.goal.ramp_peak
-        slope = peak / 3.0
-        yield from self._standstill(STILL_TIME)
-        sample = self.sample
-        begin, home = sample.time, sample.position
-        window = deque([sample], maxlen=200)
-        while True:
-            current = slope * (sample.time - begin)
-            if current > peak:
-                self._never_free(sign, peak)
-            sample = yield from self._step(sign * current)
-            window.append(sample)
-            if speed_over(window, sign, 0.01) > PUSH_SPEED / 10.0 and (
-                    sign * (sample.position - home) > 8.0 * self._resolution):
-                break
-        if not self._supervision.known():
-            # Its answer may still be on its way.
-            yield from self._standstill(STILL_TIME + LATEST)
-            self._supervision.insist()
-            sample = self.sample
-        self._push[sign] = sign * current
-        self._note_friction()
-        strong = min(1.3 * current, self.drive.current_limit)
-        room = sample.position + sign * 0.04 * self.goal.motion_range
-        pushed, begin = [sample], sample.time
-        while (sign * (sample.position - room) < 0.0 and sample.time - begin < 1.0
-               and speed_over(pushed, sign, 0.004) < PUSH_SPEED):
-            sample = yield from self._step(sign * strong)
-            pushed.append(sample)
-        coasted = [sample]
-        while speed_over(coasted, sign, 0.02) > 0.0 or len(coasted) < 25:
-            sample = yield from self._step(0.0)
-            coasted.append(sample)
-            if sample.time - coasted[0].time > 2.0:
-                break
-        yield from self._standstill(STILL_TIME)
-        return acceleration_of_push(pushed, coasted, strong, sign)
-
-    def _combine(self, rates: list[float]) -> float:
-        """The larger of the two estimates; from the breakaway current alone where both failed."""
-        # A joint that its own breakaway torque accelerates at 10 rad/s² is typical.
-        typical = 10.0 / max(self._push[1], -self._push[-1])
-        rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
-        if not rates:
-            self.warnings.append('the inertia could not be estimated; a typical one was assumed')
-            return typical
-        return max(rates)
 
     def _check_accelerations(self) -> None:
         push = max(self._push[1], -self._push[-1])
@@ -324,13 +261,6 @@ class Script(Movement):
             self._reached[sign] = min(1.0, broke / (0.4 * goal.ramp_period))
         before, self._slid = self._slid, sign
         return Ramp(sign, cycle, rest, before, np.array(samples), tuple(stops))
-
-    def _never_free(self, sign: int, reached: float) -> NoReturn:
-        side = 'positive' if sign > 0 else 'negative'
-        raise IdentificationError(
-            f'the joint did not break free in the {side} direction up to {reached:.3g} A. '
-            'Did it move all the same? Then its encoder is stuck. Is it blocked? If neither, ask '
-            'for a steeper ramp_slope or a longer ramp_period')
 
 
 def _rattle(points: Sequence[KineticPoint]) -> float:

@@ -17,8 +17,9 @@ from collections.abc import Sequence
 import math
 
 from friction_comp.drive import Drive
-from friction_comp.identification.goal import IdentificationError, IdentificationGoal
+from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import KineticPoint
+from friction_comp.identification.movement import MotionGoal
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
 # Measured over commanded current, and way by velocity over way by position, that are believed;
@@ -48,11 +49,11 @@ class Supervision:
 
     Parameters
     ----------
-    goal : IdentificationGoal
+    goal : MotionGoal
     drive : Drive
     """
 
-    def __init__(self, goal: IdentificationGoal, drive: Drive):
+    def __init__(self, goal: MotionGoal, drive: Drive):
         self._drive = drive
         self._least = _LEAST * goal.ramp_peak
         self._resolution = drive.position_resolution or 1e-6

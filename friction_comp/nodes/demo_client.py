@@ -25,6 +25,8 @@ from friction_comp.errors import InputError
 
 # A request that is not answered within this time is sent again, s.
 ANSWER_TIME = 5.0
+# s for a cancellation to go out.
+_FAREWELL = 0.5
 
 
 class DemoClient:
@@ -147,35 +149,63 @@ class DemoClient:
         InputError
             If the goal is refused or not reached.
         """
-        return self._reached(self._action, IdentifyFriction, goal, report, 'identification')
+        nobody = IdentifyFriction.Goal(**{**goal, 'joint': 'nobody'})
+        return self.reach(self._action, IdentifyFriction.Goal(**goal), nobody, report,
+                          'identification')
 
     def refine(self, goal, report):
         """Send a goal to the refinement node, as `identify` does to its own."""
-        return self._reached(self._refinement, RefineModel, goal, report, 'refinement')
+        nobody = RefineModel.Goal(**{**goal, 'joint': 'nobody'})
+        return self.reach(self._refinement, RefineModel.Goal(**goal), nobody, report, 'refinement')
 
-    def _reached(self, action, kind, goal, report, what):
+    def reach(self, action, goal, refused, report, what):
+        """Send a goal until it is accepted, and return its result; interrupted, cancel it.
+
+        Parameters
+        ----------
+        action : ActionClient
+        goal : message
+        refused : message
+            A goal that is refused whenever it comes: its answer shows that both ends have found
+            each other.
+        report : callable
+            Called with each feedback message.
+        what : str
+            Name of the server's node, for errors.
+
+        Raises
+        ------
+        InputError
+            If the goal is refused or not reached.
+        """
         self.until(action.server_is_ready, f'the action of {what}')
-        # Nobody's goal is refused; the answer shows that both ends have found each other.
-        nobody = kind.Goal(**{**goal, 'joint': 'nobody'})
-        self._answered(lambda: action.send_goal_async(nobody), 'an answer to the goal')
-        message = kind.Goal(**goal)
+        self._answered(lambda: action.send_goal_async(refused), 'an answer to the goal')
         handle = None
         end = time.monotonic() + self._patience
         while handle is None or not handle.accepted:
             # Refused at first where the node has not heard of its joint yet.
             if time.monotonic() > end:
-                raise InputError(f'{what} refuses the goal')
+                reason = self.value(what, 'last refusal')
+                raise InputError(f'{what} refuses the goal{": " if reason else ""}{reason or ""}')
             future = action.send_goal_async(
-                message, lambda feedback: report(feedback.feedback))
+                goal, lambda feedback: report(feedback.feedback))
             self.until(future.done, 'an answer to the goal')
             handle = future.result()
             if not handle.accepted:
                 self.wait(0.2)
-        future = handle.get_result_async()
-        self.until(future.done, f'the result of {what}', 1800.0)
+        try:
+            future = handle.get_result_async()
+            self.until(future.done, f'the result of {what}', 3600.0)
+        except BaseException:
+            # Not every server knows when nobody waits for it any more.
+            handle.cancel_goal_async()
+            self.spin(_FAREWELL)
+            raise
         outcome = future.result()
         if outcome.status != GoalStatus.STATUS_SUCCEEDED:
-            raise InputError(f'{what} failed: {outcome.result.message}')
+            said = outcome.result
+            raise InputError(f'{what} failed: '
+                             f"{getattr(said, 'message', '') or getattr(said, 'error_string', '')}")
         return outcome.result
 
     def _answered(self, send, what):
@@ -191,6 +221,12 @@ class DemoClient:
             if future.done():
                 return future.result()
         raise InputError(f'{what}: nothing within {self._patience:g} s')
+
+    def spin(self, seconds):
+        """Attend to messages for a while, whatever has become of the nodes."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
 
     def wait(self, seconds):
         """Attend to messages for a while."""

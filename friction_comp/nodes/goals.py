@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Converts between the identification action's messages and the procedure's own types."""
+"""Converts between the actions' messages and the procedures' own types."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 
 from friction_comp.errors import InputError
 from friction_comp.identification.run import IdentificationGoal, IdentificationRun
+from friction_comp.identification.trajectory import TrajectoryGoal
 from friction_comp.nodes.parameters import declare
 
 # 4 to 100 deg/s, the note's range.
@@ -62,6 +63,37 @@ def make_goal(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
         value = getattr(request, name)
         fields[name] = default if len_or_value(value) == 0 else value
     goal = IdentificationGoal(**dict(fields, speeds=tuple(fields['speeds'])))
+    goal.check(drives[index])
+    return index, goal
+
+
+def make_trajectory(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
+    """Turn a PlayTrajectory goal into (number of the joint, TrajectoryGoal).
+
+    Parameters
+    ----------
+    request : PlayTrajectory.Goal
+    joints, drives, defaults
+        As for `make_goal`.
+
+    Raises
+    ------
+    InputError
+        If it is not of one known joint, or the drive cannot do what is asked.
+    """
+    names, points = list(request.trajectory.joint_names), request.trajectory.points
+    if len(names) != 1:
+        raise InputError(f'one joint is moved at a time, not {len(names)}')
+    if names[0] not in joints:
+        raise InputError(f'unknown joint {names[0]!r}; known: {", ".join(joints)}')
+    if any(len(point.positions) != 1 or len(point.velocities) != 1 for point in points):
+        raise InputError('a point of the trajectory lacks position or velocity')
+    index = joints.index(names[0])
+    goal = TrajectoryGoal(
+        [point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in points],
+        [point.positions[0] for point in points], [point.velocities[0] for point in points],
+        request.ramp_slope or defaults['ramp_slope'],
+        request.ramp_period or defaults['ramp_period'])
     goal.check(drives[index])
     return index, goal
 

@@ -1,16 +1,23 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measures the friction of a joint as an action server (note, sections 2.3 and 2.4)."""
+"""Moves a joint with currents, as two actions: to measure its friction, and along a trajectory.
+
+Friction is measured by the note's sections 2.3 and 2.4. Both actions share the joint, its
+supervision and the way in which every fault ends in zero current.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+import functools
 import math
 from pathlib import Path
 import time
 import traceback
 from typing import Any
 
-from friction_comp_interfaces.action import IdentifyFriction
+from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -20,9 +27,17 @@ from sensor_msgs.msg import JointState, Temperature
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder
 from friction_comp.identification.run import IdentificationRun
+from friction_comp.identification.supervised_run import SupervisedRun
+from friction_comp.identification.trajectory import TrajectoryRun
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
-from friction_comp.nodes.goals import compile_ahead, declare_defaults, fill_result, make_goal
+from friction_comp.nodes.goals import (
+    compile_ahead,
+    declare_defaults,
+    fill_result,
+    make_goal,
+    make_trajectory,
+)
 from friction_comp.nodes.joint_io import CommandPort, input_qos, rivals
 from friction_comp.nodes.joint_states import JointStateInput, NANO, nanoseconds
 from friction_comp.nodes.node_main import run
@@ -36,6 +51,30 @@ _LOOK = 0.1
 # Real s within which joint states must have come for a goal to be accepted. A busy machine may
 # leave them unread for long; the joint is not driven before a fresh one has come.
 _RECENT = 2.0
+
+
+@dataclass(frozen=True)
+class Served:
+    """One of the actions.
+
+    Parameters
+    ----------
+    kind : type
+        Of the action.
+    name : str
+    goal : callable
+        Makes joint and goal of a request; raises InputError.
+    run : callable
+        Makes the run of a goal and a drive.
+    finish : callable
+        Fills in the result of a finished run, given the joint.
+    """
+
+    kind: Any
+    name: str
+    goal: Callable[[Any], tuple[int, Any]]
+    run: Callable[[Any, Any], SupervisedRun]
+    finish: Callable[[Any, str, Any], None]
 
 
 class IdentificationNode(Node):
@@ -73,7 +112,7 @@ class IdentificationNode(Node):
         self._rate = Rate()
         self._received = self._fresh = -math.inf
         self._busy = self._silent = False
-        self._run: IdentificationRun | None = None
+        self._run: SupervisedRun | None = None
         self._done: Future | None = None
         self._started: int | None = None
         self._shown: float | None = None
@@ -83,18 +122,35 @@ class IdentificationNode(Node):
         self.create_subscription(Temperature, 'motor_temperature', self._on_temperature, qos)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
         self.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._server = ActionServer(
-            self, IdentifyFriction, 'identify_friction', self._execute,
-            goal_callback=self._on_goal, cancel_callback=self._on_cancel)
+        self._served = (
+            Served(IdentifyFriction, 'identify_friction', self._identification_goal,
+                   IdentificationRun, self._finish_identification),
+            Served(PlayTrajectory, 'play_trajectory', self._trajectory_goal, TrajectoryRun,
+                   _finish_trajectory))
+        self._now = self._served[0]
+        self._servers = [ActionServer(
+            self, one.kind, one.name, functools.partial(self._execute, one),
+            goal_callback=functools.partial(self._on_goal, one),
+            cancel_callback=self._on_cancel) for one in self._served]
         Diagnostics(self, self._report, ', '.join(self._joints), 'identification')
 
-    # The action.
+    # The actions.
 
-    def _on_goal(self, request: Any) -> Any:
+    def _identification_goal(self, request: Any) -> tuple[int, Any]:
+        check_folder(self.get_parameter('output_folder').value)
+        found: tuple[int, Any] = make_goal(request, self._joints, self._drives, self._defaults)
+        return found
+
+    def _trajectory_goal(self, request: Any) -> tuple[int, Any]:
+        found: tuple[int, Any] = make_trajectory(
+            request, self._joints, self._drives, self._defaults)
+        return found
+
+    def _on_goal(self, served: Served, request: Any) -> Any:
         try:
             if self._busy:
                 raise InputError('another goal is running')
-            index, _ = make_goal(request, self._joints, self._drives, self._defaults)
+            index, _ = served.goal(request)
             self._check_states(index)
             self._check_surroundings()
         except InputError as error:
@@ -118,28 +174,27 @@ class IdentificationNode(Node):
         others = self._port.others()
         if others:
             raise InputError(f'{", ".join(others)} may command the motor: deactivate it first')
-        check_folder(self.get_parameter('output_folder').value)
 
     def _on_cancel(self, goal_handle: Any) -> Any:
         self._end('canceled', 'cancelled on request')
         return CancelResponse.ACCEPT
 
-    async def _execute(self, goal_handle: Any) -> Any:
-        result = IdentifyFriction.Result()
+    async def _execute(self, served: Served, goal_handle: Any) -> Any:
+        result = served.kind.Result()
         try:
-            self._index, goal = make_goal(
-                goal_handle.request, self._joints, self._drives, self._defaults)
+            self._now = served
+            self._index, goal = served.goal(goal_handle.request)
             joint = self._joints[self._index]
             self._goal_handle = goal_handle
             self._started = self._shown = None
             self._done, self._silent, self._accompanied = Future(), False, False
             self._states.forget()
             self._port.open()
-            run = self._run = IdentificationRun(goal, self._drives[self._index])
-            self.get_logger().info(f'identifies {joint}')
+            run = self._run = served.run(goal, self._drives[self._index])
+            self.get_logger().info(f'{served.name}: moves {joint}')
             end, result.message = await self._done
             if end == 'done':
-                self._finish(run, joint, result)
+                served.finish(run, joint, result)
         except InputError as error:
             end, result.message = 'aborted', str(error)
         except Exception:
@@ -160,7 +215,7 @@ class IdentificationNode(Node):
             goal_handle.abort()
         return result
 
-    def _finish(self, run: Any, joint: int, result: Any) -> None:
+    def _finish_identification(self, run: Any, joint: str, result: Any) -> None:
         """Fit, write the model file, and fill the result in."""
         outcome = run.result()
         path = Path(self.get_parameter('output_folder').value) / f'{joint}.yaml'
@@ -250,7 +305,7 @@ class IdentificationNode(Node):
         if self._shown is not None and now - self._shown < self._feedback_period:
             return
         self._shown = now
-        feedback = IdentifyFriction.Feedback(
+        feedback = self._now.kind.Feedback(
             phase=self._run.phase, progress=float(self._run.progress),
             remaining_seconds=float(self._run.remaining), time=at, position=sample[0],
             velocity=sample[1], current=sample[2])
@@ -267,7 +322,7 @@ class IdentificationNode(Node):
         if self._run is None:
             return
         states = self.resolve_topic_name('joint_states')
-        client = self.resolve_service_name('identify_friction/_action/get_result')
+        client = self.resolve_service_name(f'{self._now.name}/_action/get_result')
         others, clients = self._port.others(), self.count_clients(client)
         self._accompanied = self._accompanied or clients > 0
         # A simulation's time may rest: then its last state is as fresh as ever.
@@ -289,7 +344,7 @@ class IdentificationNode(Node):
                 'joint': self._joints[self._index], 'phase': self._run.phase,
                 'progress': float(self._run.progress),
                 **per_joint(self._joints, 'command [A]', self._port.last)})
-            return OK, f'identifies {self._joints[self._index]}', values
+            return OK, f'{self._now.name}: moves {self._joints[self._index]}', values
         if self._last_end.startswith('aborted'):
             return ERROR, self._last_end, values
         if not self._states.stamp:
@@ -305,6 +360,10 @@ class IdentificationNode(Node):
         self._end('aborted', 'the node was stopped')
         self._port.wait()
         self._watchdog.close()
+
+
+def _finish_trajectory(run: Any, joint: str, result: Any) -> None:
+    result.message = f'moved {joint} along the trajectory'
 
 
 def main(argv: list[str] | None = None) -> Any:

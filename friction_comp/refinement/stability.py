@@ -51,10 +51,8 @@ class Stability:
                          {names.get(key, key): value for key, value in self.instead.items()})
 
     def named(self, key: Key) -> bool:
-        """Tell whether a term, or what takes its place, is chosen often enough to be named."""
-        beside = max((share for _, share in self.instead.get(key, [])), default=0.0)
-        own = self.chosen.get(key, 0.0)
-        return own >= NAMED or (own >= 0.5 * NAMED and own + beside >= 1.0 - 0.5 * (1.0 - NAMED))
+        """Tell whether a term is chosen often enough to be named."""
+        return self.chosen.get(key, 0.0) >= NAMED
 
 
 def repeated(table: Table, keys: Sequence[Key], given: int, candidates: Sequence[Key]

@@ -221,7 +221,7 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
     Yields
     ------
     callable
-        ``report(share, description=None)`` with the share 0..1 that is done.
+        ``report(share, description=None)`` with the share 0..1 that is done; None where it stays.
     """
     if os.environ.get('FRICTION_COMP_PROGRESS') == 'lines':
         yield _progress_lines(description)
@@ -236,19 +236,21 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
                   disable=not console.is_terminal) as bar:
         task = bar.add_task(description, total=1.0)
 
-        def report(share: float, description: str | None = None) -> None:
-            bar.update(task, completed=min(max(float(share), 0.0), 1.0), description=description)
+        def report(share: float | None, description: str | None = None) -> None:
+            completed = None if share is None else min(max(float(share), 0.0), 1.0)
+            bar.update(task, completed=completed, description=description)
 
         yield report
 
 
 def _progress_lines(first: str) -> Callable[..., None]:
-    shown = [first]
+    word, done = first, 0.0
 
-    def report(share: float, description: str | None = None) -> None:
-        shown[0] = description or shown[0]
-        print(f'progress {min(max(float(share), 0.0), 1.0):.4f} {shown[0]}', file=sys.stderr,
-              flush=True)
+    def report(share: float | None, description: str | None = None) -> None:
+        nonlocal word, done
+        word = description or word
+        done = done if share is None else min(max(float(share), 0.0), 1.0)
+        print(f'progress {done:.4f} {word}', file=sys.stderr, flush=True)
     return report
 
 

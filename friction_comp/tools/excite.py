@@ -49,15 +49,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--joint', metavar='NAME', action='append', default=[],
                         help='joint; may come several times with --limits or --urdf, where all '
                         'are planned without it')
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument('--position', metavar=('LOW', 'HIGH'), type=float, nargs=2,
-                        help='limits of position, rad, of one joint')
-    source.add_argument('--limits', metavar='FILE', type=Path,
-                        help="limits as in MoveIt's joint_limits.yaml")
-    source.add_argument('--urdf', metavar='FILE', type=Path, help='limits of a URDF')
-    parser.add_argument('--velocity', metavar='RAD/S', type=positive, help='with --position')
-    parser.add_argument('--acceleration', metavar='RAD/S²', type=positive,
-                        help='with --position or --urdf')
+    add_limits(parser)
     parser.add_argument('--effort', metavar='N·M', type=positive,
                         help='with --position and --model')
     parser.add_argument('--model', metavar='FILE', type=Path,
@@ -77,12 +69,14 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.excitation.comparison import fourier_series, staircase
     from friction_comp.excitation.plan import plan_joint
     from friction_comp.excitation.separation import scene_within, separations
-    from friction_comp.excitation.trajectory import trajectory_yaml
+    from friction_comp.excitation.trajectory import Trajectory
     from friction_comp.reports.excitation_report import excitation_report
 
+    if arguments.effort is not None and arguments.model is None:
+        raise InputError('--effort needs --model, which says what effort a motion asks for')
     if arguments.rate > _HIGHEST_RATE:
         raise InputError(f'--rate must be at most {_HIGHEST_RATE:g} Hz')
-    pairs, limits = _pairs(arguments), _limits(arguments)
+    pairs, limits = _pairs(arguments), limits_of(arguments)
     model = _model(arguments, limits)
     seconds, rate = arguments.seconds, 50.0
     seeds = np.random.SeedSequence(arguments.seed).generate_state(len(limits)).tolist()
@@ -112,9 +106,9 @@ def main(argv: list[str] | None = None) -> int:
         page.made_by(command_line('excite', argv))
         page.save(folder / 'report.html')
         (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
-        (folder / 'trajectory.yaml').write_text(trajectory_yaml(
-            plans, arguments.rate, f'Planned by friction_comp {__version__}; {checked[0]}'),
-            encoding='utf-8')
+        (folder / 'trajectory.yaml').write_text(
+            Trajectory.of_plans(plans, arguments.rate).to_yaml(
+                f'Planned by friction_comp {__version__}; {checked[0]}'), encoding='utf-8')
     for plan in plans:
         pair, share = min(plan.separation.items(), key=lambda entry: entry[1])
         print(f'{plan.limits.joint}: {len(plan.moves)} moves; hardest to tell apart: '
@@ -124,7 +118,27 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def _limits(arguments: Namespace) -> list[JointLimits]:
+def add_limits(parser: Arguments) -> None:
+    """Add the arguments that say what joints may do."""
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument('--position', metavar=('LOW', 'HIGH'), type=float, nargs=2,
+                        help='limits of position, rad, of one joint')
+    source.add_argument('--limits', metavar='FILE', type=Path,
+                        help="limits as in MoveIt's joint_limits.yaml")
+    source.add_argument('--urdf', metavar='FILE', type=Path, help='limits of a URDF')
+    parser.add_argument('--velocity', metavar='RAD/S', type=positive, help='with --position')
+    parser.add_argument('--acceleration', metavar='RAD/S²', type=positive,
+                        help='with --position or --urdf')
+
+
+def limits_of(arguments: Namespace) -> list[JointLimits]:
+    """Return what the joints may do, by `add_limits` and --joint.
+
+    Raises
+    ------
+    InputError
+        If something is missing or contradicts itself.
+    """
     from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 
     if arguments.limits:
@@ -135,11 +149,9 @@ def _limits(arguments: Namespace) -> list[JointLimits]:
         return from_urdf(arguments.urdf, arguments.acceleration, arguments.joint)
     if len(arguments.joint) != 1 or arguments.velocity is None:
         raise InputError('with --position one --joint and --velocity are needed')
-    if arguments.effort is not None and arguments.model is None:
-        raise InputError('--effort needs --model, which says what effort a motion asks for')
     low, high = arguments.position
     return [JointLimits(arguments.joint[0], low, high, arguments.velocity,
-                        arguments.acceleration, arguments.effort or math.inf)]
+                        arguments.acceleration, getattr(arguments, 'effort', None) or math.inf)]
 
 
 def _model(arguments: Namespace, limits: list[JointLimits]) -> FrictionModel | None:

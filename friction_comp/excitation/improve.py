@@ -1,0 +1,252 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A model improved by motion that is planned for what the recordings so far leave open.
+
+One principle: **a recording tests the model before it teaches it**. The motion of each round is
+new, so the error with which the model of the earlier rounds predicts it is the error that the model
+has anywhere within the limits. Then the round is fitted together with all others, and the next
+motion asks about what that fit leaves open. Nothing is left to ask once a motion that is new tells
+nothing new.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.drive import Drive
+from friction_comp.errors import InputError
+from friction_comp.excitation.joint_limits import JointLimits
+from friction_comp.excitation.plan import JointPlan, plan_joint
+from friction_comp.excitation.separation import DEFAULT, open_pairs, Pair, pairs_of
+from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement import refine, RefineResult
+from friction_comp.refinement.recorded_motion import in_motion, standstill_speed
+from friction_comp.refinement.thresholds import GROWS
+from friction_comp.refinement.verdict import AGAIN, IN_PART, TRUST
+from friction_comp.samples import Samples
+
+# Findings that a motion which was predicted before it was fitted refutes.
+_REFUTED = ('extrapolates',)
+# Findings that more motion may end.
+_BY_MOTION = ('extrapolates', 'ambiguous', 'unexplained', 'one_direction', 'explains_part',
+              'explains_nothing')
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How much a joint is moved.
+
+    Parameters
+    ----------
+    seconds : float
+        Of motion in each round.
+    budget : float
+        Of motion in all rounds.
+    seed : int
+        Of the first plan.
+
+    Raises
+    ------
+    InputError
+        If the budget is less than two rounds.
+    """
+
+    seconds: float = 30.0
+    budget: float = 300.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.budget < 2.0 * self.seconds:
+            raise InputError(
+                f'a budget of {self.budget:g} s is less than two rounds of {self.seconds:g} s: '
+                'the second tests what the first taught')
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round asked, and what it found.
+
+    Parameters
+    ----------
+    seconds : float
+        Of motion, in this round.
+    asked : list of (str, str)
+        Effects that its motion was planned to tell apart.
+    predicted : float
+        RMS error in A, in motion, with which the model of the rounds before predicts this one;
+        NaN of the first.
+    held_out : float
+        RMS error in A of the fit to all rounds, on parts that were not fitted.
+    effects : tuple of str
+        Named by the fit to all rounds.
+    verdict : str
+        On the fit to all rounds, with what this round tested.
+    reasons : list of str
+        Why it is not better.
+    """
+
+    seconds: float
+    asked: list[Pair]
+    predicted: float
+    held_out: float
+    effects: tuple[str, ...]
+    verdict: str
+    reasons: list[str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of report.json."""
+        return {'seconds': self.seconds, 'asked': [list(pair) for pair in self.asked],
+                'predicted_rmse': None if math.isnan(self.predicted) else self.predicted,
+                'held_out_rmse': self.held_out, 'effects': list(self.effects),
+                'verdict': self.verdict, 'reasons': list(self.reasons)}
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """What all rounds together found.
+
+    Parameters
+    ----------
+    rounds : list of Round
+    result : RefineResult
+        Of all recordings together.
+    ended : str
+        Why there was no further round; empty while there is one.
+    """
+
+    rounds: list[Round]
+    result: RefineResult
+    ended: str
+
+    @property
+    def verdict(self) -> str:
+        """That of the last round."""
+        return self.rounds[-1].verdict
+
+    @property
+    def seconds(self) -> float:
+        """Of motion, of all rounds."""
+        return sum(one.seconds for one in self.rounds)
+
+    def report(self) -> dict[str, Any]:
+        """Return the content of report.json: that of refinement, and the rounds."""
+        last = self.rounds[-1]
+        return {**self.result.report, 'verdict': last.verdict,
+                'reasons': last.reasons or self.result.report['reasons'],
+                'rounds': [one.to_dict() for one in self.rounds], 'ended': self.ended}
+
+
+def error_of(model: FrictionModel, samples: Samples) -> float:
+    """Return the RMS error in A with which a model predicts a recording in motion."""
+    settings: dict[str, Any] = dict(model.differentiation or DEFAULT_SETTINGS)
+    moved = differentiate(samples, settings)
+    moving = in_motion(moved, np.zeros(len(moved), dtype=bool), standstill_speed(moved),
+                       settings.get('bandwidth'))
+    error = (model.measured(samples) - model.predict(samples))[moving]
+    return float(np.sqrt(np.mean(error ** 2)))
+
+
+def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Drive, *,
+            model: FrictionModel | None = None, recorded: Sequence[Samples] = (),
+            schedule: Schedule = Schedule(),
+            progress: Callable[[float, str], None] | None = None,
+            done: Callable[[Improvement], None] | None = None,
+            plan: Callable[..., JointPlan] = plan_joint) -> Improvement:
+    """Refine, ask, move and record until the model predicts motion that it has not seen.
+
+    Parameters
+    ----------
+    play : callable
+        Moves the joint along a plan and returns the recording.
+    limits : JointLimits
+    drive : Drive
+    model : FrictionModel, optional
+        Where to start; the note's sigmoid when omitted.
+    recorded : sequence of Samples
+        What was recorded before the first round.
+    schedule : Schedule, optional
+    progress : callable, optional
+        Called with the share of the budget that is spent and a word on what happens.
+    done : callable, optional
+        Called after each round with what was found so far.
+    plan : callable, optional
+        As `plan_joint`.
+
+    Raises
+    ------
+    InputError
+        If limits, model or recordings cannot be used.
+    """
+    seconds, budget, seed = schedule.seconds, schedule.budget, schedule.seed
+    say = progress or (lambda share, word: None)
+    recordings = list(recorded)
+    rounds: list[Round] = []
+    result = refine(recordings, model, drive) if recordings else None
+    asked = (open_pairs(result.report) if result else []) or pairs_of(DEFAULT)
+    named = effects_of(result) if result else None
+    while True:
+        spent = sum(one.seconds for one in rounds)
+        say(spent / budget, f'round {len(rounds) + 1}: planning')
+        planned = plan(limits, asked, seconds, seed + len(rounds), model)
+        say(spent / budget, f'round {len(rounds) + 1}: moving')
+        recordings.append(play(planned))
+        predicted = error_of(result.model, recordings[-1]) if result else math.nan
+        say((spent + seconds) / budget, f'round {len(rounds) + 1}: refining')
+        result = refine(recordings, model, drive)
+        before = named
+        named = effects_of(result)
+        rounds.append(_round(planned.seconds, asked, predicted, result, before))
+        improvement = Improvement(list(rounds), result, _ended(
+            rounds, result, spent + 2.0 * seconds > budget))
+        if done:
+            done(improvement)
+        if improvement.ended:
+            return improvement
+        asked = open_pairs(result.report) or pairs_of(DEFAULT)
+
+
+def effects_of(result: RefineResult) -> tuple[str, ...]:
+    """Return the names of the effects that refinement names, each once."""
+    return tuple(sorted({one['name'] for one in result.report['effects']}))
+
+
+def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineResult,
+           before: tuple[str, ...] | None) -> Round:
+    report = result.report
+    held_out, effects = report['after']['held_out_rmse'], effects_of(result)
+    same = effects == before
+    tested = same and predicted <= GROWS * held_out
+    left = [one for one in report['findings'] if one['grade'] != TRUST
+            and not (tested and one['code'] in _REFUTED)]
+    reasons = [one['text'] for one in left]
+    if before is None:
+        reasons.append('No motion that was not fitted has tested the model.')
+    elif not same:
+        reasons.append('The last recording changed which effects are named.')
+    elif not tested:
+        reasons.append(f'The last recording was predicted with an error of {predicted:.3g}, where '
+                       f'{held_out:.3g} is left once it is fitted too.')
+    grades = {one['grade'] for one in left}
+    verdict = AGAIN if AGAIN in grades else IN_PART if reasons else TRUST
+    return Round(seconds, asked, predicted, held_out, effects, verdict, reasons)
+
+
+def _ended(rounds: list[Round], result: RefineResult, spent: bool) -> str:
+    """Return why there is no further round; empty where there is one."""
+    last = rounds[-1]
+    if last.verdict == TRUST:
+        return 'a motion that was not fitted is predicted as well as those that were'
+    codes = {one['code'] for one in result.report['findings'] if one['grade'] != TRUST}
+    if len(rounds) > 1 and codes - set(_BY_MOTION):
+        return 'what is left cannot be told by moving this joint'
+    recent = rounds[-3:]
+    if len(recent) == 3 and len({one.effects for one in recent}) == 1 and (
+            max(one.held_out for one in recent) < 1.05 * min(one.held_out for one in recent)):
+        return 'three rounds named the same effects with the same error'
+    return 'the budget is spent' if spent else ''

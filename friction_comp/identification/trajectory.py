@@ -1,0 +1,175 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Moves a joint along a trajectory of positions with currents, as identification moves it.
+
+The joint is broken free and pushed first, at the place where it stands: what friction takes and
+what a current does is all that the controller needs. Then it travels to the first point, follows
+the trajectory, and rests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from friction_comp.checks import check_number
+from friction_comp.errors import InputError
+from friction_comp.identification.excitation import ramp_peak
+from friction_comp.identification.first_motion import FirstMotion
+from friction_comp.identification.movement import STILL_TIME
+from friction_comp.identification.ramp import Sample
+from friction_comp.identification.supervised_run import SupervisedRun
+from friction_comp.identification.supervision import Supervision
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+
+# Of the trajectory's range: how far beyond it the joint may be, how far about the place where it is
+# pushed, and how far behind its reference.
+_BEYOND, _PUSHED, _BEHIND = 0.025, 0.1, 0.1
+_LONGEST = 3600.0
+
+
+@dataclass(frozen=True)
+class TrajectoryGoal:
+    """A trajectory of one joint, and the ramp that breaks it free before.
+
+    Parameters
+    ----------
+    times : sequence of float
+        s, ascending from zero or later.
+    positions, velocities : sequence of float
+        rad and rad/s, as many. The joint is at rest at the ends; between the points, positions are
+        cubic.
+    ramp_slope, ramp_period : float
+        As of `IdentificationGoal`.
+
+    Raises
+    ------
+    InputError
+        If the trajectory cannot be followed.
+    """
+
+    times: Sequence[float]
+    positions: Sequence[float]
+    velocities: Sequence[float]
+    ramp_slope: float = 0.1
+    ramp_period: float = 10.0
+
+    def __post_init__(self) -> None:
+        sizes = {len(self.times), len(self.positions), len(self.velocities)}
+        if len(sizes) > 1 or len(self.times) < 2:
+            raise InputError('a trajectory needs two points at least, each with position and '
+                             'velocity')
+        if not np.isfinite([*self.times, *self.positions, *self.velocities]).all():
+            raise InputError('the trajectory holds a number that is not finite')
+        if not (np.diff(self.times) > 0.0).all() or self.times[0] < 0.0:
+            raise InputError('the times of the trajectory do not ascend')
+        if self.times[-1] > _LONGEST:
+            raise InputError(f'the trajectory takes {self.times[-1]:.4g} s; {_LONGEST:g} s are '
+                             'the most')
+        if any(abs(end) > 1e-6 for end in (self.velocities[0], self.velocities[-1])):
+            raise InputError('the trajectory does not begin and end at rest')
+        if not self.motion_range > 0.0:
+            raise InputError('the trajectory does not move the joint')
+        for name in ('ramp_slope', 'ramp_period'):
+            check_number(getattr(self, name), name, above=0.0)
+
+    @property
+    def motion_range(self) -> float:
+        """Width of the trajectory's range, rad."""
+        return float(np.ptp(self.positions))
+
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """A slow speed to travel with, and the highest of the trajectory, rad/s."""
+        top = max(float(np.abs(self.velocities).max()),
+                  float(np.abs(np.diff(self.positions) / np.diff(self.times)).max()))
+        return 0.3 * top, top
+
+    @property
+    def ramp_peak(self) -> float:
+        """Largest current in A with which the joint is broken free."""
+        return ramp_peak(self.ramp_slope, self.ramp_period)
+
+    def cycle(self, speed: float) -> tuple[float, float]:
+        """Return time in s and width in rad of a cycle with the trajectory's acceleration."""
+        steep = float(np.abs(np.diff(self.velocities) / np.diff(self.times)).max())
+        duration = 10.0 * speed / max(steep, 1e-6)
+        return duration, 0.4 * speed * duration
+
+    def check(self, drive: Drive) -> None:
+        """Raise InputError where the drive cannot do what is asked."""
+        if self.ramp_peak > drive.current_limit:
+            raise InputError(
+                f'ramp_slope and ramp_period: the ramp would reach {self.ramp_peak:g} A, above '
+                f'the current limit of {drive.current_limit:g} A')
+
+
+class FollowTrajectory(FirstMotion):
+    """The steps of one trajectory; see `FirstMotion`."""
+
+    goal: TrajectoryGoal
+
+    def __init__(self, goal: TrajectoryGoal, drive: Drive, supervision: Supervision) -> None:
+        super().__init__(goal, drive, supervision)
+        self._start = math.nan
+        self._began: float | None = None
+        self._path = CubicHermiteSpline(goal.times, goal.positions, goal.velocities)
+        self._speed = self._path.derivative()
+
+    def bounds(self) -> tuple[float, float]:
+        """Return the lowest and highest position in rad that the joint may have."""
+        if math.isnan(self._start):
+            return -math.inf, math.inf
+        width, places = self.goal.motion_range, self.goal.positions
+        return (min(min(places) - _BEYOND * width, self._start - _PUSHED * width),
+                max(max(places) + _BEYOND * width, self._start + _PUSHED * width))
+
+    def remaining(self) -> float:
+        """Return the estimated time to the end in s."""
+        if self._began is None:
+            return self.goal.times[-1] + 5.0 * STILL_TIME
+        return max(0.0, self._began + self.goal.times[-1] - self.sample.time)
+
+    def run(self) -> Generator[float, Sample, None]:
+        """Yield currents, be handed samples: break free, travel, follow, rest."""
+        goal = self.goal
+        sample = yield 0.0
+        self._start, self.sample = sample.position, sample
+        yield from self._standstill(STILL_TIME)
+        yield from self._first_motion()
+        yield from self._travel(goal.positions[0])
+        self.phase, self._began = 'trajectory', self.sample.time
+        yield from self._follow(self._reference, goal.times[-1], _BEHIND * goal.motion_range,
+                                goal.speeds[-1])
+        yield from self._standstill(STILL_TIME)
+
+    def _reference(self, time: float) -> tuple[float, float]:
+        time = max(time, self.goal.times[0])
+        return float(self._path(time)), float(self._speed(time))
+
+
+class TrajectoryRun(SupervisedRun):
+    """One trajectory, from standstill to zero current; see `SupervisedRun`.
+
+    Parameters
+    ----------
+    goal : TrajectoryGoal
+    drive : Drive
+
+    Raises
+    ------
+    InputError
+        If the drive cannot do what the goal asks for.
+    """
+
+    def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
+        goal.check(drive)
+        supervision = Supervision(goal, drive)
+        super().__init__(FollowTrajectory(goal, drive, supervision), supervision)

@@ -1,0 +1,198 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``improve``: moves a joint until its model predicts motion that it has not seen.
+
+Each round refines what was recorded so far, plans a motion for what that leaves open, has the node
+`identification` play it, and records it. Robot (or plant) and identification must be running, and
+no compensator; with --simulate they are started here. What was found is written after each round.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, ExitStack
+import os
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
+
+from friction_comp.errors import InputError
+from friction_comp.package_files import package_file
+from friction_comp.tools.common import (
+    Arguments,
+    command_line,
+    output_folder,
+    positive,
+    progress,
+    to_json,
+    whole_number,
+)
+from friction_comp.tools.excite import add_limits, limits_of
+from friction_comp.tools.recorded_drive import drive_of
+from friction_comp.tools.ros_domain import leased_domain
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+    from friction_comp.excitation.improve import Improvement
+    from friction_comp.excitation.plan import JointPlan
+    from friction_comp.nodes.trajectory_client import TrajectoryClient
+    from friction_comp.samples import Samples
+    from friction_comp.tools.processes import Nodes
+
+# Points of a trajectory a second, and s within which the other nodes must answer.
+_RATE, _PATIENCE = 50.0, 20.0
+# Of the simulated joint: s between states.
+_SAMPLE_TIME = 4e-3
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Improve the model and write report.json, report.html and model.yaml; returns 0.
+
+    Raises
+    ------
+    InputError
+        If limits, model, recordings or output cannot be used, or the joint is not moved.
+    """
+    parser = Arguments('improve', __doc__, (
+        '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --model elbow.yaml '
+        '--output output/improved',
+        '--simulate config/armin_configuration_1.yaml --undeclared config/undeclared_example.yaml '
+        '--position -1 1 --velocity 1.5 --acceleration 6 --output output/improved',
+    )).add_drive().add_output()
+    parser.add_argument('--joint', metavar='NAME', action='append', default=[],
+                        help='the joint to move; that of --simulate where it is left out')
+    add_limits(parser)
+    parser.add_argument('--model', metavar='FILE', type=Path,
+                        help='model to start from, and the drive; without it the sigmoid of the '
+                        'note is fitted, and --torque-constant and --gear-ratio are needed')
+    parser.add_argument('--recorded', metavar='RECORDING', type=Path, nargs='+', default=[],
+                        help='what was recorded before')
+    parser.add_argument('--seconds', metavar='S', type=positive, default=30.0,
+                        help='of motion in each round (30)')
+    parser.add_argument('--budget', metavar='S', type=positive, default=300.0,
+                        help='of motion in all rounds (300)')
+    parser.add_argument('--seed', metavar='N', type=whole_number(0), default=0,
+                        help='of the plans, and of --simulate (0)')
+    parser.add_argument('--simulate', metavar='FILE', type=Path,
+                        help='start a simulated joint of this model file, in lockstep')
+    parser.add_argument('--undeclared', metavar='FILE', type=Path,
+                        help='what the simulated joint hides')
+    arguments = parser.parse(argv)
+    if arguments.undeclared and not arguments.simulate:
+        raise InputError('--undeclared goes with --simulate')
+    if not (arguments.model or arguments.simulate or (
+            arguments.torque_constant and arguments.gear_ratio)):
+        raise InputError('--model, or --torque-constant and --gear-ratio, must tell the drive')
+    from friction_comp.model.friction_model import FrictionModel
+
+    simulated = FrictionModel.load(arguments.simulate) if arguments.simulate else None
+    if simulated and not arguments.joint:
+        arguments.joint = [simulated.joint or 'joint']
+    limits, *more = limits_of(arguments)
+    if more:
+        raise InputError('one joint is improved at a time: name it with --joint')
+    model = FrictionModel.load(arguments.model, limits.joint) if arguments.model else None
+    drive = simulated.drive if simulated and not model else drive_of(arguments, model)
+    from friction_comp.excitation.improve import improve, Schedule
+    from friction_comp.recordings import read_recording
+
+    recorded = read_recording(arguments.recorded, limits.joint, drive.torque_constant,
+                              drive.gear_ratio) if arguments.recorded else []
+
+    schedule = Schedule(arguments.seconds, arguments.budget, arguments.seed)
+
+    def write(improvement: Improvement) -> None:
+        _write(arguments, argv, improvement)
+    with ExitStack() as stack:
+        ros, nodes = stack.enter_context(_system(arguments, limits.joint))
+        show = stack.enter_context(progress('improves'))
+        improvement = improve(
+            lambda plan: _played(arguments, plan, ros, nodes, drive, show), limits, drive,
+            model=model, recorded=recorded, schedule=schedule, progress=show, done=write)
+    for k, one in enumerate(improvement.rounds):
+        words = '' if one.predicted != one.predicted else (
+            f'predicted with {1e3 * one.predicted:.3g} mA, ')
+        print(f'round {k + 1}: {words}held out {1e3 * one.held_out:.3g} mA; '
+              f'{", ".join(one.effects) or "no effect"}; {one.verdict}')
+    print(f'verdict: {improvement.verdict} after {improvement.seconds:g} s of motion: '
+          f'{improvement.ended}')
+    for reason in improvement.rounds[-1].reasons:
+        print(f'  {reason}')
+    print(arguments.output / 'report.html')
+    return 0
+
+
+@contextmanager
+def _system(arguments: Namespace, joint: str) -> Iterator[tuple[TrajectoryClient, Nodes]]:
+    """Give the tool's part in ROS 2, and its nodes: with --simulate, plant and identification."""
+    from friction_comp.tools.processes import Nodes
+
+    output = arguments.output.absolute()
+    with ExitStack() as stack:
+        if arguments.simulate:
+            # A domain of its own, on this machine only: no other robot is disturbed.
+            domain = stack.enter_context(leased_domain())
+            os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+            os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
+                                  str(package_file('config', 'quick_discovery.xml')))
+        os.environ.setdefault('ROS_LOG_DIR', str(output / 'logs' / 'ros'))
+        from friction_comp.nodes.trajectory_client import TrajectoryClient
+
+        nodes = stack.enter_context(Nodes(output / 'logs'))
+        ros = stack.enter_context(TrajectoryClient(nodes.check, _PATIENCE))
+        if arguments.simulate:
+            common = {'joints': [joint], 'model_files': [str(arguments.simulate)]}
+            nodes.start('plant', {
+                **common, 'clock': 'lockstep', 'seed': arguments.seed, 'clock_period': 0.02,
+                'sample_time': _SAMPLE_TIME, 'wrench_period': 4 * _SAMPLE_TIME,
+                'wait_for_listeners': 2,
+                'undeclared_effect_files': [str(arguments.undeclared or '')]})
+            nodes.start('identification', {
+                **common, 'use_sim_time': True, 'input_reliability': 'reliable',
+                'joint_state_timeout': 10.0, 'output_folder': str(output)})
+        yield ros, nodes
+
+
+def _played(arguments: Namespace, plan: JointPlan, ros: TrajectoryClient, nodes: Nodes,
+            drive: Drive, show: Callable[..., None]) -> Samples:
+    """Have a plan played and recorded, and return the recording."""
+    from friction_comp.excitation.trajectory import Trajectory
+    from friction_comp.recordings import read_recording
+
+    folder = arguments.output.absolute() / 'recordings'
+    folder.mkdir(parents=True, exist_ok=True)
+    number = 1
+    while (folder / f'round_{number}').exists():
+        number += 1
+    path = folder / f'round_{number}'
+    nodes.start('recorder', {
+        'output': str(path), 'use_sim_time': bool(arguments.simulate),
+        'input_reliability': 'reliable' if arguments.simulate else 'best_effort'})
+    ros.forget('recorder')
+    ros.until(lambda: int(ros.value('recorder', 'publishers of joint_states') or 0) > 0,
+              'joint_states, as the recorder hears them')
+
+    def told(share: float, word: str) -> None:
+        show(None, f'round {number}: {word}, {100.0 * share:.0f} %')
+    try:
+        ros.play(Trajectory.of_plans([plan], _RATE), told)
+    finally:
+        nodes.stop('recorder')
+    samples, = read_recording(path, plan.limits.joint, drive.torque_constant, drive.gear_ratio)
+    return samples
+
+
+def _write(arguments: Namespace, argv: list[str] | None, improvement: Improvement) -> None:
+    """Write what was found so far: an interruption loses the round at hand alone."""
+    from friction_comp.reports.improvement_report import improvement_report
+
+    names = [*map(str, arguments.recorded), *(
+        str(arguments.output / 'recordings' / f'round_{k + 1}')
+        for k in range(len(improvement.rounds)))]
+    model: Any = improvement.result.model
+    model.notes = {**model.notes, 'refined_from': names, 'unit': 'A'}
+    with output_folder(arguments.output) as folder:
+        (folder / 'report.json').write_text(to_json(improvement.report()), encoding='utf-8')
+        improvement_report(improvement, names, [command_line('improve', argv)]).save(
+            folder / 'report.html')
+        model.save(folder / 'model.yaml')

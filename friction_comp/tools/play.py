@@ -1,0 +1,57 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The tool ``play``: moves joints along a trajectory, such as `excite` plans.
+
+Without --controller the node `identification` moves the joints, one after another, by motor
+currents and under its supervision. With it, a robot's own trajectory controller moves all of them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from friction_comp.tools.common import Arguments, positive, progress
+
+# s within which the other side must answer.
+_PATIENCE = 10.0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Play the trajectory; returns 0.
+
+    Raises
+    ------
+    InputError
+        If the trajectory cannot be read, or nobody plays it to its end.
+    """
+    parser = Arguments('play', __doc__, (
+        'output/excite/trajectory.yaml',
+        'output/excite/trajectory.yaml --controller joint_trajectory_controller'))
+    parser.add_argument('trajectory', metavar='FILE', type=Path,
+                        help='trajectory_msgs/JointTrajectory as YAML')
+    parser.add_argument('--joint', metavar='NAME', help='this joint alone')
+    parser.add_argument('--controller', metavar='NAME',
+                        help='of ros2_control; its action is NAME/follow_joint_trajectory')
+    parser.add_argument('--ramp-slope', metavar='A/S', type=positive, default=0.0,
+                        help='of the current ramp that breaks a joint free first '
+                        "(the node's own; not with --controller)")
+    parser.add_argument('--ramp-period', metavar='S', type=positive, default=0.0,
+                        help='of that ramp')
+    arguments = parser.parse(argv)
+    from friction_comp.excitation.trajectory import Trajectory
+
+    trajectory = Trajectory.load(arguments.trajectory)
+    if arguments.joint:
+        trajectory = trajectory.of(arguments.joint)
+    from friction_comp.nodes.trajectory_client import TrajectoryClient
+
+    with TrajectoryClient(patience=_PATIENCE) as ros, progress('plays') as show:
+        if arguments.controller:
+            ros.play_on(arguments.controller, trajectory,
+                        lambda share, word: show(share, f'plays: {word}'))
+        for place, joint in enumerate(trajectory.joints if not arguments.controller else ()):
+            def told(share: float, word: str, place: int = place, joint: str = joint) -> None:
+                show((place + share) / len(trajectory.joints), f'{joint}: {word}')
+            ros.play(trajectory.of(joint), told, arguments.ramp_slope, arguments.ramp_period)
+    print(f'played {arguments.trajectory}: {", ".join(trajectory.joints)}')
+    return 0

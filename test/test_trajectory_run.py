@@ -1,0 +1,113 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A trajectory is followed within its limits, and a joint that does not follow gets no current."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from friction_comp.errors import InputError
+from friction_comp.excitation.joint_limits import JointLimits
+from friction_comp.excitation.plan import plan_joint
+from friction_comp.identification.goal import IdentificationError
+from friction_comp.identification.trajectory import TrajectoryGoal, TrajectoryRun
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.undeclared import Undeclared
+
+ROOT = Path(__file__).resolve().parents[1]
+SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
+LIMITS = JointLimits('', -0.8, 1.0, 1.2, 6.0)
+
+
+def note_model(number):
+    return FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
+
+
+def planned(number, seconds=20.0):
+    motion = plan_joint(LIMITS, [('gravity', 'stribeck')], seconds, 3).samples(50.0)
+    return TrajectoryGoal(motion.time, motion.position, np.asarray(motion.velocity),
+                          ramp_slope=SLOPES[number])
+
+
+def play(model, goal, effects=(), alter=lambda run, sample: sample):
+    """Run to the end; return the run, and rows of time, position and command."""
+    undeclared = Undeclared.from_dict({'format': 'friction_comp_undeclared', 'version': 1,
+                                       'effects': list(effects)}) if effects else None
+    plant = Plant([model], seed=5, undeclared=[undeclared] if effects else None)
+    run, rows, state = TrajectoryRun(goal, model.drive), [], plant.state
+    while not run.finished:
+        command = run.update(*alter(run, [state.time, state.position[0], state.velocity[0],
+                                          state.current[0]]))
+        rows.append((state.time, state.position[0], command))
+        state = plant.step([command])
+    return run, np.array(rows)
+
+
+@pytest.mark.parametrize('number', SLOPES)
+def test_a_plan_is_followed_on_the_drives_of_the_note(number):
+    goal = planned(number)
+    run, rows = play(note_model(number), goal)
+    assert run.phase == 'done' and rows[-1, 2] == 0.0
+    assert LIMITS.lowest < rows[:, 1].min() and rows[:, 1].max() < LIMITS.highest
+    # Ends where the plan ends, and has been all over its range.
+    assert rows[-1, 1] == pytest.approx(goal.positions[-1], abs=0.01)
+    assert np.ptp(rows[:, 1]) > 0.97 * goal.motion_range
+    speed = np.abs(np.gradient(rows[::20, 1], rows[::20, 0]))
+    assert speed.max() < 1.05 * LIMITS.velocity
+
+
+def test_gravity_beside_friction_is_endured():
+    run, rows = play(note_model(1), planned(1), [
+        {'name': 'gravity', 'parameters': {'amplitude': 0.5, 'phase': 0.4}}])
+    assert run.phase == 'done' and LIMITS.lowest < rows[:, 1].min()
+
+
+@pytest.mark.parametrize('fault, words', [
+    ('stuck', 'lags|does not move'), ('thrown', 'left its motion range'),
+    ('silent', 'no sample for'), ('nan', 'encoder failure'), ('reversed', 'measured current')])
+def test_every_fault_ends_in_zero_current_for_good(fault, words):
+    kept = []
+
+    def alter(run, sample):
+        if run.phase != 'trajectory' and fault != 'reversed':
+            return sample
+        kept.append(sample[:])
+        if fault == 'stuck' and len(kept) > 2000:
+            sample[1], sample[2] = kept[1999][1], 0.0
+        elif fault == 'thrown' and len(kept) > 2000:
+            sample[1] += 2.0
+        elif fault == 'silent' and len(kept) > 2000:
+            sample[0] += 1.0
+        elif fault == 'nan' and len(kept) > 2000:
+            sample[1] = math.nan
+        elif fault == 'reversed':
+            sample[3] *= -1.0
+        return sample
+    model = note_model(2)
+    goal = planned(2)
+    with pytest.raises(IdentificationError, match=words):
+        play(model, goal, alter=alter)
+
+
+def test_a_run_that_was_aborted_commands_nothing_any_more():
+    run = TrajectoryRun(planned(1), note_model(1).drive)
+    run.update(0.0, 0.0)
+    run.abort()
+    assert run.phase == 'failed'
+    assert all(run.update(0.001 * k, 0.0) == 0.0 for k in range(1, 2000))
+
+
+@pytest.mark.parametrize('changes, words', [
+    ({'times': [0.0]}, 'two points'), ({'times': [0.0, 2.0, 1.0]}, 'do not ascend'),
+    ({'positions': [0.0, math.nan, 0.0]}, 'not finite'),
+    ({'positions': [0.1, 0.1, 0.1]}, 'does not move'),
+    ({'velocities': [0.5, 0.0, 0.0]}, 'at rest'), ({'times': [0.0, 1.0, 1e6]}, 'the most'),
+    ({'velocities': []}, 'position and velocity'), ({'ramp_slope': -1.0}, 'ramp_slope')])
+def test_a_trajectory_that_cannot_be_followed_is_refused(changes, words):
+    fine = {'times': [0.0, 1.0, 2.0], 'positions': [0.0, 0.5, 0.0], 'velocities': [0.0] * 3}
+    TrajectoryGoal(**fine)
+    with pytest.raises(InputError, match=words):
+        TrajectoryGoal(**{**fine, **changes})
