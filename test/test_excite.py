@@ -148,6 +148,7 @@ def test_the_tool_writes_plan_page_and_report(tmp_path, capsys):
 
 @pytest.mark.parametrize('wrong, words', [
     (['--effects', 'load_friction,stribeck'], "cannot be told by the joint's own motion"),
+    (['--effects', 'cogging,stribeck'], 'needs no plan'),
     (['--effects', 'nonsense,stribeck'], "effect 'nonsense' is unknown"),
     (['--effects', 'stribeck'], 'at least two effects'),
     (['--seconds', '5'], 'too short for a plan'),

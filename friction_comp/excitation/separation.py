@@ -58,11 +58,18 @@ def _why_not(name: str) -> str:
     missing = sorted(set(EFFECTS[name].needs) & _NOT_MOVED)
     if missing or name == 'other_joints':
         return f"cannot be told by the joint's own motion: it needs {missing or 'other joints'}"
+    if _is_ripple(name):
+        return 'needs no plan: motion over many of its periods shows it, at whatever speeds'
     return ''
 
 
+def _is_ripple(name: str) -> bool:
+    return 'frequency' in EFFECTS[name].constants
+
+
 def _of_motion(name: str) -> bool:
-    return name != 'other_joints' and not set(EFFECTS[name].needs) & _NOT_MOVED
+    return not (name == 'other_joints' or set(EFFECTS[name].needs) & _NOT_MOVED
+                or _is_ripple(name))
 
 
 def open_pairs(report: dict[str, Any]) -> list[Pair]:

@@ -46,7 +46,7 @@ _SAMPLE_TIME = 4e-3
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Improve the model and write report.json, report.html and model.yaml; returns 0.
+    """Improve the model and write report.json, two pages and model.yaml; returns 0.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def main(argv: list[str] | None = None) -> int:
 
     simulated = FrictionModel.load(arguments.simulate) if arguments.simulate else None
     if simulated and not arguments.joint:
-        arguments.joint = [simulated.joint or 'joint']
+        arguments.joint = [simulated.joint or arguments.simulate.stem]
     limits, *more = limits_of(arguments)
     if more:
         raise InputError('one joint is improved at a time: name it with --joint')
@@ -185,6 +185,7 @@ def _played(arguments: Namespace, plan: JointPlan, ros: TrajectoryClient, nodes:
 def _write(arguments: Namespace, argv: list[str] | None, improvement: Improvement) -> None:
     """Write what was found so far: an interruption loses the round at hand alone."""
     from friction_comp.reports.improvement_report import improvement_report
+    from friction_comp.reports.refinement_report import refinement_report
 
     names = [*map(str, arguments.recorded), *(
         str(arguments.output / 'recordings' / f'round_{k + 1}')
@@ -193,6 +194,7 @@ def _write(arguments: Namespace, argv: list[str] | None, improvement: Improvemen
     model.notes = {**model.notes, 'refined_from': names, 'unit': 'A'}
     with output_folder(arguments.output) as folder:
         (folder / 'report.json').write_text(to_json(improvement.report()), encoding='utf-8')
-        improvement_report(improvement, names, [command_line('improve', argv)]).save(
-            folder / 'report.html')
+        command = [command_line('improve', argv)]
+        improvement_report(improvement, names, command).save(folder / 'report.html')
+        refinement_report(improvement.result, names, command).save(folder / 'refinement.html')
         model.save(folder / 'model.yaml')
