@@ -50,8 +50,10 @@ def play(model, goal, effects=(), alter=lambda run, sample: sample):
 def test_a_plan_is_followed_on_the_drives_of_the_note(number):
     goal = planned(number)
     run, rows = play(note_model(number), goal)
-    assert run.phase == 'done' and rows[-1, 2] == 0.0
-    assert LIMITS.lowest < rows[:, 1].min() and rows[:, 1].max() < LIMITS.highest
+    assert run.phase == 'done'
+    assert rows[-1, 2] == 0.0
+    assert LIMITS.lowest < rows[:, 1].min()
+    assert rows[:, 1].max() < LIMITS.highest
     # Ends where the plan ends, and has been all over its range.
     assert rows[-1, 1] == pytest.approx(goal.positions[-1], abs=0.01)
     assert np.ptp(rows[:, 1]) > 0.97 * goal.motion_range
@@ -62,7 +64,8 @@ def test_a_plan_is_followed_on_the_drives_of_the_note(number):
 def test_gravity_beside_friction_is_endured():
     run, rows = play(note_model(1), planned(1), [
         {'name': 'gravity', 'parameters': {'amplitude': 0.5, 'phase': 0.4}}])
-    assert run.phase == 'done' and LIMITS.lowest < rows[:, 1].min()
+    assert run.phase == 'done'
+    assert LIMITS.lowest < rows[:, 1].min()
 
 
 @pytest.mark.parametrize('fault, words', [
