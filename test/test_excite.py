@@ -17,14 +17,13 @@ from friction_comp.errors import InputError
 from friction_comp.excitation.comparison import fourier_series, staircase
 from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 from friction_comp.excitation.move import sampled
-from friction_comp.excitation.plan import effort_of, moves_by, plan_joint, SHAPE
+from friction_comp.excitation.plan import effort_of, moves_by, plan_joint, SHAPE, trajectory_of
 from friction_comp.excitation.separation import (
     pairs_in,
     pairs_of,
     scene_within,
     separations,
 )
-from friction_comp.excitation.trajectory import Trajectory
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 
@@ -104,7 +103,7 @@ def test_the_trajectory_is_the_message():
     message = pytest.importorskip('trajectory_msgs.msg').JointTrajectory
     point = pytest.importorskip('trajectory_msgs.msg').JointTrajectoryPoint
     plan = plan_joint(ELBOW, pairs_of(['stribeck', 'viscous_shape']), 20.0, 1)
-    document = yaml.safe_load(Trajectory.of_plans([plan], 20.0).to_yaml('a\nb'))
+    document = yaml.safe_load(trajectory_of([plan], 20.0).to_yaml('a\nb'))
     assert set(document) == set(message.get_fields_and_field_types())
     assert all(set(one) == set(point.get_fields_and_field_types()) for one in document['points'])
     assert document['joint_names'] == ['elbow']

@@ -22,8 +22,7 @@ from std_msgs.msg import Float64MultiArray
 from friction_comp.__main__ import run
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.move import Move
-from friction_comp.excitation.plan import JointPlan
-from friction_comp.excitation.trajectory import Trajectory
+from friction_comp.excitation.plan import JointPlan, trajectory_of
 from friction_comp.nodes.trajectory_client import message_of, TrajectoryClient
 
 JOINT = 'elbow'
@@ -36,7 +35,7 @@ def motion():
     there = Move.within(0.2, 0.0, 0.5, 0.8, 4.0)
     back = Move.within(2.5, 0.5, -0.4, 0.6, 4.0)
     home = Move.within(5.0, -0.4, 0.0, 0.8, 4.0)
-    return Trajectory.of_plans([JointPlan(LIMITS, 0.0, (there, back, home), 6.5, {})], 50.0)
+    return trajectory_of([JointPlan(LIMITS, 0.0, (there, back, home), 6.5, {})], 50.0)
 
 
 @pytest.fixture(scope='module')

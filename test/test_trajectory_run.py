@@ -12,7 +12,7 @@ from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import plan_joint
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.trajectory import TrajectoryGoal, TrajectoryRun
+from friction_comp.identification.trajectory_run import TrajectoryGoal, TrajectoryRun
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared

@@ -24,6 +24,7 @@ from friction_comp.excitation.move import Move, sampled
 from friction_comp.excitation.separation import Pair, scene_within, separations
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
+from friction_comp.trajectory import Trajectory
 
 # Share of the slowest speed, exponent of speeds, longest move and longest rest in s, exponent of
 # places; each with the range in which it is searched.
@@ -64,6 +65,14 @@ class JointPlan:
     def samples(self, rate: float) -> Samples:
         """Return the motion at so many samples a second, with zeros as current."""
         return _samples(self.moves, self.start, self.seconds, rate, self.limits.joint)
+
+
+def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
+    """Return plans, as long as each other, as one trajectory with so many points a second."""
+    motions = [plan.samples(rate) for plan in plans]
+    states = [np.column_stack([getattr(one, name) for one in motions])
+              for name in ('position', 'velocity', 'acceleration')]
+    return Trajectory(tuple(plan.limits.joint for plan in plans), motions[0].time, *states)
 
 
 def _samples(moves: Sequence[Move], start: float, seconds: float, rate: float,

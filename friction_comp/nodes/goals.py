@@ -11,7 +11,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 
 from friction_comp.errors import InputError
 from friction_comp.identification.run import IdentificationGoal, IdentificationRun
-from friction_comp.identification.trajectory import TrajectoryGoal
+from friction_comp.identification.trajectory_run import TrajectoryGoal
 from friction_comp.nodes.parameters import declare
 
 # 4 to 100 deg/s, the note's range.

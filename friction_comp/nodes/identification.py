@@ -28,7 +28,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import check_folder
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.supervised_run import SupervisedRun
-from friction_comp.identification.trajectory import TrajectoryRun
+from friction_comp.identification.trajectory_run import TrajectoryRun
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
 from friction_comp.nodes.goals import (

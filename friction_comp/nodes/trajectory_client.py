@@ -8,17 +8,17 @@ from collections.abc import Callable
 import importlib
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 from friction_comp_interfaces.action import PlayTrajectory
 import numpy as np
 from rclpy.action import ActionClient
+from rclpy.duration import Duration
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from friction_comp.errors import InputError
-from friction_comp.excitation.trajectory import Trajectory
 from friction_comp.nodes.demo_client import DemoClient
+from friction_comp.trajectory import Trajectory
 
 # The way to the first point takes so many s at least, and is this share as fast as the trajectory.
 _SHORTEST, _SLOW = 2.0, 0.3
@@ -34,7 +34,7 @@ def message_of(trajectory: Trajectory, later: float = 0.0) -> Any:
         message.points.append(JointTrajectoryPoint(
             positions=position.tolist(), velocities=velocity.tolist(),
             accelerations=acceleration.tolist(),
-            time_from_start=Duration(sec=sec, nanosec=nanosec)))
+            time_from_start=Duration(seconds=sec, nanoseconds=nanosec).to_msg()))
     return message
 
 

@@ -67,9 +67,8 @@ def main(argv: list[str] | None = None) -> int:
     import numpy as np
 
     from friction_comp.excitation.comparison import fourier_series, staircase
-    from friction_comp.excitation.plan import plan_joint
+    from friction_comp.excitation.plan import plan_joint, trajectory_of
     from friction_comp.excitation.separation import scene_within, separations
-    from friction_comp.excitation.trajectory import Trajectory
     from friction_comp.reports.excitation_report import excitation_report
 
     if arguments.effort is not None and arguments.model is None:
@@ -107,7 +106,7 @@ def main(argv: list[str] | None = None) -> int:
         page.save(folder / 'report.html')
         (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
         (folder / 'trajectory.yaml').write_text(
-            Trajectory.of_plans(plans, arguments.rate).to_yaml(
+            trajectory_of(plans, arguments.rate).to_yaml(
                 f'Planned by friction_comp {__version__}; {checked[0]}'), encoding='utf-8')
     for plan in plans:
         pair, share = min(plan.separation.items(), key=lambda entry: entry[1])

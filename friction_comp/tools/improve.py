@@ -156,7 +156,7 @@ def _system(arguments: Namespace, joint: str) -> Iterator[tuple[TrajectoryClient
 def _played(arguments: Namespace, plan: JointPlan, ros: TrajectoryClient, nodes: Nodes,
             drive: Drive, show: Callable[..., None]) -> Samples:
     """Have a plan played and recorded, and return the recording."""
-    from friction_comp.excitation.trajectory import Trajectory
+    from friction_comp.excitation.plan import trajectory_of
     from friction_comp.recordings import read_recording
 
     folder = arguments.output.absolute() / 'recordings'
@@ -175,7 +175,7 @@ def _played(arguments: Namespace, plan: JointPlan, ros: TrajectoryClient, nodes:
     def told(share: float, word: str) -> None:
         show(None, f'round {number}: {word}, {100.0 * share:.0f} %')
     try:
-        ros.play(Trajectory.of_plans([plan], _RATE), told)
+        ros.play(trajectory_of([plan], _RATE), told)
     finally:
         nodes.stop('recorder')
     samples, = read_recording(path, plan.limits.joint, drive.torque_constant, drive.gear_ratio)

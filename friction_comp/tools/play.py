@@ -38,7 +38,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--ramp-period', metavar='S', type=positive, default=0.0,
                         help='of that ramp')
     arguments = parser.parse(argv)
-    from friction_comp.excitation.trajectory import Trajectory
+    from friction_comp.trajectory import Trajectory
 
     trajectory = Trajectory.load(arguments.trajectory)
     if arguments.joint:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 import json
 from pathlib import Path
@@ -14,7 +13,6 @@ import numpy as np
 import yaml
 
 from friction_comp.errors import InputError
-from friction_comp.excitation.plan import JointPlan
 
 _STATES = ('positions', 'velocities', 'accelerations')
 
@@ -37,14 +35,6 @@ class Trajectory:
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
-
-    @classmethod
-    def of_plans(cls, plans: Sequence[JointPlan], rate: float) -> Trajectory:
-        """Return plans, as long as each other, with so many points a second."""
-        motions = [plan.samples(rate) for plan in plans]
-        states = [np.column_stack([getattr(one, name) for one in motions])
-                  for name in ('position', 'velocity', 'acceleration')]
-        return cls(tuple(plan.limits.joint for plan in plans), motions[0].time, *states)
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
