@@ -7,6 +7,7 @@ from __future__ import annotations
 TOPICS = {
     'joint_states': 'sensor_msgs/msg/JointState',
     'current_command': 'std_msgs/msg/Float64MultiArray',
+    'effort_command': 'std_msgs/msg/Float64MultiArray',
     'direction': 'std_msgs/msg/Int8MultiArray',
     'direction_stamped': 'sensor_msgs/msg/JointState',
     'reference': 'sensor_msgs/msg/JointState',

@@ -131,6 +131,9 @@ def check_other(words):
 def check_node(arguments):
     assert arguments[0] == '--ros-args'
     for flag, value in zip(arguments[1::2], arguments[2::2]):
+        if flag == '--params-file':
+            assert yaml.safe_load((ROOT / value).read_text(encoding='utf-8'))
+            continue
         left, right = value.split(':=')
         assert left
         assert flag == '-r' or (flag == '-p' and yaml.safe_load(right) is not None)

@@ -106,7 +106,7 @@ class Motor(RuleBasedStateMachine):
     def begin(self, law):
         self.around = Surroundings()
         self.law = CompensationLaw(MODEL[:2], law)
-        self.port = CommandPort(self.around, [0.0, 0.0])
+        self.port = CommandPort(self.around, [0.0, 0.0], [1.0, 1.0])
         self.loop = CompensationLoop(
             JOINTS, self.law, self.port, Faults(Silent(), clock=self.now), TIMEOUT, 0.5,
             clock=self.now)

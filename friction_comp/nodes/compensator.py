@@ -20,7 +20,7 @@ from friction_comp.errors import InputError
 from friction_comp.nodes.compensation_loop import CompensationLoop
 from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
 from friction_comp.nodes.faults import Faults
-from friction_comp.nodes.joint_io import CommandPort, input_qos, rivals
+from friction_comp.nodes.joint_io import command_interface, CommandPort, input_qos, rivals
 from friction_comp.nodes.joint_states import NANO, nanoseconds
 from friction_comp.nodes.model_loading import (
     Loading,
@@ -80,6 +80,7 @@ class CompensatorNode(LifecycleNode):
         declare(self, 'gravity', 'feed_forward',
                 "feed_forward, or left_to_robot: its own controller holds the limb's weight",
                 read_only=True, constraints=f'one of {", ".join(GRAVITY)}')
+        self._interface = command_interface(self)
         declare(self, 'current_limit', 1000.0,
                 'largest current [A]; that of the model file holds where it is smaller, and 0 '
                 'lets no current through', 0.0, LARGE)
@@ -151,12 +152,12 @@ class CompensatorNode(LifecycleNode):
             models, self._candidates = self._candidates, None
             for index, model in enumerate(models):
                 self._loop.law.set_model(index, model)
-            self._loop.port.limits = self._limits()
+            self._set_limits()
             self.get_logger().info(f'activated {", ".join(self._of("model_files"))}')
             self._say_left_out()
         if names & {'law', 'breakaway_gain', 'current_limit'}:
             self._loop.law.retune(*self._tuning())
-            self._loop.port.limits = self._limits()
+            self._set_limits()
             self._loop.changed()
             self.get_logger().info('{}, breakaway_gain {:g}, current_limit {:g} A'.format(
                 *self._tuning()))
@@ -167,9 +168,11 @@ class CompensatorNode(LifecycleNode):
     def _tuning(self):
         return self._of('law'), self._of('breakaway_gain'), self._of('current_limit')
 
-    def _limits(self):
-        return [min(model.drive.current_limit, self._of('current_limit'))
-                for model in self._loop.law.models]
+    def _set_limits(self):
+        drives = [model.drive for model in self._loop.law.models]
+        self._loop.port.limits = [min(drive.current_limit, self._of('current_limit'))
+                                  for drive in drives]
+        self._loop.port.torques = [drive.torque_per_current for drive in drives]
 
     def _say_left_out(self):
         if self._of('law') == 'paper':
@@ -211,9 +214,10 @@ class CompensatorNode(LifecycleNode):
         warm_up(law, len(self._joints))
         simulated = self.get_parameter('use_sim_time').value
         self._loop = CompensationLoop(
-            self._joints, law, CommandPort(self, [0.0] * len(models)), self._faults,
+            self._joints, law, CommandPort(self, [0.0] * len(models), [0.0] * len(models),
+                                           self._interface), self._faults,
             self._timeout, self._of('direction_timeout'), rests=simulated)
-        self._loop.port.limits = self._limits()
+        self._set_limits()
         self._loop.watchdog.start()
         # The direction comes first: where both wait, the executor takes it before the states.
         self._inputs = [self.create_subscription(*which, self._qos) for which in (
@@ -366,7 +370,7 @@ class CompensatorNode(LifecycleNode):
             'directions refused': loop.direction.refused,
             'joint_states passed over': loop.states.passed_over,
             'faults so far': self._faults.count,
-            'listeners to current_command': loop.port.listeners,
+            'listeners to the command': loop.port.listeners,
             'left_out': '; '.join(f'{joint}: {effect} ({why})' for joint, effect, why in [
                 *((joints[j], *rest) for j, *rest in loop.law.never_applied),
                 *self._missing()])})

@@ -38,7 +38,13 @@ from friction_comp.nodes.goals import (
     make_goal,
     make_trajectory,
 )
-from friction_comp.nodes.joint_io import CommandPort, input_qos, rivals
+from friction_comp.nodes.joint_io import (
+    command_interface,
+    CommandPort,
+    currents_per_effort,
+    input_qos,
+    rivals,
+)
 from friction_comp.nodes.joint_states import JointStateInput, NANO, nanoseconds
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
@@ -107,7 +113,10 @@ class IdentificationNode(Node):
         qos = input_qos(self)
         self._states = JointStateInput(self._joints, round(NANO * timeout))
         self._temperature = MotorTemperature(self._joints)
-        self._port = CommandPort(self, [drive.current_limit for drive in self._drives])
+        torques = [drive.torque_per_current for drive in self._drives]
+        self._per_effort = currents_per_effort(self, torques)
+        self._port = CommandPort(self, [drive.current_limit for drive in self._drives], torques,
+                                 command_interface(self))
         self._watchdog = Watchdog(timeout, self._on_silence).start()
         self._rate = Rate()
         self._received = self._fresh = -math.inf
@@ -276,7 +285,6 @@ class IdentificationNode(Node):
     def _measure(self, ticket: Any) -> None:
         """Answer one joint state."""
         states, index = self._states, self._index
-        drive = self._drives[index]
         if self._started is None:
             self._started = states.stamp
         at = (states.stamp - self._started) / NANO
@@ -284,7 +292,7 @@ class IdentificationNode(Node):
         sample = [
             float(states.position[index]),
             math.nan if velocity is None else float(velocity[index]),
-            float(states.effort[index]) / drive.torque_per_current]
+            float(states.effort[index]) * self._per_effort[index]]
         if not math.isfinite(sample[0]) or not math.isfinite(sample[2]):
             raise InputError(
                 f'joint_states hold no finite position and effort of {self._joints[index]}')
@@ -338,7 +346,7 @@ class IdentificationNode(Node):
     def _report(self) -> Any:
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'last goal': self._last_end, 'last refusal': self._refused,
-                  'listeners to current_command': self._port.listeners}
+                  'listeners to the command': self._port.listeners}
         if self._run is not None:
             values.update({
                 'joint': self._joints[self._index], 'phase': self._run.phase,

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes motor currents: shared by the nodes that drive a motor."""
+"""Publishes motor currents, or torques of joints: shared by the nodes that drive a motor."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
+from friction_comp.errors import InputError
 from friction_comp.nodes.joint_states import NANO
 from friction_comp.nodes.parameters import declare
 
@@ -32,6 +33,8 @@ _MATCHING = 1.0
 # it as any other; a simulation whose time rests must not take it for the answer it waits for.
 UNASKED = 'unasked'
 JOINT = 'joint'
+# What a robot's controller takes, and the topic for it: A of the motor, or N·m at the joint.
+TOPIC_OF = {'current': 'current_command', 'effort': 'effort_command'}
 # A current below this is zero: what decays would end in denormal numbers, A.
 _NOTHING = 1e-12
 # Real s that the watchdog waits for a publication under way before it publishes beside it.
@@ -49,6 +52,46 @@ def input_qos(node: Any) -> QoSProfile:
         'quality of service of the inputs: best_effort receives from every publisher, '
         'reliable from reliable ones only', read_only=True, constraints='best_effort or reliable')
     return RELIABLE if kind == 'reliable' else BEST_EFFORT
+
+
+def command_interface(node: Any) -> str:
+    """Declare `command_interface` and return it.
+
+    Raises
+    ------
+    InputError
+        If it is none of `TOPIC_OF`.
+    """
+    kind = declare(
+        node, 'command_interface', 'current',
+        'what is commanded: current, A of the motor on current_command; or effort, k_t·n times '
+        'that, N·m at the joint on effort_command', read_only=True, constraints='current or effort')
+    if kind not in TOPIC_OF:
+        raise InputError(f'parameter command_interface: must be current or effort, not {kind!r}')
+    return str(kind)
+
+
+def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
+    """Declare `effort_holds`; return A for each unit of effort in joint states, a joint each.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    torques : sequence of float
+        Torque at each joint in N·m per A: k_t·n.
+
+    Raises
+    ------
+    InputError
+        If it is neither torque nor current.
+    """
+    kind = declare(
+        node, 'effort_holds', 'torque',
+        'what effort in joint_states is: torque of the motor at the joint, N·m; or current of the '
+        'motor, A', read_only=True, constraints='torque or current')
+    if kind not in ('torque', 'current'):
+        raise InputError(f'parameter effort_holds: must be torque or current, not {kind!r}')
+    return [1.0 if kind == 'current' else 1.0 / torque for torque in torques]
 
 
 def publishers(node: Any, topic: str) -> list[str]:
@@ -75,7 +118,7 @@ def rivals(node: Any, *topics: str) -> list[str]:
 
 
 class CommandPort:
-    """Publishes `current_command`: one message for each joint state, so that they pair up.
+    """Publishes `current_command` or `effort_command`: one message for each joint state.
 
     Float64MultiArray carries no stamp. A plant in lockstep sends a state again when no answer
     came; that must neither be answered twice nor, if the first answer was lost, not at all. In
@@ -93,6 +136,10 @@ class CommandPort:
     node : rclpy.node.Node
     limits : sequence of float
         Largest current of each joint in A.
+    torques : sequence of float
+        Torque at each joint in N·m per A: k_t·n.
+    interface : str
+        A key of `TOPIC_OF`.
 
     Attributes
     ----------
@@ -102,10 +149,13 @@ class CommandPort:
         The last command in A.
     """
 
-    def __init__(self, node: Any, limits: Sequence[float]) -> None:
+    def __init__(self, node: Any, limits: Sequence[float], torques: Sequence[float],
+                 interface: str = 'current') -> None:
         self._node = node
-        self._topic = node.resolve_topic_name('current_command')
-        self.limits = list(limits)
+        self._topics = {kind: node.resolve_topic_name(name) for kind, name in TOPIC_OF.items()}
+        self._topic = self._topics[interface]
+        self._by_torque = interface == 'effort'
+        self.limits, self.torques = list(limits), list(torques)
         size = len(self.limits)
         self._message, self._zero = self._make(JOINT, size), self._make(UNASKED, size)
         self._stamp = 0
@@ -124,8 +174,7 @@ class CommandPort:
 
     def open(self) -> None:
         """Make the publisher."""
-        self._publisher = self._node.create_publisher(
-            Float64MultiArray, 'current_command', RELIABLE)
+        self._publisher = self._node.create_publisher(Float64MultiArray, self._topic, RELIABLE)
         self._opened, self._matched = time.monotonic(), False
         self.last, self._answered = [0.0] * len(self.limits), 0
 
@@ -189,7 +238,8 @@ class CommandPort:
         with self._lock:
             if ticket != self.ticket or self._sealed or self._publisher is None:
                 return False
-            self._message.data = array('d', values)
+            self._message.data = array('d', values if not self._by_torque else [
+                value * torque for value, torque in zip(values, self.torques)])
             self._message.layout.dim[0].label = str(stamp) if stamp else JOINT
             self.last, self._stamp = values, stamp
             self._publisher.publish(self._message)
@@ -223,11 +273,11 @@ class CommandPort:
                 self._lock.release()
 
     def others(self) -> list[str]:
-        """Return who else has a publisher of the same topic, by node name."""
+        """Return who else may command the motors, by current or by torque: by node name."""
         own = 0 if self._publisher is None else 1
-        if self._node.count_publishers(self._topic) <= own:
+        if sum(map(self._node.count_publishers, self._topics.values())) <= own:
             return []
-        names = publishers(self._node, self._topic)
+        names = [name for topic in self._topics.values() for name in publishers(self._node, topic)]
         mine = self._node.get_fully_qualified_name()
         if own and mine in names:
             names.remove(mine)

@@ -19,7 +19,7 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
-from friction_comp.nodes.joint_io import RELIABLE, UNASKED
+from friction_comp.nodes.joint_io import command_interface, RELIABLE, TOPIC_OF, UNASKED
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
@@ -144,8 +144,10 @@ class PlantNode(Node):
         self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
         self._heat = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
         self.create_subscription(JointState, 'reference', self._on_reference, RELIABLE)
+        interface = command_interface(self)
+        self._per_current = self._torque_per_current if interface == 'effort' else 1.0
         self.create_subscription(
-            Float64MultiArray, 'current_command', self._on_command, RELIABLE)
+            Float64MultiArray, TOPIC_OF[interface], self._on_command, RELIABLE)
         Diagnostics(self, self._report, ', '.join(self._joints), 'simulation')
 
     def _begin_lockstep(self) -> None:
@@ -226,7 +228,7 @@ class PlantNode(Node):
         if values.shape != self._command.shape or not np.isfinite(values).all():
             self._bad_commands += 1
             values = np.zeros_like(self._command)
-        self._command = values
+        self._command = values / self._per_current
 
     def _on_reference(self, message: Any) -> None:
         stamp = nanoseconds(message.header.stamp)

@@ -314,7 +314,8 @@ def to_samples(scan: Scan, joint: str | None,
         time=time, position=unwrapped(time, position[order], info.notes),
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
-    samples = samples.with_(**further_signals(scan, joint, joints, base, info.notes))
+    samples = samples.with_(**further_signals(
+        scan, joint, joints, base, torque_per_current, info.notes))
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, joint))
     return samples, info
 

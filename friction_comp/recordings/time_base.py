@@ -64,7 +64,7 @@ class TimeBase:
 
 
 def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
-                    notes: list[str]) -> dict[str, Any]:
+                    torque_per_current: float, notes: list[str]) -> dict[str, Any]:
     """Return the signals of other topics, each shape (N,), by the names `Samples` gives them.
 
     Parameters
@@ -74,6 +74,8 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
     joints : list of str
         All that its joint states name, in their order.
     base : TimeBase
+    torque_per_current : float
+        N·m/A at the joint, by which commanded torques become currents.
     notes : list of str
         Gets a line for each signal that is there and cannot be used.
     """
@@ -89,9 +91,10 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
         if found is not None:
             _put(signals, name, base.interpolate(found[0], found[1][:, 0]), found[0], notes)
     order = _array_order(scan, joints)
-    command = _of_array(scan.of('current_command'), joint, order, notes)
-    if command is not None:
-        signals['command'] = base.hold(*command)
+    for topic, unit in (('effort_command', torque_per_current), ('current_command', 1.0)):
+        command = _of_array(scan.of(topic), joint, order, notes)
+        if command is not None:
+            signals['command'] = base.hold(*command) / unit
     direction = _direction(scan, joint, joints, order, base, notes)
     if direction is not None:
         signals['direction'] = direction

@@ -91,7 +91,7 @@ class Stage(ABC):
             # exercise begins after this.
             self._ros.forget('compensator')
             self._ros.until(
-                lambda: int(self._ros.value('compensator', 'listeners to current_command') or 0)
+                lambda: int(self._ros.value('compensator', 'listeners to the command') or 0)
                 >= self._ros.subscriptions('current_command'), 'the compensator and its listeners')
 
     def _follow(self, title: str, look: Callable[[float], None] | None = None) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from friction_comp.tools.common import Arguments, positive, progress
 
 # s within which the other side must answer.
-_PATIENCE = 10.0
+_PATIENCE = 20.0
 
 
 def main(argv: list[str] | None = None) -> int:
