@@ -13,6 +13,7 @@ import pytest
 from friction_comp import __version__
 from friction_comp.__main__ import NODES, TOOLS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.simulation.undeclared import Undeclared
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
@@ -60,8 +61,11 @@ def test_lines_are_in_the_order_in_which_they_run():
 def test_files_and_targets_that_are_named_exist():
     for target in re.findall(r'\]\((?!http)([^)#]+)\)', README):
         assert (ROOT / target).exists(), target
-    for path in re.findall(r'config/\w+\.yaml', README):
-        FrictionModel.load(ROOT / path)
+    for option, path in re.findall(r'(\S+) (config/\w+\.yaml)', README):
+        if option == '--undeclared':
+            Undeclared.from_file(ROOT / path)
+        else:
+            FrictionModel.load(ROOT / path)
     for path in re.findall(r'`(launch/[\w.]+|friction_comp/\w+/)`', README):
         assert (ROOT / path).exists(), path
     makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
