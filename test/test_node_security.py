@@ -14,6 +14,10 @@ POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.x
 # Rights that a node uses at times only: in a simulation, during a goal, in lockstep.
 AT_TIMES = {('plant', 'publish', '/clock'), ('identification', 'publish', '/current_command'),
             ('exercise', 'subscribe', '/joint_states'),
+            # With `command_interface: effort`.
+            ('plant', 'subscribe', '/effort_command'),
+            ('compensator', 'publish', '/effort_command'),
+            ('identification', 'publish', '/effort_command'),
             *((node, 'subscribe', '/clock') for node in (
                 'compensator', 'identification', 'exercise', 'recorder', 'refinement')),
             *(('friction_comp_doctor', 'request', f'/{node}/{what}') for node in (
@@ -86,7 +90,8 @@ def test_few_may_command_a_current_or_announce_a_direction():
     assert listeners == {'recorder', 'refinement', 'friction_comp_watch', 'friction_comp_doctor'}
     assert not listeners & (commanders | planners), 'the torque sensor is for evaluation only'
     assert '/compensator/set_parameters' in table['refinement']['request']
-    assert actions('operator', 'call') == {'identify_friction', 'refine_model'}
+    assert actions('operator', 'call') == {
+        'identify_friction', 'play_trajectory', 'refine_model'}
     assert actions('identification', 'execute') | actions('refinement', 'execute') == actions(
         'operator', 'call')
 
