@@ -70,6 +70,7 @@ setup(
         *shared('launch', '*.launch.py'),
         *shared('config', '*.yaml', '*.xml'),
         *shared('config/exercises', '*.yaml'),
+        *shared('config/arms', '*.xml', '*.urdf'),
         *shared('config/layouts', '*.json', '*.xml'),
         *shared('msg_docs', '*.md'),
         *shared('sros2', '*.xml'),
@@ -82,8 +83,9 @@ setup(
     # Pinocchio reads URDF files for `refine --urdf`, Bokeh makes the page of `watch`, Dask works on
     # many recordings at once.
     # pyarrow reads Parquet files.
-    extras_require={'parquet': ['pyarrow>=12'], 'arm': ['pin>=2.7'], 'watch': ['bokeh>=3.1'],
-                    'parallel': ['distributed>=2022.12'], 'test': ['pytest']},
+    extras_require={'parquet': ['pyarrow>=12'], 'arm': ['pin>=2.7'], 'mujoco': ['mujoco>=3.1'],
+                    'watch': ['bokeh>=3.1'], 'parallel': ['distributed>=2022.12'],
+                    'test': ['pytest']},
     zip_safe=False,
     author='The friction_comp authors',
     maintainer='The friction_comp authors',

@@ -92,7 +92,7 @@ class PlantNode(Node):
             self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2, read_only=True)
         self._declare_periods(sample_time)
 
-        self._plant = Plant(models, seed, undeclared, sample_time)
+        self._plant = self._make_plant(models, seed, undeclared, sample_time)
         self._torque_per_current = np.array([m.drive.torque_per_current for m in models])
         self._sample = round(sample_time * NANO)
         self._samples = self._origin = self._commanded_at = self._bad_commands = 0
@@ -166,6 +166,24 @@ class PlantNode(Node):
         self._origin = self.get_clock().now().nanoseconds
         self._overruns = 0
         self.fast_timers = [self.create_timer(sample_time, self._on_time, clock=self._steady)]
+
+    def _make_plant(self, models: Any, seed: int, undeclared: Any, sample_time: float) -> Plant:
+        engine = declare(
+            self, 'engine', 'own', 'own: each joint moves by itself; mujoco: on the links of '
+            '`arm_file`', read_only=True, constraints='own or mujoco')
+        file = declare(
+            self, 'arm_file', '', 'MJCF or URDF of the arm, with engine mujoco', read_only=True)
+        if engine == 'mujoco':
+            if not file:
+                raise InputError('parameter arm_file: engine mujoco needs an MJCF or URDF')
+            # Only where it is asked for: MuJoCo need not be installed.
+            from friction_comp.simulation.mujoco_plant import MujocoPlant
+
+            return MujocoPlant(file, self._joints, models, seed, undeclared, sample_time)
+        if engine != 'own' or file:
+            raise InputError(f'parameter engine: must be mujoco for an arm_file, own without; '
+                             f'not {engine!r}')
+        return Plant(models, seed, undeclared, sample_time)
 
     def _load_undeclared(self) -> Any:
         files = declare(

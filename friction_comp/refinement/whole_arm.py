@@ -17,6 +17,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement.prepare import clipped, load_by_mechanics
 from friction_comp.refinement.refine import refine, RefineResult
 from friction_comp.samples import Samples
 
@@ -114,7 +115,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     scales = None
     if declared:
         scales = np.array([1.0 / drives[name].torque_per_current for name in names])
-    fit = fit_arm(chain, _together({name: recorded[name] for name in names}), scales,
+    moved = {name: [_with_person(samples, drives[name]) if declared else samples
+                    for samples in recorded[name]] for name in names}
+    fit = fit_arm(chain, _together(moved), scales,
                   lambda share: report(_BODIES * share, 'rigid bodies'))
     if (fit.tree.gravity != chain.tree.gravity).any():
         fall = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
@@ -140,6 +143,17 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     if not results:
         raise InputError(failed)
     return ArmResult(fit, results, notes)
+
+
+def _with_person(samples: Samples, drive: Drive) -> Samples:
+    """Return samples with what a person gives added to the current, where the person moves them.
+
+    The links are what motor and person carry together; see `load_by_mechanics`.
+    """
+    share = load_by_mechanics(samples, clipped(samples.current), drive)
+    if not share:
+        return samples
+    return samples.with_(current=samples.current - share * np.nan_to_num(np.asarray(samples.load)))
 
 
 def _ends(bounds: np.ndarray) -> list[float | None]:

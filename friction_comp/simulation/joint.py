@@ -128,11 +128,16 @@ class Plant:
             active = self._row(human_active, bool)
         position = self._zeros if reference_position is None else self._row(reference_position)
         velocity = self._zeros if reference_velocity is None else self._row(reference_velocity)
-        bank_sample(
-            self._parameters, self._states, self._random, self._tables, self._memories,
-            self.sample_time, self._row(command), position, velocity, active, self._out)
+        self._advance(self._row(command), position, velocity, active)
         self.state = self._measured()
         return self.state
+
+    def _advance(self, command: np.ndarray, position: np.ndarray, velocity: np.ndarray,
+                 active: np.ndarray) -> None:
+        """Take every joint through one sample; each array has shape (J,)."""
+        bank_sample(
+            self._parameters, self._states, self._random, self._tables, self._memories,
+            self.sample_time, command, position, velocity, active, self._out)
 
     def _row(self, values: ArrayLike, kind: type = float) -> np.ndarray:
         # Broadcasting costs more than a step: what is one value a joint already is taken as it is.

@@ -18,6 +18,7 @@ from friction_comp.tools.ros_domain import leased_domain
 SCENES = {
     'loop': 'identify, compensate, evaluate, refine, compensate again',
     'two_joints': 'an exercise of two joints that turn round on the way, from YAML',
+    'arm': 'a person guides an arm of three joints, its weight and friction taken (MuJoCo)',
     'wear': 'a drive that changes while it runs: told, refined, loaded and judged live'}
 
 
@@ -54,11 +55,13 @@ def main(argv: list[str] | None = None) -> int:
         os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
                               str(package_file('config', 'quick_discovery.xml')))
         from friction_comp.nodes.demo_client import DemoClient
+        from friction_comp.tools.demo_arm import GuidedArm
         from friction_comp.tools.demo_scenes import TwoJoints, Wear
         from friction_comp.tools.demo_stage import tell
         from friction_comp.tools.demo_story import Demo
 
-        scene = {'loop': Demo, 'two_joints': TwoJoints, 'wear': Wear}[arguments.scene]
+        scene = {'loop': Demo, 'two_joints': TwoJoints, 'arm': GuidedArm,
+                 'wear': Wear}[arguments.scene]
         previous = signal.signal(signal.SIGTERM, _interrupt)
         try:
             return tell(arguments, DemoClient, scene)

@@ -1,0 +1,210 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Joints of an arm whose links MuJoCo moves; drives, sensors and the person are those of `Plant`.
+
+MuJoCo knows the rigid bodies: mass, inertia, weight, and how one joint's motion acts on another.
+What it is told each substep are torques of joints: the motor's, the person's, and friction's, by
+the same clamp, levels and undeclared effects as in `rigid_joint`. Two engines, one friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from pathlib import Path
+from typing import Any
+
+from numba import njit
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.low_pass import low_pass_weight
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
+from friction_comp.simulation.joint import Plant
+from friction_comp.simulation.joint_kernel import measure
+from friction_comp.simulation.joint_records import DELAYS, RIGID
+from friction_comp.simulation.person import follow_reference
+from friction_comp.simulation.rigid_joint import RENEWAL, SETTLING, SUBSTEPS
+from friction_comp.simulation.undeclared import heated, Undeclared, undeclared_torque
+
+
+class MujocoPlant(Plant):
+    """Simulated joints on the links of an MJCF or URDF, stepped one sample at a time.
+
+    Parameters
+    ----------
+    file : path-like
+        Read by MuJoCo. Where it has a keyframe, the first one is where the arm begins.
+    joints : sequence of str
+        Names of hinges or slides in the file, in the order of the models. Joints of the file that
+        are not named move freely.
+    models, seed, undeclared, sample_time
+        As for `Plant`. The drive's own inertia, `simulation.inertia`, is added to the armature
+        that the file gives a joint. Gears with a compliance of their own are refused.
+
+    Raises
+    ------
+    InputError
+        If MuJoCo is not installed, or the file cannot be used.
+    """
+
+    def __init__(self, file: str | Path, joints: Sequence[str], models: Sequence[FrictionModel],
+                 seed: int | Sequence[int] = 0,
+                 undeclared: Sequence[Undeclared | None] | None = None,
+                 sample_time: float = 1e-3) -> None:
+        try:
+            import mujoco
+        except ModuleNotFoundError:
+            raise InputError('engine mujoco: MuJoCo is missing: pip install mujoco') from None
+        if len(joints) != len(models):
+            raise InputError(f'the arm needs one model a joint, not {len(models)} for '
+                             f'{len(joints)} joints')
+        self._step_of_engine, self._multiply = mujoco.mj_step, mujoco.mj_mulM
+        self.body = _model(mujoco, file)
+        self._places = [_degree_of_freedom(mujoco, self.body, file, joint) for joint in joints]
+        self.body.opt.timestep = sample_time / SUBSTEPS
+        super().__init__(models, seed, undeclared, sample_time)
+        if (self._parameters['kind'] != RIGID).any():
+            raise InputError('engine mujoco moves the links itself: model files with a gear in '
+                             'their section simulation cannot be used')
+        self._position, self._velocity = np.array(self._places).T
+        self.body.dof_armature[self._velocity] += self._parameters['motor_inertia']
+        self.data = mujoco.MjData(self.body)
+        # What follows from the armature.
+        mujoco.mj_setConst(self.body, self.data)
+        if self.body.nkey:
+            mujoco.mj_resetDataKeyframe(self.body, self.data, 0)
+        mujoco.mj_forward(self.body, self.data)
+        self._torque, self._inertia = np.zeros((2, self.joints))
+        self._product, self._unit = np.zeros((2, self.body.nv))
+        self._weigh()
+        self._forces(self._zeros, 0, self._zeros, self._zeros, self._nobody)
+        _look(self._parameters, self._states, self._random, self.sample_time, *self._moving(),
+              self._out)
+        # The encoder has not moved yet.
+        self._out['velocity'] = 0.0
+        self.state = self._measured()
+
+    def _moving(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.data.qpos[self._position], self.data.qvel[self._velocity]
+
+    def _advance(self, command: np.ndarray, position: np.ndarray, velocity: np.ndarray,
+                 active: np.ndarray) -> None:
+        """Take the arm through one sample; see `Plant.step`."""
+        self._weigh()
+        for k in range(SUBSTEPS):
+            self._forces(command, k, position, velocity, active)
+            self.data.qfrc_applied[self._velocity] = self._torque
+            self._step_of_engine(self.body, self.data)
+        _look(self._parameters, self._states, self._random, self.sample_time, *self._moving(),
+              self._out)
+
+    def _forces(self, command: np.ndarray, substep: int, position: np.ndarray,
+                velocity: np.ndarray, active: np.ndarray) -> None:
+        _torques(self._parameters, self._states, self._random, self._tables, self._memories,
+                 self.sample_time, substep, command, position, velocity, active, *self._moving(),
+                 self.data.qfrc_bias[self._velocity], self._inertia, self._torque)
+
+    def _weigh(self) -> None:
+        """Renew the diagonal of the arm's inertia, kg·m², shape (J,)."""
+        for j, own in enumerate(self._velocity):
+            self._unit[:] = 0.0
+            self._unit[own] = 1.0
+            self._multiply(self.body, self.data, self._product, self._unit)
+            self._inertia[j] = self._product[own]
+
+
+def _model(mujoco: Any, file: str | Path) -> Any:
+    """Return MuJoCo's model of a file."""
+    if not Path(file).is_file():
+        raise InputError(f'{file}: there is no such file')
+    try:
+        return mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        raise InputError(f'{file}: MuJoCo cannot read it: {error}') from None
+
+
+def _degree_of_freedom(mujoco: Any, body: Any, file: str | Path, joint: str) -> tuple[int, int]:
+    """Return where MuJoCo keeps a joint's position and velocity."""
+    number = mujoco.mj_name2id(body, mujoco.mjtObj.mjOBJ_JOINT, joint)
+    if number < 0:
+        names = [mujoco.mj_id2name(body, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(body.njnt)]
+        raise InputError(f'{file}: has no joint {joint!r}; it has {", ".join(map(str, names))}')
+    kinds = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+    if int(body.jnt_type[number]) not in map(int, kinds):
+        raise InputError(f'{file}: joint {joint!r} is neither a hinge nor a slide')
+    return int(body.jnt_qposadr[number]), int(body.jnt_dofadr[number])
+
+
+@njit(cache=True)
+def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, tables: np.ndarray,
+             memories: np.ndarray, sample_time: float, substep: int, command: np.ndarray,
+             reference_position: np.ndarray, reference_velocity: np.ndarray, active: np.ndarray,
+             position: np.ndarray, velocity: np.ndarray, bias: np.ndarray, inertia: np.ndarray,
+             torque: np.ndarray) -> None:
+    """Write the torques of motors, persons and friction at the beginning of a substep, N·m.
+
+    `bias` is what weight and motion ask of the joint, `inertia` its own on the diagonal of the
+    arm's: with them the bristle holds as stiffly as in `rigid_joint`.
+    """
+    h = sample_time / SUBSTEPS
+    for j in range(parameters.shape[0]):
+        p, s = parameters[j], states[j]
+        x, v = position[j], velocity[j]
+        if substep == 0:
+            wanted = command[j] if math.isfinite(command[j]) else 0.0
+            for k in range(DELAYS - 1, 0, -1):
+                s.command[k] = s.command[k - 1]
+            s.command[0] = min(p.limit, max(-p.limit, wanted))
+            s.current = s.command[p.delay]
+        s.late_current += (s.current - s.late_current) * low_pass_weight(h, p.actuation_lag)
+        if active[j] and math.isfinite(reference_position[j] + reference_velocity[j]):
+            follow_reference(
+                p, s, h, low_pass_weight(h, p.human_response),
+                reference_position[j] + reference_velocity[j] * substep * h,
+                reference_velocity[j], x, v)
+        else:
+            s.human = s.pushed_on = 0.0
+        driving, extra = p.torque_per_current * s.late_current + s.human, 0.0
+        sigma0, sigma1 = p.bristle_stiffness, p.bristle_damping
+        if tables[j].shape[0] > 0 and tables[j][0, 0] >= 0.0:
+            base = friction_level(p, s, abs(v), sigma0 * s.bristle[0] + sigma1 * v > 0.0)
+            load, extra = undeclared_torque(
+                tables[j], memories[j], s.samples * sample_time + substep * h, x, v, s.human,
+                s.temperature, s.rest, base)
+            driving += load
+        stuck = (v + h / inertia[j] * (driving - bias[j] - sigma0 * s.bristle[0])) / (
+            1.0 + h / inertia[j] * (sigma1 + h * sigma0))
+        force = sigma0 * (s.bristle[0] + h * stuck) + sigma1 * stuck
+        base = friction_level(p, s, abs(v), force > 0.0)
+        level = max(base + extra, LEAST_LEVEL * base)
+        if abs(force) <= level:
+            s.bristle[0] += h * stuck
+            s.rest += h
+            if s.sliding == 1 and s.rest > SETTLING:
+                s.sliding, s.slid = 0, 0.0
+                draw_levels(p, s, randoms[j])
+        else:
+            force = math.copysign(level, force)
+            limit = level / sigma0
+            s.bristle[0] = min(limit, max(-limit, s.bristle[0] + h * v))
+            s.rest, s.sliding = 0.0, 1
+            s.slid += h * abs(v)
+            if s.slid > RENEWAL * limit:
+                s.slid = 0.0
+                draw_levels(p, s, randoms[j])
+        torque[j] = driving - force
+
+
+@njit(cache=True)
+def _look(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, sample_time: float,
+          position: np.ndarray, velocity: np.ndarray, out: np.ndarray) -> None:
+    """Write what the sensors show at the end of a sample."""
+    for j in range(parameters.shape[0]):
+        p, s = parameters[j], states[j]
+        s.rotor = s.link = position[j]
+        s.rotor_speed = s.link_speed = velocity[j]
+        s.temperature = heated(s.temperature, s.current, sample_time, p.thermal)
+        s.samples += 1.0
+        measure(p, s, randoms[j], sample_time, out[j])
