@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 # The drives of the note's configurations 1 and 2.
 JOINTS = {'turn': 1, 'lift': 2, 'bend': 1}
-_SAMPLE_TIME, _CLOCK_PERIOD = 2e-3, 0.02
+_SAMPLE_TIME, _CLOCK_PERIOD = 4e-3, 0.02
 # A person who holds the arm at its cuff: N·m/rad, N·m·s/rad, s.
 _PERSON = {'stiffness': 60.0, 'damping': 6.0, 'response_time': 0.04}
 

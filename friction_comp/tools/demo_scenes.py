@@ -32,7 +32,7 @@ from friction_comp.tools.processes import Nodes
 if TYPE_CHECKING:
     from friction_comp.nodes.demo_client import DemoClient
 
-_SAMPLE_TIME = 2e-3
+_SAMPLE_TIME = 4e-3
 
 
 class TwoJoints(Stage):
@@ -48,7 +48,7 @@ class TwoJoints(Stage):
         self._say('starts two simulated joints, a shoulder and an elbow, and the compensator')
         # From the first state on: the compensator, the exercise and the recorder.
         self._start_plant(self._models, ['', ''], _SAMPLE_TIME, wait_for_reference=True,
-                          wait_for_listeners=3)
+                          wait_for_listeners=3, clock_period=0.02)
         self._nodes.start('compensator', {**self._common(*self._models), 'law': 'kinetic'})
         for law, title in (('kinetic', 'kinetic friction only'),
                            ('continuous', 'each direction announced as it changes')):
