@@ -51,7 +51,6 @@ RULES = {
     'early slip': {PARAMETERS + 'EARLY': 1.0},
     'time to bear the preload': {PARAMETERS + 'BEAR_TIME': 0.0},
     'creep': {OPERATOR + 'CREEP_TIME': math.inf},
-    'surely borne': {OPERATOR + 'SURELY_BORNE': 0.0},
     'least borne': {OPERATOR + 'LEAST_BORNE': 0.0},
     'earliest': {OPERATOR + 'EARLIEST': 0.0},
     'early time': {OPERATOR + 'EARLY_TIME': math.inf},
