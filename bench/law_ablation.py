@@ -3,8 +3,8 @@
 """What each rule and constant of the compensation law earns: the law without it, on every world.
 
     python3 bench/law_ablation.py [--rules NAME ...] [--worlds gear mujoco refined]
-                                  [--floors untouched quiet ...] [--seed S] [--draws N]
-                                  [--workers N]
+                                  [--floors untouched quiet ...] [--models true|identified]
+                                  [--seed S] [--draws N] [--workers N]
 
 One line a rule and world: the floors of `law_table` with that rule switched off, beside the law as
 it is. A rule that changes no column earns nothing. Rules that are constants of compiled code are
@@ -51,7 +51,6 @@ RULES = {
     'early slip': {PARAMETERS + 'EARLY': 1.0},
     'time to bear the preload': {PARAMETERS + 'BEAR_TIME': 0.0},
     'creep': {OPERATOR + 'CREEP_TIME': math.inf},
-    'surely borne': {OPERATOR + 'SURELY_BORNE': 0.0},
     'least borne': {OPERATOR + 'LEAST_BORNE': 0.0},
     'earliest': {OPERATOR + 'EARLIEST': 0.0},
     'early time': {OPERATOR + 'EARLY_TIME': math.inf},
@@ -82,6 +81,7 @@ def main():
     parser.add_argument('--worlds', nargs='+', default=list(WORLDS), choices=WORLDS)
     parser.add_argument('--floors', nargs='+', choices=FLOORS, default=[
         name for name in FLOORS if name not in ('identification', 'bad_samples')])
+    parser.add_argument('--models', choices=['true', 'identified'], default='true')
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--draws', type=int, help='gears of each kind')
     parser.add_argument('--workers', type=int, default=2)
@@ -105,7 +105,7 @@ def without(rule, options):
         try:
             with ProcessPoolExecutor(options.workers, mp_context=context,
                                      initializer=switch_off, initargs=(rule,)) as pool:
-                jobs = [(world, floor, options.seed, options.draws)
+                jobs = [(world, floor, options.models, options.seed, options.draws)
                         for world in options.worlds for floor in options.floors]
                 found = list(pool.map(figures, jobs))
         finally:
@@ -126,8 +126,8 @@ def switch_off(rule):
 
 def figures(job):
     """Return one floor's figures on one world, by column."""
-    world, floor, seed, draws = job
-    bank, _ = bank_of(world, 'true', None, draws, seed, False)
+    world, floor, models, seed, draws = job
+    bank, _ = bank_of(world, models, None, draws, seed, False)
     cells = {}
     for row in law_table.FLOORS[floor](bank, 'continuous', True):
         short = next((s for begin, s in COLUMNS.items() if row.floor.startswith(begin)), None)

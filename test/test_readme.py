@@ -17,7 +17,10 @@ from friction_comp.simulation.undeclared import Undeclared
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
-COMMANDS = [line.strip() for block in re.findall(r'```sh\n(.*?)```', README, re.DOTALL)
+PAGES = [README, *((ROOT / 'docs' / f'{name}.md').read_text(encoding='utf-8')
+                   for name in ('nodes', 'tools'))]
+COMMANDS = [line.strip() for page in PAGES
+            for block in re.findall(r'```sh\n(.*?)```', page, re.DOTALL)
             for line in block.replace('\\\n', ' ').splitlines()]
 
 

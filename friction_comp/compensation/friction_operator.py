@@ -23,8 +23,6 @@ from friction_comp.compiling import njit
 
 LEAST_BORNE = 0.5
 """The preload is never lowered below this share."""
-SURELY_BORNE = 0.6
-"""No joint slips by itself under this share: who moves it now is a person."""
 EARLIEST, EARLY_TIME = 0.75, 0.16
 """A slip is early beyond this share of the preload and within so many s of leading. Under less of
 it a person moves the joint; later it had waited for a gear that swings."""
@@ -101,11 +99,8 @@ def lead(p: Any, s: Any, aim: float) -> None:
     if s.mode == LEADING:
         s.creeping += s.step
         if abs(s.position - s.mark) > p.slip:
-            if abs(s.ramp) > SURELY_BORNE:
-                _slipped(p, s, aim, s.mark, EARLIEST < abs(s.ramp) < 1.0
-                         and s.creeping < EARLY_TIME and s.borne == 1.0)
-            else:
-                s.mode = FREE
+            _slipped(p, s, aim, s.mark, EARLIEST < abs(s.ramp) < 1.0
+                     and s.creeping < EARLY_TIME and s.borne == 1.0)
             return
         # A gear that gives fast under the preload would swing beyond it.
         if abs(s.speed) < p.lead_speed:
