@@ -7,7 +7,6 @@ from __future__ import annotations
 TOPICS = {
     'joint_states': 'sensor_msgs/msg/JointState',
     'current_command': 'std_msgs/msg/Float64MultiArray',
-    'effort_command': 'std_msgs/msg/Float64MultiArray',
     'direction': 'std_msgs/msg/Int8MultiArray',
     'direction_stamped': 'sensor_msgs/msg/JointState',
     'reference': 'sensor_msgs/msg/JointState',
@@ -15,3 +14,7 @@ TOPICS = {
     'motor_temperature': 'sensor_msgs/msg/Temperature',
 }
 """Relative name to message type. A recorded topic belongs to the name that it ends with."""
+
+TORQUE_UNIT = 'N.m'
+"""Label of a command's second dimension where its values are N·m at the joint; plain ASCII, as not
+every reader of ROS messages takes other letters. Any other label, or none, means A."""

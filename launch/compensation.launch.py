@@ -25,8 +25,8 @@ from launch_ros.substitutions import FindPackageShare
 
 def generate_launch_description():
     configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
-    topics = ('joint_states', 'current_command', 'effort_command', 'direction',
-              'direction_stamped', 'motor_temperature')
+    topics = ('joint_states', 'current_command', 'direction', 'direction_stamped',
+              'motor_temperature')
     compensator = LifecycleNode(
         package='friction_comp',
         executable='compensator',

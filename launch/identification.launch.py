@@ -25,7 +25,7 @@ from launch_ros.substitutions import FindPackageShare
 
 def generate_launch_description():
     configuration = PathJoinSubstitution([FindPackageShare('friction_comp'), 'config'])
-    topics = ('joint_states', 'current_command', 'effort_command', 'motor_temperature')
+    topics = ('joint_states', 'current_command', 'motor_temperature')
     return LaunchDescription([
         DeclareLaunchArgument('namespace', default_value='', description='of the node'),
         DeclareLaunchArgument(

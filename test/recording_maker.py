@@ -50,8 +50,9 @@ def wrench(stamp_ns, frame, torque):
         vector(0.0, 0.0, 0.0), vector(0.0, 0.0, torque)))
 
 
-def array(kind, values):
-    layout = T['std_msgs/msg/MultiArrayLayout']([], 0)
+def array(kind, values, labels=()):
+    layout = T['std_msgs/msg/MultiArrayLayout'](
+        [T['std_msgs/msg/MultiArrayDimension'](label, 1, 1) for label in labels], 0)
     dtype = np.int8 if kind == cdr.INT8_ARRAY else float
     return kind, T[kind](layout, np.array(values, dtype=dtype))
 

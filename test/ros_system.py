@@ -287,10 +287,9 @@ class FakeDriver:
     its own accord are heard, too, but are no answers.
     """
 
-    def __init__(self, probe, joints, qos=RELIABLE, prefix='', node='compensator',
-                 topic='current_command'):
+    def __init__(self, probe, joints, qos=RELIABLE, prefix='', node='compensator'):
         self.probe, self.joints, self.node = probe, joints, node
-        self._topic = f'{prefix}{topic}'
+        self._topic = f'{prefix}current_command'
         self.states = probe.talk(JointState, f'{prefix}joint_states', qos)
         self.directions = probe.talk(Int8MultiArray, f'{prefix}direction', qos)
         self.commands = probe.listen(Float64MultiArray, self._topic)

@@ -197,6 +197,14 @@ def test_the_measured_current_is_compared_with_the_commanded_one(share, level, w
     assert bool(found[0].do) == (level != 'ok')
 
 
+def test_a_commanded_torque_is_compared_as_the_current_that_it_is():
+    seen = compensated(1.0)
+    seen.commands, seen.command_unit = seen.states.effort, 'N·m'
+    assert 'follows' in check_joint(seen, JOINT, MODEL)[0].what
+    assert any('N·m' in finding.what for finding in check_system(seen)
+               if finding.about == 'current_command')
+
+
 def test_a_command_that_the_drive_does_not_obey_is_named():
     seen = compensated(1.0)
     seen.commands = seen.commands[::-1] * np.random.default_rng(0).choice(

@@ -15,6 +15,7 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from ros_system import (
     FakeDriver,
+    joint_state,
     JOINTS,
     MODELS,
     probe_node,
@@ -24,15 +25,23 @@ from ros_system import (
     START,
     value_of,
 )
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
+from friction_comp.excitation.move import Move
+from friction_comp.excitation.plan import JointPlan, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.joint_io import unit_said
+from friction_comp.nodes.trajectory_client import message_of
 from friction_comp.recordings import read_recording
+from friction_comp.simulation.joint import Plant
+from friction_comp.topics import TORQUE_UNIT
 
 ROOT = Path(__file__).resolve().parents[1]
 ARMS = sorted((ROOT / 'examples' / 'torque_controlled').glob('*.yaml'))
+# What such arms are, whatever the files say: states a second, and what `effort` holds.
+SEMANTICS = {'franka_like': (1000, 'torque'), 'ur_like': (500, 'current')}
 pytestmark = [pytest.mark.slow, pytest.mark.processes]
 
 
@@ -42,7 +51,7 @@ def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path
     law = CompensationLaw(models, 'continuous')
     with probe_node() as probe, Process(tmp_path, 'compensator', {
             **START, 'law': 'continuous', 'command_interface': 'effort'}):
-        driver = FakeDriver(probe, JOINTS, topic='effort_command')
+        driver = FakeDriver(probe, JOINTS)
         driver.find()
         driver.begin_anew()
         driver.announce([1, -1])
@@ -52,19 +61,25 @@ def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path
             torque = driver.ask(position, [], base + round(1e6 * k))
             current = law.update(1e-3 * k, position, None, np.array([1.0, -1.0]))
             np.testing.assert_allclose(torque, current * gains, rtol=0.0, atol=1e-9)
+        assert {unit_said(message) for message in driver.commands} == {TORQUE_UNIT}
     assert min(np.abs(torque)) > 0.2
 
 
-def test_whoever_commands_torques_is_a_rival_of_whoever_commands_currents(tmp_path):
-    with probe_node() as probe, Process(tmp_path, 'compensator', START):
-        driver = FakeDriver(probe, JOINTS)
-        driver.find(direction=[1, 1])
-        other = probe.talk(Float64MultiArray, 'effort_command', RELIABLE)
-        probe.until(lambda: (driver.find() or True) and not any(driver.commands[-1].data),
-                    'zero current')
-        status = probe.status_of('compensator', lambda one: 'command' in one.message)
-        assert status
-        probe.destroy_publisher(other)
+def test_a_plant_that_takes_currents_does_not_take_torques_for_them(tmp_path):
+    common = {'joints': JOINTS[:1], 'model_files': MODELS[:1]}
+    with probe_node() as probe, Process(tmp_path, 'plant', common):
+        port = probe.talk(Float64MultiArray, 'current_command', RELIABLE)
+        probe.matched(port)
+
+        def command_seen(unit):
+            message = Float64MultiArray(data=[0.25])
+            message.layout.dim = [MultiArrayDimension(label='joint', size=1, stride=1),
+                                  MultiArrayDimension(label=unit, size=1, stride=1)]
+            port.publish(message)
+            status = probe.status_of('plant')
+            return value_of(status, 'commands not usable')
+        probe.until(lambda: command_seen('A') == '0', 'a status')
+        probe.until(lambda: command_seen(TORQUE_UNIT) != '0', 'a torque passed over')
 
 
 def test_a_joint_is_moved_and_recorded_by_torque(tmp_path):
@@ -103,27 +118,108 @@ def test_an_interface_that_is_not_known_is_refused(tmp_path):
             'command_interface: must be current or effort')
 
 
+class TorqueController(FakeDriver):
+    """Stands in for the torque controller of an arm; one of its joints is simulated.
+
+    It takes N·m, shows states at the arm's rate, in `effort` what such an arm shows, and leaves a
+    joint that it hears nothing for without torque.
+    """
+
+    def __init__(self, probe, file, node, model):
+        document = yaml.safe_load(file.read_text(encoding='utf-8'))
+        controller = document['torque_controller']['ros__parameters']
+        assert controller['interface_name'] == 'effort'
+        super().__init__(probe, controller['joints'], node=node)
+        rate, holds = SEMANTICS[file.stem]
+        assert document['controller_manager']['ros__parameters']['update_rate'] == rate
+        # Some lost packets are not silence.
+        for each in ('compensator', 'identification'):
+            timeout = document[f'/**/{each}']['ros__parameters']['joint_state_timeout']
+            assert 10 <= rate * timeout <= 50
+        self.step = 1.0 / rate
+        self.gain = model.drive.torque_per_current
+        self.effort = self.gain if holds == 'torque' else 1.0
+        self.plant = Plant([model], 3, None, self.step)
+        self.count, self.base = 0, time.time_ns()
+
+    def go_on(self, answered):
+        """Show one state, and apply the torque that answers it, if one must."""
+        rest = [0.0] * (len(self.joints) - 1)
+        state, before = self.plant.state, len(self.commands)
+        self.count += 1
+        self.states.publish(joint_state(
+            self.base + round(1e9 * self.step * self.count), self.joints,
+            [*state.position, *rest], [*state.velocity, *rest],
+            [*(self.effort * state.current), *rest]))
+        if answered():
+            self.probe.until(lambda: self._answers_from(before) or not answered(), 'a command')
+        else:
+            self.probe.spin_for(0.002)
+        heard = self._answers_from(before)
+        torque = heard[-1].data[0] if heard else 0.0
+        assert all(unit_said(message) == TORQUE_UNIT for message in heard)
+        self.plant.step(np.array([torque / self.gain]), None, None, None)
+
+
+def of_the_arm(file, tmp_path, drive, node):
+    """Write models of an arm's joints; return one, and arguments for a node with the arm's file."""
+    joints = yaml.safe_load(file.read_text(encoding='utf-8'))[
+        f'/**/{node}']['ros__parameters']['joints']
+    model = FrictionModel.load(MODELS[0])
+    model.drive = drive or model.drive
+    for joint in joints:
+        model.joint = joint
+        model.save(tmp_path / f'{joint}.yaml')
+    return model, {f'{node}:model_files': [str(tmp_path / f'{joint}.yaml') for joint in joints],
+                   f'{node}:joint_state_timeout': 10.0}, ['--ros-args', '--params-file', str(file)]
+
+
+@pytest.mark.parametrize('file', ARMS, ids=lambda file: file.stem)
+def test_a_joint_of_an_arm_is_moved_by_its_torque_controller(file, tmp_path):
+    """What `effort` holds and what is commanded agree, or the first ramp would end the goal."""
+    from friction_comp_interfaces.action import PlayTrajectory
+    from rclpy.action import ActionClient
+    from test_node_play import LIMITS
+
+    model, parameters, arguments = of_the_arm(file, tmp_path, None, 'identification')
+    with probe_node() as probe, Process(
+            tmp_path / 'run', 'identification', parameters, arguments=arguments):
+        arm = TorqueController(probe, file, 'identification', model)
+        plan = JointPlan(LIMITS, 0.0, (Move.within(0.1, 0.0, 0.2, 0.8, 4.0),), 1.0, {})
+        message = message_of(trajectory_of([plan], 50.0))
+        message.joint_names = [arm.joints[0]]
+        client = ActionClient(probe, PlayTrajectory, 'play_trajectory')
+        probe.until(client.server_is_ready, 'the action server')
+        accepted = []
+
+        def handle():
+            if not accepted or (accepted[-1].done() and not accepted[-1].result().accepted):
+                accepted.append(client.send_goal_async(PlayTrajectory.Goal(trajectory=message)))
+            return accepted[-1].done() and accepted[-1].result().accepted
+        while not handle():
+            arm.go_on(lambda: False)
+        outcome = accepted[-1].result().get_result_async()
+        while not outcome.done():
+            arm.go_on(lambda: bool(arm.commands) and arm.ears and not outcome.done())
+        assert outcome.result().result.success, outcome.result().result.message
+        assert arm.plant.state.position[0] == pytest.approx(0.2, abs=0.02)
+        client.destroy()
+
+
 @pytest.mark.parametrize('file', ARMS, ids=lambda file: file.stem)
 def test_a_compensator_runs_with_the_parameters_of_an_arm(file, tmp_path):
-    """The files of docs/torque_controlled_robots.md, against a stand-in of such a controller."""
-    document = yaml.safe_load(file.read_text(encoding='utf-8'))
-    parameters = document['/**/compensator']['ros__parameters']
-    controller = document['torque_controller']['ros__parameters']
-    joints = parameters['joints']
-    assert controller['joints'] == joints
-    assert controller['interface_name'] == 'effort'
-    models = []
-    for joint in joints:
-        model = FrictionModel.load(MODELS[0])
-        model.joint = joint
-        model.drive = Drive(1.0, 1.0, current_limit=40.0)
-        model.save(tmp_path / f'{joint}.yaml')
-        models.append(str(tmp_path / f'{joint}.yaml'))
-    with probe_node() as probe, Process(tmp_path, 'compensator', {
-            **parameters, 'model_files': models, 'joint_state_timeout': 10.0,
-            'input_reliability': 'reliable'}):
-        driver = FakeDriver(probe, joints, topic='effort_command')
+    """The files of docs/torque_controlled_robots.md are files that ROS 2 can read."""
+    _, parameters, arguments = of_the_arm(
+        file, tmp_path, Drive(1.0, 1.0, current_limit=40.0), 'compensator')
+    joints = yaml.safe_load(file.read_text(encoding='utf-8'))[
+        'torque_controller']['ros__parameters']['joints']
+    with probe_node() as probe, Process(
+            tmp_path / 'run', 'compensator', {**parameters, 'input_reliability': 'reliable'},
+            arguments=arguments):
+        driver = FakeDriver(probe, joints)
         driver.find()
+        assert probe.get_parameters_of('compensator', [
+            'gravity', 'breakaway_gain', 'command_interface']) == ['left_to_robot', 0.5, 'effort']
         base = time.time_ns()
         for k in range(30):
             torque = driver.ask([4e-4 * k] * len(joints), [], base + round(1e6 * k))

@@ -14,10 +14,6 @@ POLICY = Path(__file__).resolve().parents[1] / 'sros2' / 'friction_comp.policy.x
 # Rights that a node uses at times only: in a simulation, during a goal, in lockstep.
 AT_TIMES = {('plant', 'publish', '/clock'), ('identification', 'publish', '/current_command'),
             ('exercise', 'subscribe', '/joint_states'),
-            # With `command_interface: effort`.
-            ('plant', 'subscribe', '/effort_command'),
-            ('compensator', 'publish', '/effort_command'),
-            ('identification', 'publish', '/effort_command'),
             *((node, 'subscribe', '/clock') for node in (
                 'compensator', 'identification', 'exercise', 'recorder', 'refinement')),
             *(('friction_comp_doctor', 'request', f'/{node}/{what}') for node in (

@@ -100,11 +100,11 @@ def test_the_command_shown_is_that_under_which_the_state_was_measured():
     for k in range(20):
         heard.take(serialize_message(Float64MultiArray(data=[0.01 * k])), 1_000_000 * k)
     # Younger ones have been heard already, and the state is that of before.
-    assert list(heard.at(5_400_000)) == [0.05]
-    assert list(heard.at(19_900_000)) == [0.19]
+    assert list(heard.at(5_400_000).data) == [0.05]
+    assert list(heard.at(19_900_000).data) == [0.19]
     # Nothing of 100 ms was heard: it may have been anything.
-    assert len(heard.at(119_000_000)) == 0
-    assert len(heard.at(-1)) == 0
+    assert heard.at(119_000_000) is None
+    assert heard.at(-1) is None
     heard.take(serialize_message(Float64MultiArray(data=[0.12])), 119_500_000)
-    assert len(heard.at(119_000_000)) == 0
-    assert list(heard.at(120_000_000)) == [0.12]
+    assert heard.at(119_000_000) is None
+    assert list(heard.at(120_000_000).data) == [0.12]

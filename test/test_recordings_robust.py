@@ -27,6 +27,7 @@ from friction_comp.recordings import (
     RecordingWriter,
     write_samples,
 )
+from friction_comp.topics import TORQUE_UNIT
 
 
 def one_line(error):
@@ -133,6 +134,17 @@ def test_labels_that_differ_from_message_to_message_cost_no_more():
     assert index.tolist() == list(range(50))
     assert fields['data'][:, 0] == pytest.approx(0.5 * np.arange(50))
 
+
+def test_each_command_is_taken_in_the_unit_that_it_names(tmp_path):
+    """Amperes or N·m, also where the commander changed on the way; no unit is amperes."""
+    messages = list(states(60))
+    for (_, receive, _), labels in zip(messages[:], [()] * 20 + [('joint', TORQUE_UNIT)] * 20
+                                       + [('joint', 'A')] * 20):
+        value = 3.0 if TORQUE_UNIT in labels else 0.5
+        messages.append(('/current_command', receive, array(cdr.FLOAT_ARRAY, [value], labels)))
+    messages.sort(key=lambda one: one[1])
+    samples, = read_recording(record(tmp_path / 'r', messages), None, 0.06, 100.0)
+    np.testing.assert_allclose(samples.command, 0.5)
 
 
 @settings(max_examples=30, deadline=None)

@@ -55,7 +55,9 @@ def follows(seen: Observation, joint: str, model: FrictionModel) -> list[Finding
     if states is None or not order or seen.commands.shape[-1:] != (len(order),):
         return []
     measured = states.effort[:, states.joints.index(joint)] / model.drive.torque_per_current
-    command = np.interp(states.received, seen.commanded, seen.commands[:, order.index(joint)])
+    unit = model.drive.torque_per_current if seen.command_unit == 'N·m' else 1.0
+    command = np.interp(
+        states.received, seen.commanded, seen.commands[:, order.index(joint)] / unit)
     good = np.isfinite(measured) & np.isfinite(command)
     measured, command = measured[good], command[good]
     power = float(command @ command)

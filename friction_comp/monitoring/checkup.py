@@ -169,7 +169,7 @@ def _commands(seen: Observation) -> Iterator[Finding]:
     topic = seen.topic('current_command')
     names = ', '.join(end.node for end in topic.publishers)
     if not topic.publishers:
-        yield Finding(NOTE, 'current_command', 'nobody commands a current')
+        yield Finding(NOTE, 'current_command', 'nobody commands the drive')
         return
     if len(topic.publishers) > 1:
         yield Finding(WARNING, 'current_command', f'{len(topic.publishers)} nodes may command: '
@@ -182,7 +182,8 @@ def _commands(seen: Observation) -> Iterator[Finding]:
     listeners = ', '.join(end.node for end in topic.subscribers)
     largest = float(np.abs(seen.commands).max()) if seen.commands.size else 0.0
     yield Finding(OK, 'current_command', f'{names} to {listeners}: '
-                  f'{len(seen.commands) / seen.seconds:.4g} Hz, up to {largest:.3g} A')
+                  f'{len(seen.commands) / seen.seconds:.4g} Hz, '
+                  f'up to {largest:.3g} {seen.command_unit}')
     states = 0 if seen.states is None else len(seen.states.received)
     if len(seen.commands) < 0.5 * states and 'compensator' in names:
         yield Finding(WARNING, 'current_command', f'{len(seen.commands)} commands for {states} '

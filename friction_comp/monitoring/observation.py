@@ -92,9 +92,11 @@ class Observation:
         What the package's topics are called here: relative name to full name.
     states : StatesSeen, optional
     commands : ndarray, shape (M, J)
-        A.
+        In the unit `command_unit`.
     commanded : ndarray, shape (M,)
         System time in s at which each command came.
+    command_unit : str
+        'A', or 'N·m' where torques at the joints are commanded.
     directions : list of list of int
     load : dict of str to ndarray, shape (K, 2)
         By joint: system time in s and torque in N·m.
@@ -113,6 +115,7 @@ class Observation:
     states: StatesSeen | None = None
     commands: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     commanded: np.ndarray = field(default_factory=lambda: np.empty(0))
+    command_unit: str = 'A'
     directions: list[list[int]] = field(default_factory=list)
     load: dict[str, np.ndarray] = field(default_factory=dict)
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)

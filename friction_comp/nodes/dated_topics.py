@@ -29,7 +29,6 @@ STATES = 'joint_states'
 # has found them all.
 _SUBSCRIBED = (
     ('current_command', Float64MultiArray, False),
-    ('effort_command', Float64MultiArray, False),
     ('direction', Int8MultiArray, False),
     ('direction_stamped', JointState, True),
     ('reference', JointState, True),

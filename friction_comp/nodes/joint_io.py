@@ -19,6 +19,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from friction_comp.errors import InputError
 from friction_comp.nodes.joint_states import NANO
 from friction_comp.nodes.parameters import declare
+from friction_comp.topics import TORQUE_UNIT
 
 # Deep enough that a reader may pause for seconds and miss nothing.
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
@@ -33,8 +34,8 @@ _MATCHING = 1.0
 # it as any other; a simulation whose time rests must not take it for the answer it waits for.
 UNASKED = 'unasked'
 JOINT = 'joint'
-# What a robot's controller takes, and the topic for it: A of the motor, or N·m at the joint.
-TOPIC_OF = {'current': 'current_command', 'effort': 'effort_command'}
+# What a robot's controller takes, and how a command names its unit.
+UNIT_OF = {'current': 'A', 'effort': TORQUE_UNIT}
 # A current below this is zero: what decays would end in denormal numbers, A.
 _NOTHING = 1e-12
 # Real s that the watchdog waits for a publication under way before it publishes beside it.
@@ -60,15 +61,21 @@ def command_interface(node: Any) -> str:
     Raises
     ------
     InputError
-        If it is none of `TOPIC_OF`.
+        If it is none of `UNIT_OF`.
     """
     kind = declare(
         node, 'command_interface', 'current',
-        'what is commanded: current, A of the motor on current_command; or effort, k_t·n times '
-        'that, N·m at the joint on effort_command', read_only=True, constraints='current or effort')
-    if kind not in TOPIC_OF:
+        'unit of current_command: current, A of the motor; or effort, k_t·n times that, N·m at the '
+        'joint', read_only=True, constraints='current or effort')
+    if kind not in UNIT_OF:
         raise InputError(f'parameter command_interface: must be current or effort, not {kind!r}')
     return str(kind)
+
+
+def unit_said(message: Any) -> str:
+    """Return the unit that a command names, '' where it names none."""
+    dimensions = message.layout.dim
+    return str(dimensions[1].label) if len(dimensions) > 1 else ''
 
 
 def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
@@ -118,7 +125,7 @@ def rivals(node: Any, *topics: str) -> list[str]:
 
 
 class CommandPort:
-    """Publishes `current_command` or `effort_command`: one message for each joint state.
+    """Publishes `current_command`: one message for each joint state, so that they pair up.
 
     Float64MultiArray carries no stamp. A plant in lockstep sends a state again when no answer
     came; that must neither be answered twice nor, if the first answer was lost, not at all. In
@@ -139,7 +146,7 @@ class CommandPort:
     torques : sequence of float
         Torque at each joint in N·m per A: k_t·n.
     interface : str
-        A key of `TOPIC_OF`.
+        A key of `UNIT_OF`.
 
     Attributes
     ----------
@@ -152,12 +159,12 @@ class CommandPort:
     def __init__(self, node: Any, limits: Sequence[float], torques: Sequence[float],
                  interface: str = 'current') -> None:
         self._node = node
-        self._topics = {kind: node.resolve_topic_name(name) for kind, name in TOPIC_OF.items()}
-        self._topic = self._topics[interface]
+        self._topic = node.resolve_topic_name('current_command')
         self._by_torque = interface == 'effort'
         self.limits, self.torques = list(limits), list(torques)
         size = len(self.limits)
-        self._message, self._zero = self._make(JOINT, size), self._make(UNASKED, size)
+        self._message, self._zero = (
+            self._make(label, size, UNIT_OF[interface]) for label in (JOINT, UNASKED))
         self._stamp = 0
         self._publisher: Any = None
         self._lock = threading.Lock()
@@ -167,9 +174,11 @@ class CommandPort:
         self._answered = 0
 
     @staticmethod
-    def _make(label: Any, size: Any) -> Any:
+    def _make(label: str, size: int, unit: str) -> Any:
         message = Float64MultiArray(data=array('d', bytes(8 * size)))
-        message.layout.dim = [MultiArrayDimension(label=label, size=size, stride=size)]
+        message.layout.dim = [
+            MultiArrayDimension(label=label, size=size, stride=size),
+            MultiArrayDimension(label=unit, size=1, stride=1)]
         return message
 
     def open(self) -> None:
@@ -273,11 +282,11 @@ class CommandPort:
                 self._lock.release()
 
     def others(self) -> list[str]:
-        """Return who else may command the motors, by current or by torque: by node name."""
+        """Return who else has a publisher of the same topic, by node name."""
         own = 0 if self._publisher is None else 1
-        if sum(map(self._node.count_publishers, self._topics.values())) <= own:
+        if self._node.count_publishers(self._topic) <= own:
             return []
-        names = [name for topic in self._topics.values() for name in publishers(self._node, topic)]
+        names = publishers(self._node, self._topic)
         mine = self._node.get_fully_qualified_name()
         if own and mine in names:
             names.remove(mine)

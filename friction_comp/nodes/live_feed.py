@@ -26,10 +26,12 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.dated_topics import stamp_of
 from friction_comp.nodes.executor import StreamExecutor
+from friction_comp.nodes.joint_io import unit_said
 from friction_comp.nodes.joint_watch import frame_of, value_at, values_of
 from friction_comp.nodes.ros_start import start_ros
 from friction_comp.recordings.activity import compensator_says
 from friction_comp.samples import Samples
+from friction_comp.topics import TORQUE_UNIT
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 # A command must still be there when the state that was measured under it is looked at: of states
@@ -69,15 +71,15 @@ class SentCommands:
         self._received.append((sent, cdr))
 
     def at(self, sent):
-        """Return the command in A, one a joint, that held at a system time in ns; () if unknown."""
+        """Return the command that held at a system time in ns; None if unknown."""
         times = [time for time, _ in self._received]
         last = next((k for k in reversed(range(len(times))) if times[k] <= sent), None)
         if last is None:
-            return ()
+            return None
         usual = np.median(np.diff(times)) if len(times) > 1 else 0
         if sent - times[last] > max(_HOLDS * usual, _STEP):
-            return ()
-        return deserialize_message(self._received[last][1], Float64MultiArray).data
+            return None
+        return deserialize_message(self._received[last][1], Float64MultiArray)
 
 
 class LiveFeed:
@@ -168,14 +170,14 @@ class LiveFeed:
         message = deserialize_message(cdr, JointState)
         if not self._fixed:
             self.joints = list(message.name)
-        commands, directions = self._commands.at(info['source_timestamp']), self._directions()
+        command, directions = self._commands.at(info['source_timestamp']), self._directions()
         reference = self._held.get('reference')
         reference = reference and deserialize_message(reference, JointState)
         with self._lock:
             for index, joint in enumerate(self.joints):
                 if joint in message.name:
                     row = (1e-9 * (stamp - self._first), *values_of(message, joint),
-                           self._load(joint), value_at(commands, index),
+                           self._load(joint), self._current(command, joint, index),
                            directions.get(joint, math.nan),
                            value_at(reference.velocity, list(reference.name).index(joint))
                            if reference and joint in reference.name else math.nan)
@@ -189,6 +191,16 @@ class LiveFeed:
         if kind is Int8MultiArray:
             return dict(zip(self.joints, map(float, message.data)))
         return dict(zip(message.name, np.sign(message.velocity).tolist()))
+
+    def _current(self, command, joint, index):
+        """Return a joint's command in A; NaN where it is not known, or a torque without a model."""
+        if command is None:
+            return math.nan
+        value = value_at(command.data, index)
+        if unit_said(command) != TORQUE_UNIT:
+            return value
+        model = self._model(joint)
+        return math.nan if model is None else value / model.drive.torque_per_current
 
     def _load(self, joint):
         cdr = self._held.get(('load', joint))

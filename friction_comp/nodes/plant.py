@@ -19,7 +19,13 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
-from friction_comp.nodes.joint_io import command_interface, RELIABLE, TOPIC_OF, UNASKED
+from friction_comp.nodes.joint_io import (
+    command_interface,
+    RELIABLE,
+    UNASKED,
+    UNIT_OF,
+    unit_said,
+)
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
@@ -145,9 +151,10 @@ class PlantNode(Node):
         self._heat = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
         self.create_subscription(JointState, 'reference', self._on_reference, RELIABLE)
         interface = command_interface(self)
+        self._unit = UNIT_OF[interface]
         self._per_current = self._torque_per_current if interface == 'effort' else 1.0
         self.create_subscription(
-            Float64MultiArray, TOPIC_OF[interface], self._on_command, RELIABLE)
+            Float64MultiArray, 'current_command', self._on_command, RELIABLE)
         Diagnostics(self, self._report, ', '.join(self._joints), 'simulation')
 
     def _begin_lockstep(self) -> None:
@@ -243,7 +250,8 @@ class PlantNode(Node):
 
     def _take_command(self, message: Any) -> None:
         values = np.array(message.data)
-        if values.shape != self._command.shape or not np.isfinite(values).all():
+        if (values.shape != self._command.shape or not np.isfinite(values).all()
+                or unit_said(message) not in ('', self._unit)):
             self._bad_commands += 1
             values = np.zeros_like(self._command)
         self._command = values / self._per_current
@@ -350,7 +358,8 @@ class PlantNode(Node):
         else:
             values['overruns'] = self._overruns
         if self._bad_commands:
-            return WARN, 'commands of wrong length or not finite were taken as zero', values
+            return (WARN, 'commands of wrong length, of another unit or not finite were taken as '
+                    'zero', values)
         return OK, 'running', values
 
     def _waits_for(self) -> str:

@@ -18,7 +18,6 @@ from friction_comp.errors import InputError
 from friction_comp.nodes.compensator_client import CompensatorClient, turn
 from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.nodes.joint_io import TOPIC_OF
 from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
@@ -142,8 +141,8 @@ class RefinementNode(Node):
 
     def _compensated(self):
         name = self._compensator.name.rpartition('/')[2]
-        return any(info.node_name == name for topic in TOPIC_OF.values()
-                   for info in self.get_publishers_info_by_topic(self.resolve_topic_name(topic)))
+        return any(info.node_name == name for info in self.get_publishers_info_by_topic(
+            self.resolve_topic_name('current_command')))
 
     async def _judge(self, joint, watch):
         why = watch.worse()

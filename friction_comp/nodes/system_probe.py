@@ -25,8 +25,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
+from friction_comp.nodes.joint_io import unit_said
 from friction_comp.nodes.ros_start import start_ros
-from friction_comp.topics import TOPICS
+from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 NAME = 'friction_comp_doctor'
 # Hears every publisher.
@@ -89,6 +90,7 @@ class _Look:
 
     def _on_command(self, message: Any) -> None:
         self._commands.append((time.time(), list(message.data)))
+        self.seen.command_unit = 'N·m' if unit_said(message) == TORQUE_UNIT else 'A'
 
     def _on_wrench(self, message: Any) -> None:
         self._load.setdefault(message.header.frame_id, []).append(

@@ -104,14 +104,18 @@ def _joint_state(cursor: _Cursor) -> tuple[str, ...]:
 
 def _multi_array(code: str) -> _Walk:
     def walk(cursor: _Cursor) -> tuple[str, ...]:
-        for _ in range(cursor.count(MOST_VALUES)):
-            # A label may differ from message to message, as a stamp does.
-            cursor.skip_string()
+        unit: tuple[str, ...] = ()
+        for k in range(cursor.count(MOST_VALUES)):
+            if k == 1:
+                unit = (cursor.string(),)
+            else:
+                # A label may differ from message to message, as a stamp does.
+                cursor.skip_string()
             cursor.values('size', 'u4')
             cursor.values('stride', 'u4')
         cursor.values('data_offset', 'u4')
         cursor.values('data', code, None)
-        return ()
+        return unit
     return walk
 
 
@@ -151,7 +155,8 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
     index : ndarray of int
         Which messages belong to this group, shape (K,).
     names : tuple of str
-        Joint names, or the frame of a stamped message; the same throughout the group.
+        Joint names, the frame of a stamped message, or the label of an array's second dimension;
+        the same throughout the group.
     fields : dict of ndarray
         Each field's values, shape (K, number of values). Stamped messages have ``stamp`` in
         nanoseconds, shape (K,).

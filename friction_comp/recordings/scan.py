@@ -24,7 +24,7 @@ from friction_comp.recordings.storage import (
     unpack,
     unreadable,
 )
-from friction_comp.topics import TOPICS
+from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 AnyPath = str | PathLike[str]
 Progress = Callable[[float], None]
@@ -109,7 +109,8 @@ class Track:
     values : dict of str to ndarray
         JointState: per joint name an array (N, 3) of position, velocity, effort with NaN where a
         message leaves one empty. Wrench and temperature: per frame an array (N,). Arrays: the key
-        '' and an array (N, J). Where one joint was asked for, only what may be its own.
+        '' and an array (N, J); commands in N·m the key `TORQUE_UNIT`, with NaN where a message is
+        of the other key. Where one joint was asked for, only what may be its own.
     """
 
     topic: str
@@ -304,7 +305,7 @@ class Store:
     def _columns(self, names: tuple[str, ...], fields: dict[str, Any]
                  ) -> Iterator[tuple[str, np.ndarray]]:
         if 'data' in fields:
-            yield '', fields['data'].astype(float)
+            yield TORQUE_UNIT if names == (TORQUE_UNIT,) else '', fields['data'].astype(float)
             return
         if 'position' in fields:
             # A lone joint may come without a name.

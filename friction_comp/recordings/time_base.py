@@ -11,6 +11,7 @@ import numpy as np
 
 from friction_comp.recordings.clocks import Shifts
 from friction_comp.recordings.scan import Scan, Track
+from friction_comp.topics import TORQUE_UNIT
 
 
 @dataclass
@@ -91,10 +92,9 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
         if found is not None:
             _put(signals, name, base.interpolate(found[0], found[1][:, 0]), found[0], notes)
     order = _array_order(scan, joints)
-    for topic, unit in (('effort_command', torque_per_current), ('current_command', 1.0)):
-        command = _of_array(scan.of(topic), joint, order, notes)
-        if command is not None:
-            signals['command'] = base.hold(*command) / unit
+    command = _of_array(scan.of('current_command'), joint, order, notes, torque_per_current)
+    if command is not None:
+        signals['command'] = base.hold(*command)
     direction = _direction(scan, joint, joints, order, base, notes)
     if direction is not None:
         signals['direction'] = direction
@@ -154,12 +154,19 @@ def _array_order(scan: Scan, joints: list[str]) -> list[list[str]]:
     return orders
 
 
-def _of_array(tracks: list[Track], joint: str, orders: list[list[str]],
-              notes: list[str]) -> tuple[Track, np.ndarray] | None:
+def _of_array(tracks: list[Track], joint: str, orders: list[list[str]], notes: list[str],
+              torque_per_current: float = 1.0) -> tuple[Track, np.ndarray] | None:
+    """Return the track with a joint's values, or None; commands in N·m as currents."""
     for track in tracks:
-        values = track.values['']
+        width = max(values.shape[1] for values in track.values.values())
         for order in orders:
-            if joint in order and len(order) == values.shape[1]:
-                return track, values[:, order.index(joint)]
-        notes.append(f'{track.topic} has {values.shape[1]} values, which fits no list of joints')
+            if joint in order and len(order) == width:
+                column = np.full(len(track.receive), np.nan)
+                for unit, values in track.values.items():
+                    if order.index(joint) < values.shape[1]:
+                        own = values[:, order.index(joint)]
+                        scale = torque_per_current if unit == TORQUE_UNIT else 1.0
+                        column = np.where(np.isnan(own), column, own / scale)
+                return track, column
+        notes.append(f'{track.topic} has {width} values, which fits no list of joints')
     return None
