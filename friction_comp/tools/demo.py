@@ -13,12 +13,14 @@ import signal
 
 from friction_comp.package_files import package_file
 from friction_comp.tools.common import Arguments, whole_number
+from friction_comp.tools.improve import main as improve
 from friction_comp.tools.ros_domain import leased_domain
 
 SCENES = {
     'loop': 'identify, compensate, evaluate, refine, compensate again',
     'two_joints': 'an exercise of two joints that turn round on the way, from YAML',
     'arm': 'a person guides an arm of three joints, its weight and friction taken (MuJoCo)',
+    'improve': 'a drive that asks for its own motion, from nothing to a model that predicts',
     'wear': 'a drive that changes while it runs: told, refined, loaded and judged live'}
 
 
@@ -47,6 +49,13 @@ def main(argv: list[str] | None = None) -> int:
                         help='what the simulated joint hides from the other nodes '
                         '(config/undeclared_example.yaml)')
     arguments = parser.parse(argv)
+    if arguments.scene == 'improve':
+        return improve([
+            '--simulate', str(package_file('config', 'armin_configuration_1.yaml')),
+            '--undeclared', str(arguments.undeclared
+                                or package_file('config', 'undeclared_pair.yaml')),
+            '--position', '-1', '1', '--velocity', '1.5', '--acceleration', '6',
+            '--seed', str(arguments.seed), '--output', str(arguments.output)])
     # A domain of its own, on this machine only: no other robot is disturbed.
     with leased_domain() as domain:
         # Importing ROS 2 may start Python again: nothing may have happened before.

@@ -101,13 +101,15 @@ def main(argv: list[str] | None = None) -> int:
 
     schedule = Schedule(arguments.seconds, arguments.budget, arguments.seed)
 
+    names = [str(path) for path in arguments.recorded]
+
     def write(improvement: Improvement) -> None:
-        _write(arguments, argv, improvement)
+        _write(arguments, names, argv, improvement)
     with ExitStack() as stack:
         ros, nodes = stack.enter_context(_system(arguments, limits.joint))
         show = stack.enter_context(progress('improves'))
         improvement = improve(
-            lambda plan: _played(arguments, plan, ros, nodes, drive, show), limits, drive,
+            lambda plan: _played(arguments, names, plan, ros, nodes, drive, show), limits, drive,
             model=model, recorded=recorded, schedule=schedule, progress=show, done=write)
     for k, one in enumerate(improvement.rounds):
         words = '' if one.predicted != one.predicted else (
@@ -153,9 +155,9 @@ def _system(arguments: Namespace, joint: str) -> Iterator[tuple[TrajectoryClient
         yield ros, nodes
 
 
-def _played(arguments: Namespace, plan: JointPlan, ros: TrajectoryClient, nodes: Nodes,
-            drive: Drive, show: Callable[..., None]) -> Samples:
-    """Have a plan played and recorded, and return the recording."""
+def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: TrajectoryClient,
+            nodes: Nodes, drive: Drive, show: Callable[..., None]) -> Samples:
+    """Have a plan played and recorded, add the recording to the names, and return it."""
     from friction_comp.excitation.plan import trajectory_of
     from friction_comp.recordings import read_recording
 
@@ -178,20 +180,19 @@ def _played(arguments: Namespace, plan: JointPlan, ros: TrajectoryClient, nodes:
         ros.play(trajectory_of([plan], _RATE), told)
     finally:
         nodes.stop('recorder')
+    names.append(str(arguments.output / 'recordings' / path.name))
     samples, = read_recording(path, plan.limits.joint, drive.torque_constant, drive.gear_ratio)
     return samples
 
 
-def _write(arguments: Namespace, argv: list[str] | None, improvement: Improvement) -> None:
+def _write(arguments: Namespace, names: list[str], argv: list[str] | None,
+           improvement: Improvement) -> None:
     """Write what was found so far: an interruption loses the round at hand alone."""
     from friction_comp.reports.improvement_report import improvement_report
     from friction_comp.reports.refinement_report import refinement_report
 
-    names = [*map(str, arguments.recorded), *(
-        str(arguments.output / 'recordings' / f'round_{k + 1}')
-        for k in range(len(improvement.rounds)))]
     model: Any = improvement.result.model
-    model.notes = {**model.notes, 'refined_from': names, 'unit': 'A'}
+    model.notes = {**model.notes, 'refined_from': list(names), 'unit': 'A'}
     with output_folder(arguments.output) as folder:
         (folder / 'report.json').write_text(to_json(improvement.report()), encoding='utf-8')
         command = [command_line('improve', argv)]
