@@ -19,6 +19,24 @@ if TYPE_CHECKING:
 
 
 @contextmanager
+def interrupts_deferred() -> Iterator[None]:
+    """Let an interrupt or request to end, if one comes meanwhile, take effect afterwards."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came = []
+    handlers = {number: signal.signal(number, lambda number, _: came.append(number))
+                for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        if came:
+            signal.raise_signal(came[0])
+
+
+@contextmanager
 def process_beside() -> Iterator[ProcessPoolExecutor]:
     """Give an executor with one process; leaving the block ends what it has begun.
 
@@ -32,14 +50,16 @@ def process_beside() -> Iterator[ProcessPoolExecutor]:
     # The pipe is closed before the pool is, which waits for what it has begun.
     with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with,
                              initargs=(listening,)) as pool, held:
-        # An interrupt while the process starts would leave it with half of what it is to run.
+        # An interrupt while the process starts would leave it with half of what it is to run: it
+        # is blocked there, and deferred here, where another thread may take it for this one.
         # Python's tracker of resources would unblock it on its start, so it is started before.
         resource_tracker.ensure_running()
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            pool.submit(int)
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        with interrupts_deferred():
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            try:
+                pool.submit(int)
+            finally:
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         yield pool
 
 

@@ -13,9 +13,10 @@ import time
 import pytest
 from report_pages import assert_documented
 
+from friction_comp.beside import interrupts_deferred
 from friction_comp.errors import InputError
 from friction_comp.tools import demo
-from friction_comp.tools.processes import interrupts_deferred, Nodes, ros_arguments
+from friction_comp.tools.processes import Nodes, ros_arguments
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 

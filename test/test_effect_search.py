@@ -149,8 +149,8 @@ def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(ripp
 
 
 @pytest.mark.parametrize(('own', 'instead', 'named'), [
-    (0.65, 0.0, True), (0.5, 0.0, False), (0.5, 0.45, True), (0.2, 0.8, False)])
-def test_a_name_is_given_where_it_or_what_stands_for_it_is_chosen_nearly_always(own, instead,
+    (0.65, 0.0, True), (0.5, 0.0, False), (0.5, 0.45, False), (0.65, 0.3, True)])
+def test_a_name_is_given_where_most_searches_choose_it_whatever_the_others_have(own, instead,
                                                                                 named):
     key = ('cogging', None)
     found = Stability({key: own}, {key: [('bump', instead)]})

@@ -119,7 +119,8 @@ def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.integers(0, 2**31), st.integers(30, 3000))
+# Of 30 numbers chance explains a third now and then.
+@given(st.integers(0, 2**31), st.integers(100, 3000))
 def test_a_variable_that_has_nothing_to_do_with_it_explains_nearly_nothing(seed, size):
     rng = np.random.default_rng(seed)
     assert _explained(rng.standard_normal(size), rng.standard_normal(size)) < 0.3

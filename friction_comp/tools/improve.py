@@ -171,7 +171,8 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: Trajec
         'output': str(path), 'use_sim_time': bool(arguments.simulate),
         'input_reliability': 'reliable' if arguments.simulate else 'best_effort'})
     ros.forget('recorder')
-    ros.until(lambda: int(ros.value('recorder', 'publishers of joint_states') or 0) > 0,
+    # Who has heard a state hears all that follow.
+    ros.until(lambda: int(ros.value('recorder', 'joint_states') or 0) > 0,
               'joint_states, as the recorder hears them')
 
     def told(share: float, word: str) -> None:

@@ -4,17 +4,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 import os
 from pathlib import Path
 import signal
 import subprocess
 import sys
-import threading
 import time
 from typing import Any
 
+from friction_comp.beside import interrupts_deferred
 from friction_comp.errors import InputError
 
 
@@ -34,24 +33,6 @@ def _yaml(value: object) -> str:
     if isinstance(value, (str, os.PathLike)):
         return "'" + str(value).replace("'", "''") + "'"
     return repr(value)
-
-
-@contextmanager
-def interrupts_deferred() -> Iterator[None]:
-    """Let an interrupt or request to end, if one comes meanwhile, take effect afterwards."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came = []
-    handlers = {number: signal.signal(number, lambda number, _: came.append(number))
-                for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
-        if came:
-            signal.raise_signal(came[0])
 
 
 class Nodes:

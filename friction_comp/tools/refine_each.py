@@ -13,10 +13,10 @@ import time
 from typing import Any
 
 from friction_comp.attempts import Failure
+from friction_comp.beside import interrupts_deferred
 from friction_comp.errors import errors_name, InputError
 from friction_comp.files import encodable, to_yaml
 from friction_comp.tools.common import output_folder, progress, to_json
-from friction_comp.tools.processes import interrupts_deferred
 from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, limited, unit_of
 from friction_comp.tools.workers import for_workers, workers
 
