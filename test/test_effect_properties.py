@@ -35,7 +35,7 @@ ODD = {'stribeck', 'viscous_shape', 'friction_ripple', 'load_friction', 'carried
 EVEN = {'direction_asymmetry', 'gravity', 'spring', 'cogging', 'load_torque', 'offset_drift'}
 HOLDS = {'gravity', 'spring', 'cogging', 'rigid_body', 'other_joints'}
 LIVE = [name for name in EFFECTS if name not in (
-    'inertia', 'load_torque', 'offset_drift')]
+    'warm_up', 'inertia', 'load_torque', 'offset_drift')]
 
 
 def constant(name):
@@ -307,10 +307,9 @@ def test_live_and_offline_are_the_same_in_motion_on_the_same_samples(name):
     tolerance = 1e-4 * np.abs(offline).max() if name == 'hysteresis' else 1e-12
     assert np.abs(offline[fast]).max() > 1e-3
     assert live[fast] == pytest.approx(offline[fast], abs=tolerance)
-    # A reset forgets the way that the joint came; only the clock of warming up keeps running.
+    # A reset forgets the way that the joint came.
     term.reset()
     again = [term.update(*sample) for sample in zip(
         samples.time[:100] + 8.0, samples.position, samples.velocity, samples.temperature,
         samples.load, samples.rigid_body, samples.coupling)]
-    fade = math.exp(-8.0 / 2.0) if name == 'warm_up' else 1.0
-    assert again == pytest.approx(fade * live[:100], rel=1e-9, abs=1e-12)
+    assert again == pytest.approx(live[:100], rel=1e-9, abs=1e-12)

@@ -48,7 +48,7 @@ PARAMETERS = {
     'rest_time': {'time_constant': 1.0, 'distance': 0.05, 'velocity': 0.01, 'transition': 0.02,
                   'coefficients': [0.1]},
 }
-LEFT_OUT = {'inertia', 'load_torque', 'offset_drift'}
+LEFT_OUT = {'inertia', 'load_torque', 'offset_drift', 'warm_up'}
 # Torques that do not care for the direction of motion: they may hold a joint at rest.
 HOLDS = {'gravity', 'spring', 'cogging', 'rigid_body', 'other_joints'}
 

@@ -86,6 +86,15 @@ def test_friction_of_effects_is_asked_for_in_both_directions_of_sliding():
                 ['temperature'] if temperature is None else [])
 
 
+def test_the_bound_is_asked_without_moving_what_remembers():
+    bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
+                           'transition': 0.001})
+    asked, fresh = (EffectsHere(model([bristles]), Effect.why_left_out) for _ in range(2))
+    assert asked.largest(1.0)[0] == pytest.approx(0.05)
+    for time, position in ((0.0, 0.3), (0.01, 0.301), (0.02, 0.304)):
+        assert asked.total(time, position, 0.3, {}) == fresh.total(time, position, 0.3, {})
+
+
 def test_place_survives_the_model_file(tmp_path):
     before = model([GRAVITY])
     before.save(tmp_path / 'model.yaml')

@@ -75,6 +75,11 @@ class EffectsHere:
     def __len__(self) -> int:
         return len(self.terms)
 
+    def reset(self) -> None:
+        """Forget the motion."""
+        for _, term in self.terms:
+            term.reset()
+
     def ask(self, time: float, position: float, speed: float,
             signals: dict[str, float | None]) -> Asked:
         """Return what the effects ask for, for the continuous law.
@@ -149,7 +154,9 @@ class EffectsHere:
         only later counts with its coefficients.
         """
         friction = carried = 0.0
-        for effect, term in self.terms:
+        for effect, _ in self.terms:
+            # A term of its own, for asking changes what has a memory.
+            term = LiveTerm(effect)
             if term.needs:
                 most = sum(map(abs, effect.coefficients))
             else:

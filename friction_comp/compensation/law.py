@@ -189,9 +189,10 @@ class CompensationLaw:
         return current
 
     def reset(self) -> None:
-        """Forget all history, as after a pause."""
+        """Forget the motion, as after a pause."""
         self._states[:] = np.zeros(1, STATE)
-        self._effects = [EffectsHere(model, self._why_left_out) for model in self.models]
+        for effects in self._effects:
+            effects.reset()
         self._missing = [None] * self.joints
         self._carried = np.zeros(self.joints)
 

@@ -7,16 +7,14 @@ Every run has its own random sequence, so that results do not depend on the numb
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from numba import njit, prange
 import numpy as np
 
-from friction_comp.compensation.compiled_effects import ASKED, compiled_effects, memory_size
 from friction_comp.compensation.guards import observe
 from friction_comp.compensation.law_kernel import decide
-from friction_comp.compensation.records import CONTINUOUS, NONE, STATE
-from friction_comp.model.friction_model import FrictionModel
+from friction_comp.compensation.records import STATE
 from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
 from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED, Record
 from friction_comp.simulation.undeclared import COLUMNS
@@ -36,26 +34,12 @@ def _log(row: np.ndarray, columns: np.ndarray, out: Record, s: Record, command: 
 
 
 @njit(cache=True)
-def _law_current(law: Record, own: Record, effects: Callable[..., None], memory: np.ndarray,
-                 asked: Record, levels: tuple[float, float], time: float, temperature: float,
-                 direction: float) -> float:
-    """Return what `CompensationLaw` commands for the sample that `observe` took in, A."""
-    if law.law != NONE:
-        effects(time, own.position, own.speed, temperature, law.law == CONTINUOUS, memory, asked)
-        law.break_positive = max(0.0, levels[0] + asked.shift_positive)
-        law.break_negative = max(0.0, levels[1] + asked.shift_negative)
-    return decide(law, own, direction, asked.forward, asked.backward, asked.carried)
-
-
-@njit(cache=True)
 def _one_run(p: Record, random: np.ndarray, law: Record, s: Record, own: Record, out: Record,
-             effects: Callable[..., None], memory: np.ndarray, asked: Record,
              reference: np.ndarray, disturbance: np.ndarray, speed: float, released: int,
              count: int, sample_time: float, every: int, columns: np.ndarray, log: np.ndarray
              ) -> tuple[float, float]:
     """Run one joint and return the farthest that it went either way, rad."""
     table, nothing = np.zeros((0, COLUMNS)), np.zeros(1)
-    levels = (law.break_positive, law.break_negative)
     start_joint(p, s, random)
     s.rotor_speed = s.link_speed = speed
     measure(p, s, random, sample_time, out)
@@ -65,8 +49,7 @@ def _one_run(p: Record, random: np.ndarray, law: Record, s: Record, own: Record,
         i = k % period
         command = 0.0
         if observe(law, own, k * sample_time, out.position + disturbance[i], out.velocity, True):
-            command = _law_current(law, own, effects, memory, asked, levels, k * sample_time,
-                                   out.temperature, reference[2, i])
+            command = decide(law, own, reference[2, i], 0.0, 0.0, 0.0)
         else:
             own.current = 0.0
         if every > 0 and k % every == 0:
@@ -80,15 +63,14 @@ def _one_run(p: Record, random: np.ndarray, law: Record, s: Record, own: Record,
 
 @njit(cache=True, parallel=True)
 def _all_runs(p: np.ndarray, random: np.ndarray, law: np.ndarray, s: np.ndarray, own: np.ndarray,
-              out: np.ndarray, effects: Callable[..., None], memory: np.ndarray, asked: np.ndarray,
-              reference: np.ndarray, which: np.ndarray, disturbance: np.ndarray,
+              out: np.ndarray, reference: np.ndarray, which: np.ndarray, disturbance: np.ndarray,
               speed: float, released: int, count: int, sample_time: float, every: int,
               columns: np.ndarray, log: np.ndarray, extremes: np.ndarray) -> None:
     for r in prange(p.shape[0]):
         extremes[r, 0], extremes[r, 1] = _one_run(
-            p[r], random[r], law[r], s[r], own[r], out[r], effects, memory[r], asked[r],
-            reference[which[r]], disturbance[r % disturbance.shape[0]], speed, released, count,
-            sample_time, every, columns, log[r])
+            p[r], random[r], law[r], s[r], own[r], out[r], reference[which[r]],
+            disturbance[r % disturbance.shape[0]], speed, released, count, sample_time, every,
+            columns, log[r])
 
 
 def closed_loops(
@@ -96,10 +78,9 @@ def closed_loops(
         reference: Sequence[np.ndarray], which: Sequence[int] | np.ndarray | None = None,
         count: int | None = None, sample_time: float = 1e-3, every: int = 1,
         *, released: int | None = None, speed: float = 0.0,
-        disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED,
-        model: FrictionModel | None = None
+        disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED
         ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """Run many joints under their laws.
+    """Run many joints under their laws, which feed back Eq. 6 and no further effects.
 
     Parameters
     ----------
@@ -128,9 +109,6 @@ def closed_loops(
         What to add to the position that the law sees, rad; run r has row r modulo D.
     logged : sequence of str
         Some of `SIGNALS`.
-    model : FrictionModel, optional
-        Whose effects every law feeds back, as far as they need the joint's own motion and
-        temperature alone; none when omitted.
 
     Returns
     -------
@@ -151,10 +129,9 @@ def closed_loops(
     columns = np.array([SIGNALS.index(name) for name in logged], dtype=np.int64)
     log = np.zeros((runs, -(-count // every) if every else 0, len(columns)))
     extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
-    effects, memory = compiled_effects(model), np.zeros((runs, memory_size(model)))
     held = count if released is None else int(released)
     _all_runs(np.ascontiguousarray(parameters), random.copy(), laws.copy(),
-              np.zeros(runs, JOINT_STATE), own, np.zeros(runs, MEASURED), effects, memory,
-              np.zeros(runs, ASKED), movements, chosen, added, float(speed), held, count,
-              float(sample_time), int(every), columns, log, extremes)
+              np.zeros(runs, JOINT_STATE), own, np.zeros(runs, MEASURED), movements, chosen,
+              added, float(speed), held, count, float(sample_time), int(every), columns, log,
+              extremes)
     return {name: log[:, :, c] for c, name in enumerate(logged)}, extremes, own

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 import copy
-import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -92,8 +91,3 @@ def between(value: float, low: float, high: float) -> float:
     if value > high:
         return high
     return value
-
-
-def ends_of(ranges: dict[str, tuple[float, float]], name: str) -> tuple[float, float]:
-    """Return the ends of one signal's range, infinite where it has none."""
-    return ranges.get(name, (-math.inf, math.inf))

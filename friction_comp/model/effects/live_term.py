@@ -37,11 +37,10 @@ class LiveTerm:
         self._effect, self._constants = effect, effect.Constants(**values)
         self._transition = values.get('transition')
         self.needs, self.sees_history = effect.needs, effect.sees_history
-        self._began: float | None = None
         self.reset()
 
     def reset(self) -> None:
-        """Forget the motion; the clock keeps running, for a reset does not cool the motor."""
+        """Forget the motion."""
         self._state: float | None = None
         self._time = self._position = 0.0
 
@@ -59,20 +58,13 @@ class LiveTerm:
         rigid_body, coupling : float, optional
             What the arm asks of the joint at rest, N·m and A.
         """
-        if self._began is None or time < self._began:
-            self._began = time
         side = math.tanh(velocity / self._transition) if self._transition else 0.0
-        state = self._remember(time, position, velocity) if self.sees_history else 0.0
-        # By position, in the order of the fields: by name it takes twice as long.
-        x = self._held(Signals(time - self._began, position, velocity, 0.0, load, temperature,
-                               side, state, rigid_body, coupling))
-        total = 0.0
-        for gain, column in zip(self._effect.coefficients,
-                                self._effect.columns(x, self._constants)):
-            total += gain * column
+        state = self._remember(time, position, velocity)
+        total = self._evaluate(position, velocity, side, state, temperature, load, rigid_body,
+                               coupling)
         if self._effect.fades_at_rest:
             total *= abs(math.tanh(velocity / SHARPEST_LIVE))
-        return float(total)
+        return total
 
     def both_sides(self, time: float, position: float, speed: float,
                    temperature: float | None = None, load: float | None = None,
@@ -92,19 +84,26 @@ class LiveTerm:
         temperature, load, rigid_body, coupling : float, optional
             As for `update`.
         """
-        began = time if self._began is None or time < self._began else self._began
-        c, effect = self._constants, self._effect
-        state = self._remember(time, position, speed) if self.sees_history else 0.0
+        state = self._remember(time, position, speed)
         values = []
         for side in (1.0, -1.0):
-            turned = float(effect.start(side, c))
-            x = self._held(Signals(
-                time - began, position, side * abs(speed), 0.0, load, temperature, side,
-                turned if turned != 0.0 else state, rigid_body, coupling))
-            values.append(float(sum(
-                gain * column for gain, column in zip(effect.coefficients, effect.columns(x, c)))))
-        self._began = began
+            turned = float(self._effect.start(side, self._constants))
+            values.append(self._evaluate(
+                position, side * abs(speed), side, turned if turned != 0.0 else state,
+                temperature, load, rigid_body, coupling))
         return values[0], values[1]
+
+    def _evaluate(self, position: float, velocity: float, side: float, state: float,
+                  temperature: float | None, load: float | None, rigid_body: float | None,
+                  coupling: float | None) -> float:
+        # By position, in the order of the fields: by name it takes twice as long.
+        x = self._held(Signals(0.0, position, velocity, 0.0, load, temperature, side, state,
+                               rigid_body, coupling))
+        total = 0.0
+        for gain, column in zip(self._effect.coefficients,
+                                self._effect.columns(x, self._constants)):
+            total += gain * column
+        return float(total)
 
     def _held(self, x: Signals) -> Signals:
         """Return signals at the edge of an effect's valid range where they are beyond it."""
@@ -116,6 +115,8 @@ class LiveTerm:
         return x
 
     def _remember(self, time: float, position: float, velocity: float) -> float:
+        if not self.sees_history:
+            return 0.0
         if self._state is None:
             self._state = float(self._effect.start(0.0, self._constants))
         else:

@@ -54,6 +54,8 @@ class WarmUp(_Drift):
     numbers = (('Coulomb friction at the start', 'A'),
                ('viscous friction at the start', 'A·s/rad'),
                ('offset at the start', 'A'))
+    not_fed_back = ('how warm the motor is when the compensator starts is not known; fed back it '
+                    'would over-compensate a drive that is warm already')
     constants = {'time_constant': SearchRange(1.7), 'transition': None}
 
     @classmethod
