@@ -118,9 +118,9 @@ def test_known_levels_are_measured_ramp_by_ramp(number, knows_command):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('number', SLOPES)
-def test_two_hundred_cycles_meet_the_note(number):
-    model, time, command, position, current = ramp_recording(number, 200, seed=3)
+def test_two_hundred_cycles_meet_the_note():
+    """The drive whose breakaway scatters most; `test_reproduce` has all three."""
+    model, time, command, position, current = ramp_recording(3, 200, seed=3)
     records = breakaway_currents(time, position, current, command=command)
     # Every ramp is resolved, in turn, and read within the ramp's own rise.
     assert records.unresolved == []

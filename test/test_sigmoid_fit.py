@@ -79,7 +79,7 @@ def brute_force(speeds, currents):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', range(12))
+@pytest.mark.parametrize('seed', range(4))
 def test_fit_is_as_good_as_a_brute_force_global_search(seed):
     speeds, currents = random_drive(seed)
     _, error = fit_sigmoid(speeds, currents)
@@ -88,7 +88,7 @@ def test_fit_is_as_good_as_a_brute_force_global_search(seed):
 
 @pytest.mark.slow
 def test_many_drives_are_fitted_below_the_truth():
-    for seed in range(100, 112):
+    for seed in range(100, 106):
         speeds, currents = random_drive(seed)
         sigmoid, error = fit_sigmoid(speeds, currents)
         assert error == pytest.approx(sigmoid_error(sigmoid, speeds, currents))
@@ -96,8 +96,8 @@ def test_many_drives_are_fitted_below_the_truth():
         random = np.random.default_rng(seed)
         x = speeds / np.max(np.abs(speeds))
         steepness = sigmoid.steepness * np.max(np.abs(speeds)) * np.exp(
-            random.normal(scale=0.5, size=60))
-        shift = sigmoid.shift / np.max(np.abs(speeds)) + random.normal(size=60) / steepness
+            random.normal(scale=0.5, size=40))
+        shift = sigmoid.shift / np.max(np.abs(speeds)) + random.normal(size=40) / steepness
         assert error <= 1.001 * np.min(reweighted_errors(x, currents, steepness, shift))
 
 
