@@ -142,9 +142,9 @@ def terms_of(name: str, scene: Scene) -> list[Term]:
         raise InputError(f'effect {name!r} cannot be seen in {scene.duration:g} s within these '
                          'limits')
     # What is carried loads the teeth most where the limb is level.
-    shares = [{'cosine': 1.0}] if kind.carried else []
+    shares = [{'cosine': 1.0}] if kind.uses_inner_load else []
     chosen = dict.fromkeys(np.linspace(0, len(grid) - 1, _CONSTANTS).astype(int).tolist())
-    return [Term(kind, kind.carrying(grid[place], shares)) for place in chosen]
+    return [Term(kind, kind.with_loads(grid[place], shares)) for place in chosen]
 
 
 def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[Pair, float]:

@@ -130,8 +130,8 @@ def _loaded(table: Table, keys: list[Key]) -> list[Key]:
     """Return terms with the loads in them that the other terms carry now."""
     for index, key in enumerate(keys):
         term = table.terms[key]
-        if term.kind.carried:
-            constants = term.kind.carrying(term.constants, table.loads(keys))
+        if term.kind.uses_inner_load:
+            constants = term.kind.with_loads(term.constants, table.loads(keys))
             found = table.add([Term(term.kind, constants)])
             keys[index] = found[0] if found else key
     return keys

@@ -282,7 +282,7 @@ class Table:
         found, shares, given = self.coefficients(keys), [], False
         for key in keys:
             term = self.terms[key]
-            if term.group is None and not term.kind.carried:
+            if term.group is None and not term.kind.uses_inner_load:
                 own = [found[place] for place in self._places[key]]
                 shares.append(term.kind.load_share(own, term.constants))
                 given = given or term.kind.gives_load
@@ -319,7 +319,7 @@ def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
     """Return the terms worth trying beside those of a fit."""
     look, terms = table.look(keys), []
     for kind in kinds_for(table.rows):
-        if not kind.carried or look.loads:
+        if not kind.uses_inner_load or look.loads:
             terms += [Term(kind, constants) for constants in kind.propose(look)]
     if table.rows.joints:
         terms += [Term(EFFECTS['other_joints'], {}, group) for group in groups_for(

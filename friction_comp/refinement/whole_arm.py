@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.arm.fit import ArmFit, fit_arm
-from friction_comp.arm.urdf import Chain
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.prepare import clipped, load_by_mechanics
 from friction_comp.refinement.refine import refine, RefineResult
+from friction_comp.rigid_bodies.fit import ArmFit, fit_arm
+from friction_comp.rigid_bodies.urdf import Chain
 from friction_comp.samples import Samples
 
 # Share of the work that the rigid bodies take.

@@ -74,8 +74,8 @@ class Effect(ABC):
         Whether it holds the limb up, which the robot's own controller may do already.
     gives_load : bool
         Whether it loads the teeth with a torque that depends on where the joint is.
-    carried : bool
-        Whether its constants hold the load that the other effects of the model carry.
+    uses_inner_load : bool
+        Whether its constants hold the load that the other effects of the model put on the gear.
     fades_at_rest : bool
         Whether it is fed back in motion only: at rest it would push a joint that nobody touches.
     held : dict of str to float
@@ -97,7 +97,7 @@ class Effect(ABC):
     not_fed_back = ''
     weight = False
     gives_load = False
-    carried = False
+    uses_inner_load = False
     fades_at_rest = False
     held: dict[str, float] = {}
     _positive = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width',
@@ -166,7 +166,7 @@ class Effect(ABC):
         ----------
         look : Look
         """
-        return [cls.carrying(constants, look.loads) for constants in cls.grid(look.scene)]
+        return [cls.with_loads(constants, look.loads) for constants in cls.grid(look.scene)]
 
     @classmethod
     def check(cls, values: dict[str, float]) -> None:
@@ -291,9 +291,9 @@ class Effect(ABC):
         return matrix @ np.asarray(self.coefficients)
 
     @classmethod
-    def carrying(cls, constants: dict[str, Any],
-                 shares: Iterable[dict[str, float]]) -> dict[str, Any]:
-        """Return the constants with the load of others in them, for effects that are `carried`."""
+    def with_loads(cls, constants: dict[str, Any],
+                   shares: Iterable[dict[str, float]]) -> dict[str, Any]:
+        """Return the constants with the loads of other effects, for `uses_inner_load`."""
         return constants
 
     def turning(self) -> tuple[float, float] | None:

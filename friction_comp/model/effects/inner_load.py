@@ -27,7 +27,7 @@ class InnerLoadFriction(Effect):
     name = 'inner_load_friction'
     numbers = (('friction per load', 'A per A'),)
     variable = 'load'
-    carried = True
+    uses_inner_load = True
     most = 2
     signs = (1,)
     constants = {'cosine': None, 'sine': None, 'slope': None, 'offset': None, 'inertia': None,
@@ -45,8 +45,8 @@ class InnerLoadFriction(Effect):
                 for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
 
     @classmethod
-    def carrying(cls, constants: dict[str, float],
-                 shares: Iterable[dict[str, float]]) -> dict[str, float]:
+    def with_loads(cls, constants: dict[str, float],
+                   shares: Iterable[dict[str, float]]) -> dict[str, float]:
         """Return the constants with the load of others in them: the sum of their shares."""
         total = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
         for share in shares:

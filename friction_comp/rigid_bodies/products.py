@@ -17,7 +17,7 @@ from friction_comp.model.arm.states import moving_states
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
-    from friction_comp.arm.urdf import Chain
+    from friction_comp.rigid_bodies.urdf import Chain
 
 # Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration.
 FRICTION = 4

@@ -22,17 +22,17 @@ from typing import Any, TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from friction_comp.arm.link_inertia import Bodies
-from friction_comp.arm.link_intervals import link_intervals, LinkIntervals
-from friction_comp.arm.products import FOLDS, FRICTION, stretches_of, Sums, sums_of
-from friction_comp.arm.solver import Prior, solve, squares, Unknowns
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
+from friction_comp.rigid_bodies.link_inertia import Bodies
+from friction_comp.rigid_bodies.link_intervals import link_intervals, LinkIntervals
+from friction_comp.rigid_bodies.products import FOLDS, FRICTION, stretches_of, Sums, sums_of
+from friction_comp.rigid_bodies.solver import Prior, solve, squares, Unknowns
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
-    from friction_comp.arm.urdf import Chain
+    from friction_comp.rigid_bodies.urdf import Chain
 
 FEWEST = 200
 # Strengths of the regularisation that are compared, and the one with which everything else is

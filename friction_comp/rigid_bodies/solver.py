@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_comp.arm.link_inertia import Bodies
-from friction_comp.arm.products import FRICTION
 from friction_comp.model.arm.tree import PARAMETERS
+from friction_comp.rigid_bodies.link_inertia import Bodies
+from friction_comp.rigid_bodies.products import FRICTION
 
 # A step that gains less than this, in squared standard deviations of one sample, is the last.
 _STEPS, _CONVERGED = 60, 0.05

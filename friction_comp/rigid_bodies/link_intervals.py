@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from friction_comp.arm.solver import loss_slope_bend, Prior, Unknowns
 from friction_comp.model.arm.tree import PARAMETERS
+from friction_comp.rigid_bodies.solver import loss_slope_bend, Prior, Unknowns
 
 _LEVEL = 0.95
 # Part of a number's uncertainty that the recording has to take away for it to be the recording's.
