@@ -25,13 +25,13 @@ def interrupts_deferred() -> Iterator[None]:
         yield
         return
     came = []
-    handlers = {number: signal.signal(number, lambda number, _: came.append(number))
-                for number in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {signum: signal.signal(signum, lambda signum, _: came.append(signum))
+                for signum in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        for signum, handler in handlers.items():
+            signal.signal(signum, signal.SIG_DFL if handler is None else handler)
         if came:
             signal.raise_signal(came[0])
 

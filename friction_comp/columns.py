@@ -263,8 +263,8 @@ def _default(signal: str) -> str:
 
 def _own_unit(name: str, signal: str) -> str:
     """Return the unit that a column's name itself says, '' where it says none that is known."""
-    found = _BRACKET.search(name) or _LAST.search(name)
-    unit = found[1].strip() if found else ''
+    match = _BRACKET.search(name) or _LAST.search(name)
+    unit = match[1].strip() if match else ''
     if unit and signal in ('velocity', 'reference_velocity') and f'{unit}/s' in _SPEEDS:
         unit = f'{unit}/s'
     return unit if unit in _UNITS[signal] else ''

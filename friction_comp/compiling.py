@@ -178,13 +178,13 @@ class Kernel:
             if isinstance(value, np.ndarray) and value.dtype.names:
                 given[index], before = _rows(value)
                 records.append((value, given[index], before))
-        found = self.py_func(*given)
+        result = self.py_func(*given)
         for array, rows, before in records:
             for j, row in enumerate(rows):
                 after = tuple(vars(row).values())
                 if after != before[j]:
                     array[j] = after
-        return found
+        return result
 
 
 def _rows(array: np.ndarray) -> tuple[list[Row], list[tuple[Any, ...]]]:

@@ -46,10 +46,10 @@ def package_file(*parts: str) -> Path:
 def middlewares() -> list[str]:
     """Return the names of the middlewares that ROS 2 finds on this machine."""
     prefixes = [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
-    found = {path.name for prefix in (*prefixes, sys.prefix) for path in Path(
+    installed = {path.name for prefix in (*prefixes, sys.prefix) for path in Path(
         prefix, 'share', 'ament_index', 'resource_index', 'rmw_typesupport').glob('rmw_*')}
     # What chooses one of the others at run time.
-    return sorted(found - {'rmw_implementation'})
+    return sorted(installed - {'rmw_implementation'})
 
 
 def name_this_environment() -> None:

@@ -119,8 +119,8 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
     if len(time) < 3:
         return np.empty(0)
     step = np.diff(time)
-    number = np.floor((time - time[0]) / BLOCK + 1e-6)
-    edges = np.concatenate(([0], np.flatnonzero(np.diff(number) > 0.0) + 1))
+    block = np.floor((time - time[0]) / BLOCK + 1e-6)
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(block) > 0.0) + 1))
     if len(edges) < 2:
         return np.empty(0)
     last, begins = edges[-1], edges[:-1]

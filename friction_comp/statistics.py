@@ -28,13 +28,13 @@ def holm(p_values: Sequence[float]) -> np.ndarray:
     return adjusted
 
 
-def quantile_edges(values: np.ndarray, number: int, tails: Sequence[float] = ()) -> np.ndarray:
+def quantile_edges(values: np.ndarray, count: int, tails: Sequence[float] = ()) -> np.ndarray:
     """Return the inner edges of ranges that hold equally many values.
 
     Parameters
     ----------
     values : ndarray, shape (N,)
-    number : int
+    count : int
         Of ranges.
     tails : sequence of float
         Shares at which either end is cut once more.
@@ -42,8 +42,8 @@ def quantile_edges(values: np.ndarray, number: int, tails: Sequence[float] = ())
     Returns
     -------
     ndarray
-        Ascending and without repetitions: fewer than ``number - 1`` where values stand often.
+        Ascending and without repetitions: fewer than ``count - 1`` where values stand often.
     """
     ends = np.array(tails, dtype=float)
-    shares = np.concatenate((ends, np.linspace(0, 1, number + 1)[1:-1], 1.0 - ends))
+    shares = np.concatenate((ends, np.linspace(0, 1, count + 1)[1:-1], 1.0 - ends))
     return np.unique(np.quantile(values, shares))

@@ -125,7 +125,7 @@ def test_a_constant_between_the_points_of_its_grid_is_found(name, constants, sha
 def test_intervals_hold_what_is_true_and_tell_what_is_not_there(rippled):
     keys = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
     found = intervals(rippled, keys)
-    (cosine, sine), (inertia,) = (rippled.places(key) for key in keys)
+    (cosine, sine), (inertia,) = (rippled.columns_of(key) for key in keys)
     for place, true in ((1, 0.5), (2, 0.2), (cosine, 0.1), (sine, 0.0), (inertia, 0.0)):
         low, high = found.coefficients[place]
         assert low <= true <= high

@@ -58,7 +58,7 @@ class EffectsHere:
     ----------
     terms : list of (Effect, LiveTerm)
         Those that are applied.
-    places : tuple of float, or None
+    measured_at : tuple of float, or None
         Where the breakaway currents were measured, positive and negative, rad.
     """
 
@@ -67,10 +67,10 @@ class EffectsHere:
         self.terms: list[tuple[Effect, LiveTerm]] = [
             (effect, term) for effect, term in pairs if term is not None]
         both = model.breakaway
-        self.places: tuple[float, float] | None = None
+        self.measured_at: tuple[float, float] | None = None
         if both is not None and both.positive_position is not None and (
                 both.negative_position is not None):
-            self.places = (both.positive_position, both.negative_position)
+            self.measured_at = (both.positive_position, both.negative_position)
 
     def __len__(self) -> int:
         return len(self.terms)
@@ -132,16 +132,16 @@ class EffectsHere:
                signals: dict[str, float | None]) -> tuple[float, float]:
         """Return how much more the joint bears here than where its breakaway was measured, A."""
         # Neither a term with a memory nor the arm can be asked what it would be elsewhere.
-        if self.places is None or term.sees_history or _ARM & set(term.needs):
+        if self.measured_at is None or term.sees_history or _ARM & set(term.needs):
             return 0.0, 0.0
         shifts = []
-        for place, sign in zip(self.places, (1.0, -1.0)):
+        for elsewhere, sign in zip(self.measured_at, (1.0, -1.0)):
             if effect.role == CARRIES:
                 # It is applied at rest as it is, so the level that was measured against it is rid
                 # of it.
-                shifts.append(-sign * term.update(time, place, 0.0, **signals))
+                shifts.append(-sign * term.update(time, elsewhere, 0.0, **signals))
                 continue
-            here, there = (term.both_sides(time, x, 0.0, **signals) for x in (position, place))
+            here, there = (term.both_sides(time, x, 0.0, **signals) for x in (position, elsewhere))
             # What does not change sign with the direction was borne at the place, too.
             shifts.append(0.5 * (here[0] - here[1] - there[0] + there[1]))
         positive, negative = (value if math.isfinite(value) else 0.0 for value in shifts)
@@ -162,9 +162,9 @@ class EffectsHere:
             else:
                 most = 0.0
                 for k in range(65):
-                    place = _FULL_TURN * (k / 32.0 - 1.0)
+                    position = _FULL_TURN * (k / 32.0 - 1.0)
                     for v in (0.0, 0.1 * speed, speed):
-                        for value in term.both_sides(0.0, place, v):
+                        for value in term.both_sides(0.0, position, v):
                             if math.isfinite(value):
                                 most = max(most, abs(value))
             if effect.role == RESISTS:

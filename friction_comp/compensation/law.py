@@ -264,7 +264,7 @@ class CompensationLaw:
         arm = self.models[joint].arm
         if arm is None:
             return signals
-        known = {model.joint: place for place, model in zip(positions, self.models)}
+        known = {model.joint: position for position, model in zip(positions, self.models)}
         if all(name in known for name in arm.joints):
             value = arm.at_rest(np.array([known[name] for name in arm.joints]),
                                 self.models[joint].joint)

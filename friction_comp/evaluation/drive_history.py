@@ -67,7 +67,7 @@ def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFr
     InputError
         If the model needs a signal that was not recorded.
     """
-    found = []
+    recorded = []
     for one, samples in zip(history.recordings, history.samples()):
         with errors_name(one.name):
             predicted = model.predict(samples)
@@ -85,8 +85,8 @@ def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFr
         # Neighbours resemble each other: seconds count, and not samples.
         seconds = len(left) * samples.sample_time
         doubt = float(np.std(rest)) / np.sqrt(power / len(left)) / np.sqrt(max(seconds - 1.0, 1.0))
-        found.append(RecordedFriction(
+        recorded.append(RecordedFriction(
             one.name, one.day, len(samples) * samples.sample_time, 1.0 + change, doubt,
             float(np.sqrt(np.mean(left ** 2))),
             None if samples.temperature is None else float(np.mean(samples.temperature))))
-    return found
+    return recorded

@@ -194,7 +194,7 @@ def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> M
     path, joint = piece.path, piece.joint
     drive = friction.drive if friction is not None else None
     constants = (drive.torque_constant, drive.gear_ratio) if drive is not None else (1.0, 1.0)
-    found: list[Repetition] = []
+    repetitions: list[Repetition] = []
     averages: Averages = {}
     notes: list[str] = []
     held: Samples | None = None
@@ -213,12 +213,12 @@ def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> M
         closed = [r for r in repetitions_of(held, str(path), info, friction, notes, whole)
                   if whole or r.movement.end < end]
         sum_up(closed, averages)
-        found.extend(closed)
+        repetitions.extend(closed)
         held = held.take(held.time >= (closed[-1].movement.end if closed else end))
     assert info is not None
-    if not found:
+    if not repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
-    return Measured(info.joint, found, averages, notes, [info.model] if info.model else [])
+    return Measured(info.joint, repetitions, averages, notes, [info.model] if info.model else [])
 
 
 def _joined(first: Samples, second: Samples) -> Samples:

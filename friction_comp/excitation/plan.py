@@ -101,9 +101,9 @@ def moves_by(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: 
     centre = 0.5 * (limits.lowest + limits.highest)
     half = 0.5 * MARGIN * (limits.highest - limits.lowest)
     now, here, moves = float(rest * points[0, 2]), centre, []
-    for place, pace, wait in points[1:]:
+    for share, pace, wait in points[1:]:
         speed = top * slowest ** (pace ** lean)
-        aim = centre + half * np.copysign(abs(2.0 * place - 1.0) ** reach, place - 0.5)
+        aim = centre + half * np.copysign(abs(2.0 * share - 1.0) ** reach, share - 0.5)
         there = float(np.clip(aim, here - speed * longest, here + speed * longest))
         if abs(there - here) < 0.01 * half:
             continue
@@ -174,13 +174,13 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     own = limits
     for _ in range(_TRIALS):
         start, moves = moves_by(shape, own, seconds, points)
-        found = separation(shape, own)
-        if not any(found.values()):
+        distances = separation(shape, own)
+        if not any(distances.values()):
             # Slowed down, hardly a move fits into the time.
             break
         if model is None or effort_of(model, _samples(
                 moves, start, seconds, 200.0, own.joint)) <= MARGIN * limits.effort:
-            return JointPlan(limits, start, tuple(moves), seconds, found)
+            return JointPlan(limits, start, tuple(moves), seconds, distances)
         own = own.gentler(_SLOWER)
     raise InputError(
         f'joint {limits.joint!r}: {seconds:g} s are too short for motion within these limits'

@@ -144,7 +144,7 @@ def terms_of(name: str, scene: Scene) -> list[Term]:
     # What is carried loads the teeth most where the limb is level.
     shares = [{'cosine': 1.0}] if kind.uses_inner_load else []
     chosen = dict.fromkeys(np.linspace(0, len(grid) - 1, _CONSTANTS).astype(int).tolist())
-    return [Term(kind, kind.with_loads(grid[place], shares)) for place in chosen]
+    return [Term(kind, kind.with_loads(grid[row], shares)) for row in chosen]
 
 
 def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[Pair, float]:
@@ -177,7 +177,7 @@ def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[P
             for other in keys[second]:
                 places = table.indices([one, other], derivatives=False)
                 share = dict(zip(places, table.sums.own_share(places)))
-                shares += [max(share[place] for place in table.places(key))
+                shares += [max(share[column] for column in table.columns_of(key))
                            for key in (one, other)]
         return float(min(shares, default=0.0))
     return {(first, second): least(first, second) for first, second in pairs}

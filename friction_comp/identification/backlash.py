@@ -43,17 +43,17 @@ def softer_way(ramp: RampFriction, resolution: float) -> tuple[float, float]:
     depth, way : float
         Share of the most that friction took, and rad.
     """
-    place = max(resolution, float(np.max(ramp.measured)) / _PLACES)
-    index = np.maximum.accumulate(np.maximum(0, np.rint(ramp.measured / place).astype(int)))
+    width = max(resolution, float(np.max(ramp.measured)) / _PLACES)
+    index = np.maximum.accumulate(np.maximum(0, np.rint(ramp.measured / width).astype(int)))
     count = np.bincount(index)
     # Within which part of a count the ramp began is not known, so the first one tells nothing.
-    found = np.flatnonzero(count)[1:]
-    if len(found) < 4:
+    visited = np.flatnonzero(count)[1:]
+    if len(visited) < 4:
         return 0.0, 0.0
     # What accelerates the rotor shows on neither curve, or on one alone.
-    depths, ways = zip(*(_below_hull(found, np.bincount(index, current)[found] / count[found])
+    depths, ways = zip(*(_below_hull(visited, np.bincount(index, current)[visited] / count[visited])
                          for current in (ramp.driven, ramp.current)))
-    return min(depths), (ways[0] + 1.0) * place
+    return min(depths), (ways[0] + 1.0) * width
 
 
 def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
@@ -85,12 +85,12 @@ def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     resolution : float
         rad of an encoder count.
     """
-    found = [softer_way(ramp, resolution) for ramp in ramps]
+    softer = [softer_way(ramp, resolution) for ramp in ramps]
     crossed = [way if depth > _DEPTH and way >= _COUNTS * resolution else 0.0
-               for depth, way in found]
+               for depth, way in softer]
     shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])
               for sign in set(directions)]
     # A contact that is stiffer to one side turns up, too, but in one direction alone.
     if len(shares) < 2 or min(shares) < _SHARE:
-        return 0.0, [0.0] * len(found)
+        return 0.0, [0.0] * len(softer)
     return float(np.median([way for way in crossed if way > 0.0])), crossed

@@ -92,15 +92,15 @@ class Movement:
     def _standstill(self, duration: float) -> Generator[float, Sample, float]:
         """Wait at zero current until the joint has stood for `duration`; return for how long."""
         sample = self.sample
-        begin, still_since, place = sample.time, sample.time, sample.position
+        begin, still_since, stood_at = sample.time, sample.time, sample.position
         while sample.time - still_since < duration:
             if sample.time - begin > STILL_PATIENCE + duration:
                 raise IdentificationError(
                     'the joint does not come to rest at zero current: it is driven by gravity, '
                     'pushed, or rings')
             sample = yield from self._step(0.0)
-            if abs(sample.position - place) > max(STILL_COUNTS * self._resolution, STILL_WAY):
-                still_since, place = sample.time, sample.position
+            if abs(sample.position - stood_at) > max(STILL_COUNTS * self._resolution, STILL_WAY):
+                still_since, stood_at = sample.time, sample.position
         return sample.time - still_since
 
     def _controller(self, bandwidth: float, speed: float) -> tuple[np.ndarray, np.ndarray]:

@@ -98,9 +98,9 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
     smooth = np.convolve(np.interp(even, time, current), np.full(count, 1.0 / count), 'valid')
     chosen = np.abs(speed) > 0.2 * float(np.max(np.abs(speed)))
     design = np.column_stack([speed > 0.0, speed < 0.0, speed, acceleration])[chosen].astype(float)
-    found, *_ = np.linalg.lstsq(design, smooth[chosen], rcond=None)
-    left = smooth[chosen] - design @ found
-    taken = found[3] * acceleration[chosen]
-    if not found[3] > 0.0 or np.std(taken) < 2.0 * np.std(left):
+    coefficients, *_ = np.linalg.lstsq(design, smooth[chosen], rcond=None)
+    left = smooth[chosen] - design @ coefficients
+    taken = coefficients[3] * acceleration[chosen]
+    if not coefficients[3] > 0.0 or np.std(taken) < 2.0 * np.std(left):
         return math.nan
-    return 1.0 / float(found[3])
+    return 1.0 / float(coefficients[3])

@@ -110,13 +110,13 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
 def _said(backlash: float, records: BreakawayRecords) -> str:
     """Return what to say of backlash; refuse a breakaway current that it makes unsure."""
     for sign in (1, -1):
-        found = np.abs(records.current[records.direction == sign])
-        if len(found) > 1 and 2.0 * np.std(found, ddof=1) > (
-                _MOST_LOOSE * math.sqrt(len(found)) * np.mean(found)):
+        levels = np.abs(records.current[records.direction == sign])
+        if len(levels) > 1 and 2.0 * np.std(levels, ddof=1) > (
+                _MOST_LOOSE * math.sqrt(len(levels)) * np.mean(levels)):
             raise IdentificationError(
                 f'backlash of {backlash:.2g} rad: breakaway in the '
                 f'{"positive" if sign > 0 else "negative"} direction scatters by '
-                f'{100.0 * np.std(found, ddof=1) / np.mean(found):.0f} %; ask for more '
+                f'{100.0 * np.std(levels, ddof=1) / np.mean(levels):.0f} %; ask for more '
                 'breakaway_cycles or a less steep ramp_slope')
     return (f'backlash of {backlash:.2g} rad at least; presliding is given without it')
 

@@ -106,7 +106,7 @@ class IdentificationRun(SupervisedRun):
     def _acceleration(self) -> float:
         """k_t·n/J in rad/s² per A by the cycles' changes of speed; by the push where they fail."""
         push = self._script.acceleration
-        found = [acceleration_of_cycle(cycle) for cycle in self._script.cycles_driven]
-        plausible = [rate for rate in found if push / 5.0 < rate < 5.0 * push]
+        rates = [acceleration_of_cycle(cycle) for cycle in self._script.cycles_driven]
+        plausible = [rate for rate in rates if push / 5.0 < rate < 5.0 * push]
         # The fastest cycle has the largest accelerations.
         return plausible[-1] if plausible else push

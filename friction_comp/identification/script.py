@@ -148,10 +148,10 @@ class Script(FirstMotion):
                         sign, 0, (cut * np.arange(FIRST_STOP, 1.1, STOP_STEP)).tolist())))
         yield from self._standstill(STILL_TIME)
 
-    def _place(self, number: int) -> float:
+    def _place(self, index: int) -> float:
         """Position in rad of the next ramps: evenly spread however many there are."""
         golden = 0.5 * (math.sqrt(5.0) - 1.0)
-        share = 2.0 * math.fmod(0.5 + number * golden, 1.0) - 1.0
+        share = 2.0 * math.fmod(0.5 + index * golden, 1.0) - 1.0
         return self.centre + share * PLACES_SHARE * self.goal.motion_range
 
     def _check_accelerations(self) -> None:
@@ -171,15 +171,15 @@ class Script(FirstMotion):
             for factor in GAIN_LADDER:
                 if factor > self._highest_gain:
                     continue
-                found = yield from self._one_cycle(speed, factor)
-                if found is None:
+                driven = yield from self._one_cycle(speed, factor)
+                if driven is None:
                     continue
-                rattle = _rattle(found[0])
+                rattle = _rattle(driven[0])
                 if best is not None and rattle > 0.7 * _rattle(best[0]):
                     # It is not the controller: friction itself is that uneven.
                     self._uneven, self._highest_gain = True, math.inf
                     break
-                best = found
+                best = driven
                 if self._uneven or rattle <= RATTLE:
                     break
                 # Higher gains would only rattle more, at other speeds too.

@@ -100,11 +100,11 @@ def _fit(x: np.ndarray, y: np.ndarray, steepness: np.ndarray, shift: np.ndarray,
     best, kept = np.full(len(design), np.inf), np.zeros((len(design), 3))
     for k in range(rounds):
         scaled = np.swapaxes(design * weights[:, :, None], 1, 2)
-        found = np.linalg.solve(scaled @ design + 1e-13 * np.eye(3), scaled @ y[:, None])
-        rest = np.abs(y - (design @ found)[:, :, 0])
+        coefficients = np.linalg.solve(scaled @ design + 1e-13 * np.eye(3), scaled @ y[:, None])
+        rest = np.abs(y - (design @ coefficients)[:, :, 0])
         error = rest.sum(axis=1)
         better = error < best
-        best[better], kept[better] = error[better], found[better, :, 0]
+        best[better], kept[better] = error[better], coefficients[better, :, 0]
         weights = 1.0 / np.maximum(rest, 10.0 ** (-1.0 - 10.0 * k / _CLOSE))
         weights /= weights.max(axis=1, keepdims=True)
     return best, kept
@@ -143,10 +143,10 @@ def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[float, fl
         trial[..., 1] = trial[..., 1].clip(-1.0, 1.0)
         tried = _fit(x, y, trial[..., 0].ravel(), trial[..., 1].ravel(), _CLOSE)[0].reshape(
             trial.shape[:2])
-        place = np.argmin(tried, axis=1)
-        least = tried[np.arange(len(now)), place]
+        best_trial = np.argmin(tried, axis=1)
+        least = tried[np.arange(len(now)), best_trial]
         reach[~(least < error * (1.0 - 1e-6))] *= 0.4
-        now, error = trial[np.arange(len(now)), place], np.minimum(error, least)
+        now, error = trial[np.arange(len(now)), best_trial], np.minimum(error, least)
         # Half of the starts go on, until a few are left.
         keep = np.argsort(error)[:max(6, len(now) // 2 if k % 4 == 3 else len(now))]
         now, error, reach = now[keep], error[keep], reach[keep]
@@ -176,9 +176,9 @@ def _well_behaved(x: np.ndarray, y: np.ndarray, steepness: float, shift: float
     bound = error * (1.0 + TOLERANCE) + 1e-9 * x.size
     shifts = shift * np.concatenate(([0.0], np.geomspace(1e-3, 1.0, 24)))
     gentler = np.geomspace(0.5, 4.0 * steepness, 120)
-    for place in dict.fromkeys(shifts.tolist()):
-        errors, found = _fit(x, y, gentler, np.full(len(gentler), place), _CLOSE)
-        alike = np.nonzero((errors <= bound) & (found[:, 2] >= min(best[2], 0.0) - 1e-9))[0]
+    for candidate in dict.fromkeys(shifts.tolist()):
+        errors, coefficients = _fit(x, y, gentler, np.full(len(gentler), candidate), _CLOSE)
+        alike = np.nonzero((errors <= bound) & (coefficients[:, 2] >= min(best[2], 0.0) - 1e-9))[0]
         if len(alike):
-            return float(gentler[alike[0]]), place
+            return float(gentler[alike[0]]), candidate
     return steepness, shift

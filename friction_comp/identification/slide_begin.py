@@ -82,9 +82,9 @@ def _hinge_errors(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knees: np.nd
         size = np.sqrt(np.sum(part ** 2, axis=1)) + 1e-300
         scaled = part / size[:, None]
         turned = np.swapaxes(scaled, 1, 2)
-        found = np.linalg.solve(turned @ scaled + 1e-12 * np.eye(len(columns)),
+        coefficients = np.linalg.solve(turned @ scaled + 1e-12 * np.eye(len(columns)),
                                 turned @ target[:, None])
-        error = np.sum((target[:, None] - scaled @ found)[:, :, 0] ** 2, axis=1)
-        forwards = (found[:, 3:, 0] >= 0.0).all(axis=1)
+        error = np.sum((target[:, None] - scaled @ coefficients)[:, :, 0] ** 2, axis=1)
+        forwards = (coefficients[:, 3:, 0] >= 0.0).all(axis=1)
         best = np.where(forwards, np.minimum(best, error), best)
     return best

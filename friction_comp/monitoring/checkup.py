@@ -88,8 +88,8 @@ def _states(seen: Observation) -> Iterator[Finding]:
 
 
 def _elsewhere(seen: Observation, name: str) -> str:
-    others = [topic for topic, found in seen.topics.items()
-              if TOPICS[name] in found.types and topic != seen.names.get(name, name)]
+    others = [topic for topic, topic_seen in seen.topics.items()
+              if TOPICS[name] in topic_seen.types and topic != seen.names.get(name, name)]
     hint = f'; {", ".join(others)} has that type' if others else ''
     return f'nobody publishes {seen.names.get(name, name)}{hint}'
 
@@ -264,6 +264,6 @@ def _diagnostics(seen: Observation) -> Iterator[Finding]:
 
 
 def _parameter(seen: Observation, name: str, default: float) -> float:
-    values = [found[name] for node, found in seen.parameters.items()
-              if name in found and 'compensator' in node]
+    values = [parameters[name] for node, parameters in seen.parameters.items()
+              if name in parameters and 'compensator' in node]
     return float(values[0]) if values else default

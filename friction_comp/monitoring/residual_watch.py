@@ -131,9 +131,9 @@ class ResidualWatch:
             samples.time, samples.position, samples.velocity, samples.acceleration,
             none if samples.load is None else samples.load,
             none if samples.temperature is None else samples.temperature, residual, predicted])
-        found = [table[part].mean(axis=0) for part in _pieces(samples, moving)]
-        if found:
-            self._blocks = np.vstack((self._blocks, found))[-self._kept:]
+        means = [table[part].mean(axis=0) for part in _pieces(samples, moving)]
+        if means:
+            self._blocks = np.vstack((self._blocks, means))[-self._kept:]
 
     @property
     def blocks(self) -> int:

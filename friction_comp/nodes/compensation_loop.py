@@ -107,7 +107,7 @@ class CompensationLoop:
     # Inputs.
 
     def take(self, message: Any, now: int, received: int = 0, sent: int = 0,
-             number: int = 0) -> None:
+             sequence: int = 0) -> None:
         """Answer a joint state.
 
         Parameters
@@ -117,14 +117,14 @@ class CompensationLoop:
             The node's clock, ns.
         received, sent : int
             When the middleware received and sent it, system time in ns.
-        number : int
+        sequence : int
             Its publisher's number of it; 0 where the middleware gives none.
         """
         if self.yields or not self.port.ready:
             return
         states = self.states
         ticket = self.port.ticket
-        verdict = states.take(message, now, received, number)
+        verdict = states.take(message, now, received, sequence)
         if verdict == joint_states.NEW:
             if self._silent_since is not None:
                 self._hear_again()

@@ -77,21 +77,21 @@ class _Streams:
                 timer.handle.call_timer()
                 _add(timer.callback(), begun)
         last = -1
-        for number in range(len(self._subscriptions)):
-            if wait_set.is_ready('subscription', number):
-                last = number
-        for number in range(last + 1):
-            taken = self._take(number, begun)
-            while taken and number < last:
-                taken = self._take(number, begun)
+        for index in range(len(self._subscriptions)):
+            if wait_set.is_ready('subscription', index):
+                last = index
+        for index in range(last + 1):
+            taken = self._take(index, begun)
+            while taken and index < last:
+                taken = self._take(index, begun)
         return begun
 
-    def _take(self, number: Any, begun: Any) -> bool:
-        handle, kind, raw, callback, message_only = self._subscriptions[number]
-        found = handle.take_message(kind, raw)
-        if found is None:
+    def _take(self, index: Any, begun: Any) -> bool:
+        handle, kind, raw, callback, message_only = self._subscriptions[index]
+        message = handle.take_message(kind, raw)
+        if message is None:
             return False
-        _add(callback(found[0]) if message_only else callback(*found), begun)
+        _add(callback(message[0]) if message_only else callback(*message), begun)
         return True
 
 
@@ -168,17 +168,17 @@ class _Rest:
         for waitable in self._waitables:
             waitable.add_to_wait_set(wait_set)
         wait_set.wait(0)
-        found = False
+        ready = False
         for kind, several in self._entities.items():
             for index, one in enumerate(several):
                 if wait_set.is_ready(kind, index):
-                    found = True
+                    ready = True
                     if kind == 'guard_condition':
                         # Looking has taken its trigger; so rclpy knows of it all the same.
                         one._executor_triggered = True
         for waitable in self._waitables:
-            found = waitable.is_ready(wait_set) or found
-        return found
+            ready = waitable.is_ready(wait_set) or ready
+        return ready
 
 
 class StreamExecutor(Executor):

@@ -147,13 +147,13 @@ class IdentificationNode(Node):
 
     def _identification_goal(self, request: Any) -> tuple[int, Any]:
         check_folder(self.get_parameter('output_folder').value)
-        found: tuple[int, Any] = make_goal(request, self._joints, self._drives, self._defaults)
-        return found
+        goal: tuple[int, Any] = make_goal(request, self._joints, self._drives, self._defaults)
+        return goal
 
     def _trajectory_goal(self, request: Any) -> tuple[int, Any]:
-        found: tuple[int, Any] = make_trajectory(
+        goal: tuple[int, Any] = make_trajectory(
             request, self._joints, self._drives, self._defaults)
-        return found
+        return goal
 
     def _on_goal(self, served: Served, request: Any) -> Any:
         try:

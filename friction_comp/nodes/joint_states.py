@@ -68,11 +68,11 @@ class JointColumns:
 
     def find(self, names: list[str]) -> None:
         """Look where the joints stand among the names of a message."""
-        places = {name: k for k, name in enumerate(names)}
-        columns = [places.get(name, -1) for name in self._joints]
+        index_of = {name: k for k, name in enumerate(names)}
+        columns = [index_of.get(name, -1) for name in self._joints]
         # As they stand, the most frequent case, needs no picking.
         self._columns = None if columns == list(range(len(names))) else columns
-        self.missing = [name for name in self._joints if name not in places]
+        self.missing = [name for name in self._joints if name not in index_of]
         self.twice = [name for name in self._joints if names.count(name) > 1]
         self._names, self._count = names, len(names)
 
@@ -150,7 +150,7 @@ class JointStateInput:
         self._clash: int | None = None
         self._rivals = self.wrong = ''
 
-    def take(self, message: Any, now: int, received: int = 0, number: int = 0) -> str:
+    def take(self, message: Any, now: int, received: int = 0, sequence: int = 0) -> str:
         """Validate a joint state, and keep its values if it is new.
 
         Parameters
@@ -160,7 +160,7 @@ class JointStateInput:
             The node's clock in ns.
         received : int
             When the middleware received it, ns of the same clock; stands in for a stamp of zero.
-        number : int
+        sequence : int
             Its publisher's number of it; 0 where the middleware gives none.
 
         Returns
@@ -176,7 +176,7 @@ class JointStateInput:
             self._named, self._key = list(message.name), tuple(message.name)
             self._columns.find(self._named)
         names = self._key
-        if number and self._contested(number, now):
+        if sequence and self._contested(sequence, now):
             return CONTESTED
         last = self._last.get(names, 0)
         if last and bears:
@@ -243,14 +243,14 @@ class JointStateInput:
             self.wrong = f'joint_states name {", ".join(self._columns.twice)} twice'
         return bool(self.wrong)
 
-    def _contested(self, number: int, now: int) -> bool:
+    def _contested(self, sequence: int, now: int) -> bool:
         """Tell whether two publishers send a joint of the message now."""
         known, clashing = self._numbers, []
         for j, joint in enumerate(self._joints):
             if joint not in self._columns.missing:
-                if number <= known[j]:
+                if sequence <= known[j]:
                     clashing.append(joint)
-                known[j] = number
+                known[j] = sequence
         if clashing and len(self.publishers) > 1:
             self._clash = now
             self._rivals = (f'joint_states of {", ".join(clashing)} come from several publishers: '

@@ -90,12 +90,12 @@ class LiveSignals:
                 self._load(joint, stamp), self._temperature(joint, stamp)])
 
     def _load(self, joint: str, stamp: int) -> Any:
-        found = self._fresh('interaction_wrench', joint, stamp, WrenchStamped, _LOAD_AGE)
-        return math.nan if found is None else found.wrench.torque.z
+        message = self._fresh('interaction_wrench', joint, stamp, WrenchStamped, _LOAD_AGE)
+        return math.nan if message is None else message.wrench.torque.z
 
     def _temperature(self, joint: str, stamp: int) -> Any:
-        found = self._fresh('motor_temperature', joint, stamp, Temperature, _HEAT_AGE)
-        return math.nan if found is None else found.temperature
+        message = self._fresh('motor_temperature', joint, stamp, Temperature, _HEAT_AGE)
+        return math.nan if message is None else message.temperature
 
     def _fresh(self, topic: str, joint: str, stamp: int, kind: Any, age: Any) -> Any:
         held = self._held.get((topic, joint))

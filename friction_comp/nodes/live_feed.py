@@ -243,12 +243,12 @@ class LiveFeed:
     def status(self):
         """Return what the nodes say of themselves, worst first."""
         now = time.monotonic()
-        found = [(level, name, words) for name, (level, words, since) in sorted(
+        entries = [(level, name, words) for name, (level, words, since) in sorted(
             self._status.items()) if now - since < _OLD]
         if now - self._received > 1.0:
-            found.append(('problem', 'joint_states', 'none'))
+            entries.append(('problem', 'joint_states', 'none'))
         order = list(dict.fromkeys(('problem', 'warning', 'note', 'ok')))
-        return sorted(found, key=lambda item: order.index(item[0])) or [
+        return sorted(entries, key=lambda item: order.index(item[0])) or [
             ('note', 'nodes', 'none of them says anything')]
 
     def close(self):

@@ -41,15 +41,15 @@ class Losses:
         # What was counted for streams that broke off, by the number that never came.
         self._broken_off: dict[int, int] = {}
 
-    def see(self, number: int) -> None:
+    def see(self, sequence: int) -> None:
         """Take a message's number."""
-        stream = self._streams.pop(number, None)
+        stream = self._streams.pop(sequence, None)
         if stream is None:
-            lost = self._broken_off.pop(number, 0)
+            lost = self._broken_off.pop(sequence, 0)
             self.count -= lost
-            stream = _Stream(0 if lost else number)
+            stream = _Stream(0 if lost else sequence)
         stream.silent = 0
-        self._streams[number + 1] = stream
+        self._streams[sequence + 1] = stream
 
     def look(self, changed: bool) -> None:
         """Judge what has come; to be called a few times a second.
@@ -69,8 +69,8 @@ class Losses:
         born = [stream for stream in self._streams.values()
                 if stream.start and stream.age == _SILENT]
         for stream in sorted(born, key=lambda one: one.start):
-            before = [number for number, other in self._streams.items() if other is not stream
-                      and other.silent >= _SILENT and number < stream.start]
+            before = [sequence for sequence, other in self._streams.items() if other is not stream
+                      and other.silent >= _SILENT and sequence < stream.start]
             if before:
                 self.count += stream.start - max(before)
                 self._broken_off[max(before)] = stream.start - max(before)

@@ -134,8 +134,8 @@ class _Signals:
         self.caught: list[int] = []
         self._tell: Callable[[], None] | None = None
         self._came = False
-        for number in SIGNALS:
-            signal.signal(number, lambda number, _: self.caught.append(number))
+        for signum in SIGNALS:
+            signal.signal(signum, lambda signum, _: self.caught.append(signum))
         end, begin = os.pipe()
         os.set_blocking(begin, False)
         signal.set_wakeup_fd(begin, warn_on_full_buffer=False)

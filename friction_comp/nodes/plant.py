@@ -365,9 +365,9 @@ class PlantNode(Node):
     def _waits_for(self) -> str:
         if self._shown:
             return 'current_command'
-        found = self._states.get_subscription_count()
-        if not self._samples and found < self._listeners:
-            return f'listeners to joint_states ({found} of {self._listeners})'
+        listeners = self._states.get_subscription_count()
+        if not self._samples and listeners < self._listeners:
+            return f'listeners to joint_states ({listeners} of {self._listeners})'
         return 'reference'
 
     def leave(self) -> None:

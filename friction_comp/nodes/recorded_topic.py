@@ -129,11 +129,11 @@ class RecordedTopic:
 
     def offered(self) -> list[dict[str, Any]]:
         """Return what the publishers offer, as a recording notes it; empty if none is known."""
-        found = {offer for _, offer in self._publishers} or {
+        offers = {offer for _, offer in self._publishers} or {
             (info.qos_profile.reliability, info.qos_profile.durability)
             for info in self._node.get_publishers_info_by_topic(self.name)}
         return [qos_profile(reliability.name.lower(), durability.name.lower())
-                for reliability, durability in sorted(found)]
+                for reliability, durability in sorted(offers)]
 
     def _on_message(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
         self._receive(offer, message, info)
@@ -151,14 +151,14 @@ class RecordedTopic:
             return
         with subscription.handle:
             for _ in range(DEPTH):
-                found = subscription.handle.take_message(self._kind, True)
-                if found is None:
+                message = subscription.handle.take_message(self._kind, True)
+                if message is None:
                     return
-                self._receive(offer, *found)
+                self._receive(offer, *message)
 
     def _receive(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
-        number = info['publication_sequence_number'] or 0
-        key = info['source_timestamp'], number
+        sequence = info['publication_sequence_number'] or 0
+        key = info['source_timestamp'], sequence
         known = self._seen.get(key)
         if known is not None:
             self._seen[key] = known | {offer}
@@ -169,6 +169,6 @@ class RecordedTopic:
             self._received_at.append((self._looks, key))
         while len(self._seen) > (_REMEMBERED if several else _RECENT):
             self._seen.pop(next(iter(self._seen)))
-        if number:
-            self._losses[self._sender(message) if self._sender else ''].see(number)
+        if sequence:
+            self._losses[self._sender(message) if self._sender else ''].see(sequence)
         self._take(message, info)

@@ -292,8 +292,8 @@ class RefinementNode(Node):
 def _new_folder(parent, joint):
     """Return a folder that is not there yet."""
     stem = time.strftime(f'{joint}_%Y-%m-%d_%H-%M-%S')
-    for number in range(1, 1000):
-        path = parent / (stem if number == 1 else f'{stem}_{number}')
+    for attempt in range(1, 1000):
+        path = parent / (stem if attempt == 1 else f'{stem}_{attempt}')
         if not path.exists():
             return path
     raise InputError(f'{parent}: too many folders named {stem}')

@@ -177,12 +177,12 @@ def _states_of(messages: Any) -> Any:
     if not messages:
         return None
     joints = list(dict.fromkeys(name for _, message in messages for name in message.name))
-    places = {joint: index for index, joint in enumerate(joints)}
+    index_of = {joint: index for index, joint in enumerate(joints)}
     table = np.full((3, len(messages), len(joints)), math.nan)
     stamps = np.empty(len(messages))
     for row, (_, message) in enumerate(messages):
         stamps[row] = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        columns = [places[name] for name in message.name]
+        columns = [index_of[name] for name in message.name]
         for which, values in enumerate((message.position, message.velocity, message.effort)):
             if len(values) == len(columns):
                 table[which, row, columns] = values

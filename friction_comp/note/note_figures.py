@@ -117,8 +117,8 @@ def gain_figure(outcomes: list[ExperimentOutcome]) -> Figure:
             if limit is not None:
                 # Each law's safe region as a strip of its own at the foot of the axes.
                 for axes in (upper, lower):
-                    place = 0.0 if law == 'paper' else 0.03
-                    axes.axvspan(gains[0], limit, ymin=place, ymax=place + 0.03,
+                    bottom = 0.0 if law == 'paper' else 0.03
+                    axes.axvspan(gains[0], limit, ymin=bottom, ymax=bottom + 0.03,
                                  color=COLOURS[colour], alpha=0.6, linewidth=0)
         upper.axvline(0.9, color=COLOURS['grey'], linestyle='--', linewidth=1.0)
         lower.axvline(0.9, color=COLOURS['grey'], linestyle='--', linewidth=1.0)

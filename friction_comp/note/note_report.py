@@ -179,9 +179,10 @@ def _add_standstill(report: Report, outcomes: list[ExperimentOutcome]) -> None:
     report.heading('No false start')
     rows = []
     for outcome in outcomes:
-        for law, found in outcome.standstills.items():
-            rows.append([outcome.experiment.number, law, found.duration / 3600.0,
-                         found.standstills, found.false_starts, math.degrees(found.farthest)])
+        for law, standstill in outcome.standstills.items():
+            rows.append([outcome.experiment.number, law, standstill.duration / 3600.0,
+                         standstill.standstills, standstill.false_starts,
+                         math.degrees(standstill.farthest)])
     report.table(
         ['configuration', 'law', 'hours', 'standstills', 'false starts', 'farthest (deg)'], rows,
         'Nobody touches the joint, d is ±1, and the breakaway currents in use are 10 % too large. '

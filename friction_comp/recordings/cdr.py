@@ -60,10 +60,10 @@ class _Cursor:
         """Read a length, at most so many, and pin it."""
         start = self._advance(4, 4)
         self.fixed.extend(range(start, start + 4))
-        number = int(struct.unpack_from(self.order + 'I', self.data, start)[0])
-        if number > most:
-            raise ValueError(f'{number} values or names in one message')
-        return number
+        count = int(struct.unpack_from(self.order + 'I', self.data, start)[0])
+        if count > most:
+            raise ValueError(f'{count} values or names in one message')
+        return count
 
     def string(self) -> str:
         """Read a string and pin it."""
@@ -76,13 +76,13 @@ class _Cursor:
         """Pass over a string: how long it is decides the layout, not what it says."""
         self._advance(self.count(), 1)
 
-    def values(self, name: str, code: str, number: int | None = 1) -> None:
+    def values(self, name: str, code: str, count: int | None = 1) -> None:
         """Note where a field's values are; None reads their number first."""
-        if number is None:
-            number = self.count(MOST_VALUES)
+        if count is None:
+            count = self.count(MOST_VALUES)
         size = np.dtype(code).itemsize
-        start = self._advance(size * number, size) if number else self.at
-        self.fields[name] = (self.order + code, start, number)
+        start = self._advance(size * count, size) if count else self.at
+        self.fields[name] = (self.order + code, start, count)
 
 
 _Walk = Callable[[_Cursor], tuple[str, ...]]
@@ -119,10 +119,10 @@ def _multi_array(code: str) -> _Walk:
     return walk
 
 
-def _stamped(name: str, number: int) -> _Walk:
+def _stamped(name: str, count: int) -> _Walk:
     def walk(cursor: _Cursor) -> tuple[str, ...]:
         frame = _header(cursor)
-        cursor.values(name, 'f8', number)
+        cursor.values(name, 'f8', count)
         return (frame,)
     return walk
 
@@ -190,9 +190,9 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
 
 def _cut(block: np.ndarray, fields: dict[str, tuple[str, int, int]]) -> dict[str, np.ndarray]:
     values = {}
-    for name, (code, start, number) in fields.items():
-        stop = start + np.dtype(code).itemsize * number
-        values[name] = np.ascontiguousarray(block[:, start:stop]).view(code) if number else \
+    for name, (code, start, count) in fields.items():
+        stop = start + np.dtype(code).itemsize * count
+        values[name] = np.ascontiguousarray(block[:, start:stop]).view(code) if count else \
             np.empty((len(block), 0), dtype=code)
     if 'sec' in values:
         values['stamp'] = (values['sec'][:, 0].astype(np.int64) * 1_000_000_000

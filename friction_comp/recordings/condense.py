@@ -135,10 +135,10 @@ def _condensing(recordings: Sequence[Path], joint: str | None, layout: Layout | 
     stretches = stream_recording_with_info(largest, joint, seconds=_LOOK, layout=layout,
                                            progress=first.append)
     samples, _ = next(stretches)
-    number = len(samples) / max(first[-1], 1e-9) * sum(sizes) / max(sizes)
+    rows = len(samples) / max(first[-1], 1e-9) * sum(sizes) / max(sizes)
     most = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
-    length = int(np.clip(math.ceil(number / limit), 1, most))
-    return Condensing(length, min(1.0, limit * length / number))
+    length = int(np.clip(math.ceil(rows / limit), 1, most))
+    return Condensing(length, min(1.0, limit * length / rows))
 
 
 def _bytes(path: Path) -> int:

@@ -109,8 +109,8 @@ class History:
                                      'delete it to begin anew')
                 history = cls(float(about['torque_per_current']),
                               notes=[(str(day), str(text)) for day, text in about['notes']])
-                for number, entry in enumerate(about['recordings']):
-                    signals: dict[str, Any] = {name: stored[f'{number}/{name}']
+                for index, entry in enumerate(about['recordings']):
+                    signals: dict[str, Any] = {name: stored[f'{index}/{name}']
                                                for name in entry['signals']}
                     history.recordings.append(Remembered(
                         str(entry['name']), float(entry['start']), str(entry['day']),
@@ -139,9 +139,9 @@ class History:
         self.recordings.sort(key=lambda one: (one.day, one.start))
         return True
 
-    def with_new(self, found: Sequence[tuple[Samples, RecordingInfo]]) -> list[Samples]:
+    def with_new(self, recorded: Sequence[tuple[Samples, RecordingInfo]]) -> list[Samples]:
         """Keep new recordings; return what is kept of all."""
-        for samples, info in found:
+        for samples, info in recorded:
             self.add(samples, info)
         return self.samples()
 
@@ -151,8 +151,8 @@ class History:
 
     def samples(self) -> list[Samples]:
         """Return what is kept of each recording."""
-        return [one.samples.with_(recording=np.full(len(one.samples), number))
-                for number, one in enumerate(self.recordings)]
+        return [one.samples.with_(recording=np.full(len(one.samples), index))
+                for index, one in enumerate(self.recordings)]
 
     def save(self, model: str | Path) -> Path:
         """Write the history beside a model file; return its path."""
@@ -160,12 +160,12 @@ class History:
             'version': VERSION, 'torque_per_current': self.torque_per_current,
             'notes': self.notes, 'recordings': []}
         arrays: dict[str, Any] = {}
-        for number, one in enumerate(self.recordings):
+        for index, one in enumerate(self.recordings):
             signals = [name for name in _SIGNALS if getattr(one.samples, name) is not None]
             about['recordings'].append({
                 'name': one.name, 'start': one.start, 'day': one.day, 'signals': signals,
                 'joint': one.samples.joint})
-            arrays.update({f'{number}/{name}': getattr(one.samples, name) for name in signals})
+            arrays.update({f'{index}/{name}': getattr(one.samples, name) for name in signals})
         stream = io.BytesIO()
         np.savez_compressed(stream, about=np.array(json.dumps(about)), **arrays)
         path = self.path_of(model)

@@ -38,14 +38,14 @@ def beside(samples: Samples, info: Started,
     JointStates
         Between joint states interpolated; beyond the ends the nearest value.
     """
-    places, speeds = [], []
+    positions, speeds = [], []
     for other, other_info in everyone.values():
         time = samples.time + (info.start - other_info.start)
-        places.append(np.interp(time, other.time, other.position))
+        positions.append(np.interp(time, other.time, other.position))
         if other.velocity is not None:
             speeds.append(np.interp(time, other.time, other.velocity))
-    known = len(speeds) == len(places)
-    return JointStates(tuple(everyone), np.column_stack(places),
+    known = len(speeds) == len(positions)
+    return JointStates(tuple(everyone), np.column_stack(positions),
                        np.column_stack(speeds) if known else None)
 
 

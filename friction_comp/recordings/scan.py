@@ -50,7 +50,7 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     InputError
         If a path does not exist or holds no recording.
     """
-    found: list[Path] = []
+    every_path: list[Path] = []
     for path in map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths):
         try:
             if not path.exists():
@@ -63,11 +63,11 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
                 'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' + (
                     ', '.join(TABLES) + ')')
             raise InputError(f'{path}: {kind}')
-        found.extend(recordings)
-    if not found:
+        every_path.extend(recordings)
+    if not every_path:
         raise InputError('no recording given')
     unique: dict[Path, Path] = {}
-    for path in found:
+    for path in every_path:
         unique.setdefault(path.resolve(), path)
     return list(unique.values())
 

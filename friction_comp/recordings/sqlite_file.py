@@ -65,13 +65,13 @@ class SqliteFile:
         """
         asked = [k for k, about in self._by_id.items() if wanted(*about)]
         marks = ','.join('?' * len(asked))
-        found = 0
+        recovered = 0
         try:
-            for number, topic, time, payload in self._database.execute(
+            for row, topic, time, payload in self._database.execute(
                     'SELECT id, topic_id, timestamp, data FROM messages '
                     f'WHERE topic_id IN ({marks}) ORDER BY id', asked):
-                found += 1
-                self.progress = number / self._last
+                recovered += 1
+                self.progress = row / self._last
                 yield *self._by_id[topic], int(time), bytes(payload)
             for topic, count in self._database.execute(
                     'SELECT topic_id, count(*) FROM messages GROUP BY topic_id'):
@@ -79,7 +79,7 @@ class SqliteFile:
                     name, kind = self._by_id[topic]
                     self.topics[name] = kind, self.topics[name][1] + int(count)
         except (sqlite3.Error, TypeError) as error:
-            if not found:
+            if not recovered:
                 raise DamagedError(f'the database is damaged: {error}') from None
-            self.notes.append(f'the database is damaged ({error}): {found} messages recovered')
+            self.notes.append(f'the database is damaged ({error}): {recovered} messages recovered')
         self.progress = 1.0

@@ -138,15 +138,15 @@ def _to_further(columns: Columns, use: Assignment, first: int) -> Iterator[Track
     """Yield a block's other signals; stamps are those of the joint states."""
     states = _to_states(columns, use, first, None)
     for signal, topic in _TOPICS.items():
-        found = {name: column.factor * columns[column.name] for name in use.joints
+        known = {name: column.factor * columns[column.name] for name in use.joints
                  if (column := use.of(signal, name)) is not None}
-        if not found:
+        if not known:
             continue
         if topic in ('current_command', 'direction'):
-            values = {'': np.column_stack([found.get(name, np.full(len(states.stamp), np.nan))
+            values = {'': np.column_stack([known.get(name, np.full(len(states.stamp), np.nan))
                                            for name in use.joints])}
         else:
-            values = {name: each[:, None] for name, each in found.items()}
+            values = {name: each[:, None] for name, each in known.items()}
         yield Track(topic, topic, states.receive, states.stamp, states.order, use.joints, values)
     references = {}
     for name in use.joints:

@@ -88,9 +88,9 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
             if np.isfinite(values[:, column]).any():
                 _put(signals, name, base.interpolate(track, values[:, column]), track, notes)
     for topic, name in (('interaction_wrench', 'load'), ('motor_temperature', 'temperature')):
-        found = _of_joint(scan.of(topic), joint, joints, notes)
-        if found is not None:
-            _put(signals, name, base.interpolate(found[0], found[1][:, 0]), found[0], notes)
+        signal = _of_joint(scan.of(topic), joint, joints, notes)
+        if signal is not None:
+            _put(signals, name, base.interpolate(signal[0], signal[1][:, 0]), signal[0], notes)
     order = _array_order(scan, joints)
     command = _of_array(scan.of('current_command'), joint, order, notes, torque_per_current)
     if command is not None:

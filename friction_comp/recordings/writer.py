@@ -221,8 +221,8 @@ class RecordingWriter:
         shutil.rmtree(self.path, ignore_errors=True)
 
     def _begin(self) -> McapPart:
-        number = len(self._finished)
-        part = McapPart(self.path / f'{self.path.name}_{number}.mcap',
+        index = len(self._finished)
+        part = McapPart(self.path / f'{self.path.name}_{index}.mcap',
                      self._compression == 'storage')
         for topic, about in self._topics.items():
             part.declare(topic, *about)

@@ -73,7 +73,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Found:
+class Fit:
     """What a search found.
 
     Parameters
@@ -123,20 +123,20 @@ class Found:
         columns = np.column_stack([
             np.delete(base_columns(rows, table.steepness, table.shift), DERIVATIVES, axis=1),
             *(table.terms[key].columns(rows) for key in self.keys)])
-        number = int(table.block.max()) + 1
-        train = (table.block != np.arange(number)[:, None]).astype(float)
+        blocks = int(table.block.max()) + 1
+        train = (table.block != np.arange(blocks)[:, None]).astype(float)
         fits = table.sums.fits(table.indices(self.keys, derivatives=False), train)
         return np.asarray(rows.target - np.einsum(
             'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
 
 
-def eq6_alone(question: Question, settings: dict[str, Any]) -> Found:
+def eq6_alone(question: Question, settings: dict[str, Any]) -> Fit:
     """Return Eq. 6 without any effect and without a lag, fitted to the recordings."""
     settings = {name: value for name, value in settings.items() if name != 'lag'}
     rows, settings = prepare(question.raw, question.drive, settings, question.declared)
     table = Table(rows, 2.0 / rows.scene.transition)
     table.turn([])
-    return Found(table, [], 0, settings, [])
+    return Fit(table, [], 0, settings, [])
 
 
 class Attempt:
@@ -173,14 +173,14 @@ class Attempt:
         """
         table, rows = self.table, self.table.rows
         plain = [key for key in self.search.candidates if table.terms[key].kind.physics]
-        found: list[list[Key]] = [plain]
+        starts: list[list[Key]] = [plain]
         if rows.joints:
             kind = EFFECTS['other_joints']
-            found.append([*plain, *table.add([Term(kind, {}, group) for group in neighbourhood(
+            starts.append([*plain, *table.add([Term(kind, {}, group) for group in neighbourhood(
                 rows.joints, rows.samples.joint)])])
-        for some in found:
+        for some in starts:
             self._held.update(some)
-        return found
+        return starts
 
     def from_start(self, some: Sequence[Key]) -> list[Key]:
         """Return what a search from some terms ends with.
@@ -212,7 +212,7 @@ class Attempt:
 
 
 def search_at(question: Question, settings: dict[str, Any] | None = None,
-              begin: Sequence[Term] | None = None) -> Found:
+              begin: Sequence[Term] | None = None) -> Fit:
     """Return what is found with one way of computing velocity from position.
 
     Of the ends of several searches the one with the least error counts, a term being worth
@@ -247,11 +247,11 @@ def search_at(question: Question, settings: dict[str, Any] | None = None,
                      keys, (table.steepness, table.shift), attempt.search.candidates))
     _, _, keys, transition, candidates = min(ends)
     table.turned(*transition)
-    return Found(table, keys, len(given), settings,
+    return Fit(table, keys, len(given), settings,
                  [key for key in candidates if key in table.terms])
 
 
-def found_in(question: Question) -> Found:
+def searched(question: Question) -> Fit:
     """Return what is found, with the lag and the bandwidth that suit it.
 
     Both are chosen like everything else: by the error of blocks that were not fitted, after a
@@ -278,7 +278,7 @@ def found_in(question: Question) -> Found:
     return best
 
 
-def _share_of_draws(late: Found, early: Found) -> float:
+def _share_of_draws(late: Fit, early: Fit) -> float:
     """Return in what share of draws of blocks a lag lowers the error as it has to."""
     rng = np.random.default_rng(2)
     with_lag, without = (np.bincount(found.table.block, found.errors()) for found in (late, early))
@@ -288,14 +288,14 @@ def _share_of_draws(late: Found, early: Found) -> float:
     return float(np.mean(with_lag[drawn].sum(axis=1) < LAG * without[drawn].sum(axis=1)))
 
 
-def _other_settings(question: Question, found: Found) -> list[dict[str, Any]]:
+def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
     """Return settings with which the terms found, or a plain drive, predict better."""
-    rows, others, settings = found.rows, [], found.settings
+    rows, others, settings = fit.rows, [], fit.settings
     target = rows.averaged(rows.target)
-    terms = [found.table.terms[key] for key in found.keys]
+    terms = [fit.table.terms[key] for key in fit.keys]
 
     def columns(other: Rows) -> np.ndarray:
-        return np.column_stack([base_columns(other, found.table.steepness, found.table.shift),
+        return np.column_stack([base_columns(other, fit.table.steepness, fit.table.shift),
                                 *(term.columns(other) for term in terms)])
     samples = rows.samples.with_(load=None) if rows.load_by_mechanics else rows.samples
     plain = plain_columns(samples, [rows.scene.transition, _TURN * rows.scene.speed])

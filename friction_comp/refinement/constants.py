@@ -22,7 +22,7 @@ _DEFINING = ('time_constant', 'width', 'distance')
 class Knob(NamedTuple):
     """A constant that is adjusted: of which term, its name, and how it is searched."""
 
-    place: int
+    term: int
     name: str
     how: SearchRange
 
@@ -60,13 +60,13 @@ def knobs_of(terms: Sequence[Term], only: Container[Key] | None = None) -> list[
 
 def slopes(table: Table, keys: Sequence[Key], knobs: Sequence[Knob]) -> np.ndarray:
     """Return how a fit's prediction changes with each knob, per step, shape (Q, R)."""
-    found = table.coefficients(keys)
+    coefficients = table.coefficients(keys)
     rows = []
     for knob in knobs:
-        key = keys[knob.place]
-        term, places = table.terms[key], table.places(key)
+        key = keys[knob.term]
+        term, places = table.terms[key], table.columns_of(key)
         changed = term.with_constants(**{knob.name: knob.moved(term, _STEP, table)})
-        gain = np.array([found[place] for place in places])
+        gain = np.array([coefficients[column] for column in places])
         new = table.rows.averaged(changed.columns(table.rows)).T
         rows.append(gain @ (new - table.columns[places]) / _STEP)
     return np.array(rows).reshape(len(knobs), table.columns.shape[1])
@@ -107,8 +107,8 @@ def adjusted(table: Table, keys: Sequence[Key], rounds: int = 3,
         for share in (1.0, 0.5, 0.25):
             changed = list(terms)
             for knob, size in zip(knobs, share * step):
-                term = changed[knob.place]
-                changed[knob.place] = term.with_constants(
+                term = changed[knob.term]
+                changed[knob.term] = term.with_constants(
                     **{knob.name: knob.moved(term, float(size), table)})
             if len({term.key for term in changed}) < len(changed):
                 continue
@@ -132,6 +132,6 @@ def _loaded(table: Table, keys: list[Key]) -> list[Key]:
         term = table.terms[key]
         if term.kind.uses_inner_load:
             constants = term.kind.with_loads(term.constants, table.loads(keys))
-            found = table.add([Term(term.kind, constants)])
-            keys[index] = found[0] if found else key
+            added = table.add([Term(term.kind, constants)])
+            keys[index] = added[0] if added else key
     return keys

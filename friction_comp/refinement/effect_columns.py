@@ -125,7 +125,7 @@ class Table:
         self.rows, self.target = rows, rows.averaged(rows.target)
         self.steepness, self.shift = steepness, shift
         self.terms: dict[Key, Term] = {}
-        self._places: dict[Key, list[int]] = {}
+        self._columns_of: dict[Key, list[int]] = {}
         cells, cell = np.unique(
             rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
         order = np.argsort(cell, kind='stable')
@@ -150,7 +150,7 @@ class Table:
             if not np.isfinite(own).all():
                 continue
             first = len(self.columns) + len(fresh)
-            self._places[term.key] = list(range(first, first + len(own)))
+            self._columns_of[term.key] = list(range(first, first + len(own)))
             self.terms[term.key] = term
             fresh += list(own)
             signs += _signs_of(term, len(own))
@@ -166,14 +166,14 @@ class Table:
         columns = self.indices(left)
         places, first = {}, BASE
         for key in left:
-            size = len(self._places[key])
+            size = len(self._columns_of[key])
             places[key] = list(range(first, first + size))
             first += size
         inner = [*columns, len(self.columns)]
         self.sums = BlockSums(self.sums.gram[:, inner][:, :, inner], self.sums.rows,
                               self.sums.signs[columns])
         self.columns = self.columns[columns]
-        self.terms, self._places = {key: self.terms[key] for key in left}, places
+        self.terms, self._columns_of = {key: self.terms[key] for key in left}, places
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
         old = len(self.columns)
@@ -193,14 +193,14 @@ class Table:
             gram[own, :-1], gram[:-1, own] = products, products.T
             gram[own, -1] = gram[-1, own] = every[own] @ target
 
-    def places(self, key: Key) -> list[int]:
+    def columns_of(self, key: Key) -> list[int]:
         """Return the columns of a term."""
-        return self._places[key]
+        return self._columns_of[key]
 
     def indices(self, keys: Sequence[Key], derivatives: bool = True) -> list[int]:
         """Return the columns of Eq. 6 and of some terms."""
-        base = [place for place in range(BASE) if derivatives or place not in DERIVATIVES]
-        return base + [place for key in keys for place in self._places[key]]
+        base = [column for column in range(BASE) if derivatives or column not in DERIVATIVES]
+        return base + [column for key in keys for column in self._columns_of[key]]
 
     def residual(self, keys: Sequence[Key], derivatives: bool = True) -> np.ndarray:
         """Return what a fit of some terms to all blocks leaves over, shape (R,)."""
@@ -212,7 +212,7 @@ class Table:
         parts, signs = [np.delete(self.columns[:BASE], DERIVATIVES, axis=0)], [0, 1, 1]
         for term in terms:
             if term.key in self.terms:
-                own = self.columns[self._places[term.key]]
+                own = self.columns[self._columns_of[term.key]]
             else:
                 own = self.rows.averaged(term.columns(self.rows)).T
                 if not np.isfinite(own).all():
@@ -239,7 +239,7 @@ class Table:
         By the Gauss-Newton method: the coefficients of the derivatives say how far.
         """
         speed = self.rows.scene.speed
-        others = self.columns[[place for key in keys for place in self._places[key]]]
+        others = self.columns[[column for key in keys for column in self._columns_of[key]]]
         signs = self.sums.signs[self.indices(keys)]
         plain = [k for k in range(BASE + len(others)) if k not in DERIVATIVES]
 
@@ -252,11 +252,11 @@ class Table:
         now = self.steepness, self.shift
         best, sums = sums_at(*now)
         for _ in range(rounds):
-            before, found = best, sums.fit(range(BASE + len(others)))
-            if not found[1] > 0.0:
+            before, coefficients = best, sums.fit(range(BASE + len(others)))
+            if not coefficients[1] > 0.0:
                 break
-            growth = float(np.clip(found[3] / found[1], -1.0, 1.0))
-            step = float(np.clip(found[4] / found[1], -1.0 / now[0], 1.0 / now[0]))
+            growth = float(np.clip(coefficients[3] / coefficients[1], -1.0, 1.0))
+            step = float(np.clip(coefficients[4] / coefficients[1], -1.0 / now[0], 1.0 / now[0]))
             for share in (1.0, 0.5, 0.25):
                 steepness = float(np.clip(now[0] * math.exp(share * growth), _FLATTEST / speed,
                                           _STEEPEST / speed))
@@ -279,15 +279,15 @@ class Table:
 
     def loads(self, keys: Sequence[Key]) -> list[dict[str, float]]:
         """Return the loads that terms of a fit carry; see `Effect.load_share`."""
-        found, shares, given = self.coefficients(keys), [], False
+        coefficients, shares, given = self.coefficients(keys), [], False
         for key in keys:
             term = self.terms[key]
             if term.group is None and not term.kind.uses_inner_load:
-                own = [found[place] for place in self._places[key]]
+                own = [coefficients[column] for column in self._columns_of[key]]
                 shares.append(term.kind.load_share(own, term.constants))
                 given = given or term.kind.gives_load
                 if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
-                    shares.append({'offset': found[0]})
+                    shares.append({'offset': coefficients[0]})
         return shares if given else []
 
     def look(self, keys: Sequence[Key]) -> Look:
@@ -300,10 +300,10 @@ class Table:
                     self.rows.length * self.rows.samples.sample_time, self.loads(keys))
 
 
-def _signs_of(term: Term, number: int) -> list[int]:
+def _signs_of(term: Term, count: int) -> list[int]:
     """Return the sign that physics asks of each of a term's coefficients, 0 where it is free."""
-    wanted = list(term.kind.signs[:number]) if term.group is None else []
-    return wanted + [0] * (number - len(wanted))
+    wanted = list(term.kind.signs[:count]) if term.group is None else []
+    return wanted + [0] * (count - len(wanted))
 
 
 def kinds_for(rows: Rows) -> list[type[Effect]]:

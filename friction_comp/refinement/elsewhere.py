@@ -35,7 +35,7 @@ class Elsewhere:
     def __init__(self, table: Table, keys: Sequence[Key]) -> None:
         rows, part = table.rows, table.rows.at_rows
         columns = table.indices(keys, derivatives=False)
-        self._table, self._places = table, {column: k for k, column in enumerate(columns)}
+        self._table, self._columns_of = table, {column: k for k, column in enumerate(columns)}
         ways = {'speed': np.abs(np.asarray(part.velocity)), 'position': part.position,
                 'time': np.arange(len(table.target)),
                 'acceleration': np.abs(np.asarray(part.acceleration))}
@@ -54,7 +54,7 @@ class Elsewhere:
 
     def squares(self, keys: Sequence[Key]) -> dict[str, float]:
         """Return the sum of squared errors of each way to cut, interleaved parts among them."""
-        own = [self._places[column] for column in self._table.indices(keys, derivatives=False)]
+        own = [self._columns_of[column] for column in self._table.indices(keys, derivatives=False)]
         return {name: max(float(sums.left_out(own).sum()), 1e-300)
                 for name, sums in self._sums.items()}
 
@@ -79,7 +79,7 @@ class Elsewhere:
             some = keys[given:]
             # Two that cancel are of use together alone, and mislead together.
             trials = [(self._score([key for key in keys if key not in out]), out)
-                      for number in (1, 2) for out in combinations(some, number)]
+                      for size in (1, 2) for out in combinations(some, size)]
             least, out = min(trials, default=(math.inf, ()), key=lambda trial: trial[0])
             if not (least < error or (some and self._useless(keys))):
                 return keys

@@ -16,7 +16,7 @@ from friction_comp.model.effects import Effect, EFFECTS
 from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement.attempt import Found
+from friction_comp.refinement.attempt import Fit
 from friction_comp.refinement.constants import adjusted
 from friction_comp.refinement.effect_columns import (
     base_columns,
@@ -34,13 +34,13 @@ _STEEPNESSES = 16
 _MOST_SAMPLES = 30_000
 
 
-def settled(found: Found, keys: Sequence[Key]) -> Found:
+def settled(fit: Fit, keys: Sequence[Key]) -> Fit:
     """Return a fit of the named terms alone, with the transition that suits all samples."""
-    table = found.table
+    table = fit.table
     keys = adjusted(table, keys, 5)
     table.turn(keys)
     table = _turned_for_all(table, keys)
-    return replace(found, table=table, keys=keys)
+    return replace(fit, table=table, keys=keys)
 
 
 def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
@@ -81,19 +81,19 @@ def _some(rows: Rows) -> np.ndarray:
     return np.arange(0, len(rows.samples), max(1, len(rows.samples) // _MOST_SAMPLES))
 
 
-def model_of(found: Found, drive: Drive, before: FrictionModel | None, joint: str
+def model_of(fit: Fit, drive: Drive, before: FrictionModel | None, joint: str
              ) -> FrictionModel:
     """Return the model of a fit."""
-    table, rows, settings = found.table, found.rows, found.settings
-    x = table.coefficients(found.keys)
+    table, rows, settings = fit.table, fit.rows, fit.settings
+    x = table.coefficients(fit.keys)
     offset, coulomb, viscous = x[0], x[1], x[2]
     sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb, steepness=table.steepness,
                       shift=table.shift, viscous=viscous)
     moved = rows.samples.take(rows.usable)
     effects: list[Effect] = []
     groups, gains = [], []
-    for key in found.keys:
-        term, own = table.terms[key], tuple(x[place] for place in table.places(key))
+    for key in fit.keys:
+        term, own = table.terms[key], tuple(x[column] for column in table.columns_of(key))
         if term.group is None:
             effects.append(with_range(
                 term.kind({**term.constants, 'coefficients': list(own)}), moved))

@@ -17,7 +17,7 @@ import numpy as np
 
 from friction_comp.model.effects import EFFECTS, Scene
 from friction_comp.model.effects.scene import too_coarse
-from friction_comp.refinement.attempt import Found
+from friction_comp.refinement.attempt import Fit
 from friction_comp.refinement.effect_columns import proposals, Table
 from friction_comp.refinement.leftover import Dependence, rank_correlation
 from friction_comp.refinement.prepare import blocks_of_samples, Rows
@@ -161,7 +161,7 @@ def experiment(first: str, second: str) -> str:
                      'other way round')
 
 
-def ambiguities(found: Found, stability: Stability) -> list[dict[str, Any]]:
+def ambiguities(fit: Fit, stability: Stability) -> list[dict[str, Any]]:
     """Return entries of report.json's `ambiguous`."""
     entries: list[dict[str, Any]] = []
     seen = set()
@@ -172,14 +172,14 @@ def ambiguities(found: Found, stability: Stability) -> list[dict[str, Any]]:
             seen.add(pair)
             entries.append({'between': [first, second], 'why': why,
                             'experiment': experiment(first, second)})
-    terms = found.table.terms
-    for key in found.keys[found.given:]:
+    terms = fit.table.terms
+    for key in fit.keys[fit.given:]:
         for name, share in stability.instead.get(key, ()):
             add(terms[key].kind.variable, EFFECTS[name].variable,
                 f'{100 * share:.0f} % of the searches repeated on parts of the recording have '
                 f"'{name}' in place of '{key[0]}'")
-    samples = found.rows.at_rows
-    variables = {terms[key].kind.variable for key in found.keys}
+    samples = fit.rows.at_rows
+    variables = {terms[key].kind.variable for key in fit.keys}
     if samples.temperature is not None and variables & {'time', 'temperature'}:
         alike = rank_correlation(samples.time, samples.temperature)
         if alike > ALIKE:
@@ -214,33 +214,33 @@ def pushes(rows: Rows) -> bool:
 
 def seen(samples: Samples, scene: Scene) -> list[Finding]:
     """Return what the recordings cannot show: notes, none of which lowers the verdict."""
-    found: list[Finding] = []
+    notes: list[Finding] = []
     if samples.temperature is None:
-        found.append(Finding('no_temperature', 'Motor temperature was not recorded: its effect '
+        notes.append(Finding('no_temperature', 'Motor temperature was not recorded: its effect '
                              'can only show as drift over time.'))
     if samples.load is None:
-        found.append(Finding('no_load', 'No load was recorded: effects of load, and an error of '
+        notes.append(Finding('no_load', 'No load was recorded: effects of load, and an error of '
                              'the torque constant, cannot be seen.'))
     for kind in EFFECTS.values():
         why = kind.hard_to_tell(scene)
         note = Finding('not_seen', why)
-        if why and note not in found and all(
+        if why and note not in notes and all(
                 getattr(samples, signal) is not None for signal in kind.needs):
-            found.append(note)
-    if scene.duration < 60.0 and not any('warm-up' in one.text for one in found):
-        found.append(Finding('short', f'The longest recording lasts {scene.duration:.3g} s: '
+            notes.append(note)
+    if scene.duration < 60.0 and not any('warm-up' in one.text for one in notes):
+        notes.append(Finding('short', f'The longest recording lasts {scene.duration:.3g} s: '
                              'warm-up takes minutes and cannot be seen in full.'))
-    return found
+    return notes
 
 
-def findings(found: Found, raw: Samples, after: Errors, grown: dict[str, float],
+def findings(fit: Fit, raw: Samples, after: Errors, grown: dict[str, float],
              left: Sequence[Dependence], open_questions: Sequence[dict[str, Any]]
              ) -> list[Finding]:
     """Return all that a reader should know before using a model.
 
     Parameters
     ----------
-    found : Found
+    fit : Fit
     raw : Samples
         As recorded.
     after : Errors
@@ -250,12 +250,12 @@ def findings(found: Found, raw: Samples, after: Errors, grown: dict[str, float],
     open_questions : sequence of dict
         As of `ambiguities`.
     """
-    return [*of_errors(found.rows, after, grown), *(Finding(
+    return [*of_errors(fit.rows, after, grown), *(Finding(
         'unexplained', f'The remaining error depends on {entry.variable}: {entry.note}.', IN_PART)
         for entry in left if entry.strength > UNEXPLAINED), *(Finding(
             'ambiguous', f"{' or '.join(question['between'])}: {question['why']}.", IN_PART,
             question['experiment']) for question in open_questions),
-        *of_recording(found.rows, raw), *seen(found.rows.samples, found.rows.scene)]
+        *of_recording(fit.rows, raw), *seen(fit.rows.samples, fit.rows.scene)]
 
 
 def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Finding]:

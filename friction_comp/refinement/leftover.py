@@ -73,9 +73,9 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
     power = float(values @ values)
     signals = _signals(samples, slowest)
     side = (np.asarray(samples.velocity) > 0).astype(int)
-    found: list[Dependence] = []
+    dependences: list[Dependence] = []
     if not power > 0.0:
-        return found
+        return dependences
     rng = np.random.default_rng(0)
     cells = {name: _cells(name, signals, side) for name in _SINGLE if name in signals}
     while cells:
@@ -86,18 +86,18 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
                               if chance <= _CHANCE), default=(0.0, ''))
         if strength * share < LEAST_STRENGTH:
             break
-        found.append(_entry(name, strength * share, values, name))
+        dependences.append(_entry(name, strength * share, values, name))
         cell = cells.pop(name)
         mean = np.bincount(cell, values) / np.maximum(np.bincount(cell), 1)
         values = values - mean[cell]
     share = float(values @ values) / power
     pair, strength = _strongest_pair(values, signals, side, rng)
     if strength * share > 2.0 * LEAST_STRENGTH:
-        known = {item.variable for item in found}
-        found += [_entry(name, strength * share, values, ' and '.join(pair))
+        known = {item.variable for item in dependences}
+        dependences += [_entry(name, strength * share, values, ' and '.join(pair))
                   for name in pair if name not in known]
-    found.sort(key=lambda item: -item.strength)
-    return found + _inseparable(found, signals)
+    dependences.sort(key=lambda item: -item.strength)
+    return dependences + _inseparable(dependences, signals)
 
 
 def depends(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
@@ -118,10 +118,10 @@ def depends(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
         Share of variance explained, beyond what flipped signs explain on average.
     p_value : float
     """
-    number, rows = int(cells.max()) + 1, int(stretch.max()) + 1
-    table = np.bincount(stretch * number + cells, residual, minlength=rows * number)
-    table = table.reshape(rows, number)
-    weight = 1.0 / np.maximum(np.bincount(cells, minlength=number), 1)
+    count, rows = int(cells.max()) + 1, int(stretch.max()) + 1
+    table = np.bincount(stretch * count + cells, residual, minlength=rows * count)
+    table = table.reshape(rows, count)
+    weight = 1.0 / np.maximum(np.bincount(cells, minlength=count), 1)
     power = float(residual @ residual)
     real = float(weight @ np.sum(table, axis=0) ** 2) / power
     signs = rng.integers(0, 2, size=(_FLIPS, rows)) * 2.0 - 1.0
@@ -140,15 +140,15 @@ def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def _signals(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
-    found: dict[str, Any] = {name: getattr(samples, name) for name in (
+    signals: dict[str, Any] = {name: getattr(samples, name) for name in (
         'velocity', 'position', 'acceleration', 'time', 'load', 'temperature')}
     velocity = np.asarray(samples.velocity)
     moving = np.where(np.abs(velocity) > slowest, np.sign(velocity), 0.0)
     start = segment_starts(samples) | (np.diff(moving, prepend=moving[:1]) != 0)
     first = np.maximum.accumulate(np.where(start, np.arange(len(samples)), 0))
     # Distance since the motion last changed direction or stood still.
-    found['history'] = np.abs(samples.position - samples.position[first])
-    return {name: values for name, values in found.items() if values is not None}
+    signals['history'] = np.abs(samples.position - samples.position[first])
+    return {name: values for name, values in signals.items() if values is not None}
 
 
 def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.ndarray:
@@ -165,7 +165,7 @@ def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.nd
 
 def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray,
                     rng: np.random.Generator) -> tuple[tuple[str, ...], float]:
-    ranges = {name: _ranges(signals[name], number) for name, number in _PAIRED.items()
+    ranges = {name: _ranges(signals[name], count) for name, count in _PAIRED.items()
               if name in signals}
     stretch = _stretches(values)
     best: tuple[float, float, tuple[str, ...]] = (0.0, 0.0, ())
@@ -175,17 +175,17 @@ def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np
             cell = 2 * cell + side
         cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
         strength, chance = depends(values, cell, stretch, rng)
-        worth = strength * (_PLAIN if _STATE.issuperset(names) else 1.0)
+        weighted = strength * (_PLAIN if _STATE.issuperset(names) else 1.0)
         if chance <= _CHANCE:
-            best = max(best, (worth, strength, names))
+            best = max(best, (weighted, strength, names))
     return best[2], best[1]
 
 
-def _inseparable(found: list[Dependence], signals: dict[str, np.ndarray]) -> list[Dependence]:
+def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) -> list[Dependence]:
     """Return the variables that the recording cannot tell from those found."""
-    known = {item.variable for item in found}
+    known = {item.variable for item in dependences}
     more = []
-    for item in found:
+    for item in dependences:
         for name, values in signals.items():
             if name not in known and name != 'history' and item.variable in signals and (
                     item.variable != 'history') and rank_correlation(
@@ -214,5 +214,5 @@ def _entry(name: str, strength: float, values: np.ndarray, words: str) -> Depend
                       f'{words}, and no effect known to the package describes how')
 
 
-def _ranges(values: np.ndarray, number: int, tails: tuple[float, ...] = ()) -> np.ndarray:
-    return np.searchsorted(quantile_edges(values, number, tails), values, side='right')
+def _ranges(values: np.ndarray, count: int, tails: tuple[float, ...] = ()) -> np.ndarray:
+    return np.searchsorted(quantile_edges(values, count, tails), values, side='right')

@@ -54,8 +54,8 @@ def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray,
     """
     matrix = np.column_stack((columns, target))
     weighted = matrix if weights is None else matrix * weights[:, None]
-    number = int(block.max()) + 1
-    edges = np.searchsorted(block, np.arange(number + 1))
+    blocks = int(block.max()) + 1
+    edges = np.searchsorted(block, np.arange(blocks + 1))
     gram = np.array([weighted[a:b].T @ matrix[a:b] for a, b in zip(edges[:-1], edges[1:])])
     if signs is None:
         signs = np.zeros(columns.shape[1], dtype=int)

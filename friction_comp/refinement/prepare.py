@@ -266,9 +266,9 @@ def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> f
     top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
     columns = plain_columns(part.with_(load=None), [share * top for share in TURNS])
     columns = np.column_stack((columns, np.asarray(part.load)))
-    found = sums_of(columns, part.current, blocks_of(moved, start)).fit(
+    coefficient = sums_of(columns, part.current, blocks_of(moved, start)).fit(
         range(columns.shape[1]))[-1]
-    return 0.0 if found / mechanics > 0.5 else mechanics
+    return 0.0 if coefficient / mechanics > 0.5 else mechanics
 
 
 def choose_transition(rows: Rows) -> float:

@@ -67,8 +67,8 @@ def beside(mark: np.ndarray, width: int) -> np.ndarray:
     if width < 1:
         return mark
     sums = np.concatenate(([0], np.cumsum(mark)))
-    place = np.arange(len(mark))
-    low, high = np.maximum(place - width, 0), np.minimum(place + width + 1, len(mark))
+    row = np.arange(len(mark))
+    low, high = np.maximum(row - width, 0), np.minimum(row + width + 1, len(mark))
     return sums[high] > sums[low]
 
 
@@ -113,7 +113,7 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     return moving
 
 
-def blocks_of(samples: Samples, start: np.ndarray, number: int = int(BLOCKS)) -> np.ndarray:
+def blocks_of(samples: Samples, start: np.ndarray, count: int = int(BLOCKS)) -> np.ndarray:
     """Return the block of each row, shape (R,): long pieces of time with as many rows each.
 
     An edge between two blocks is moved to the nearest edge between runs (recordings, or data with
@@ -126,9 +126,9 @@ def blocks_of(samples: Samples, start: np.ndarray, number: int = int(BLOCKS)) ->
     size = len(start)
     between = np.nonzero(np.diff(run))[0] + 1
     edges = []
-    for place in np.linspace(0, size, number + 1)[1:-1]:
-        near = between[np.argmin(np.abs(between - place))] if len(between) else -size
-        edges.append(int(near if abs(near - place) < size / number / 3.0 else place))
+    for edge in np.linspace(0, size, count + 1)[1:-1]:
+        near = between[np.argmin(np.abs(between - edge))] if len(between) else -size
+        edges.append(int(near if abs(near - edge) < size / count / 3.0 else edge))
     return np.searchsorted(np.unique(edges), np.arange(size), side='right')
 
 
@@ -136,8 +136,8 @@ def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
     """Return the first sample of each row of so many consecutive usable samples."""
     starts = []
     for part in samples.segments():
-        number = (part.stop - part.start) // length
-        cut = usable[part.start:part.start + number * length].reshape(number, length).all(axis=1)
+        count = (part.stop - part.start) // length
+        cut = usable[part.start:part.start + count * length].reshape(count, length).all(axis=1)
         starts.append(part.start + length * np.nonzero(cut)[0])
     return np.concatenate(starts) if starts else np.empty(0, dtype=int)
 
@@ -199,7 +199,7 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
     # Narrower than needed blunts reversals: the widest of those that are as good. What explains
     # little of the current says little of a bandwidth.
     open_share = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
-    return max(((choice['bandwidth'] or math.inf, place, choice) for error, place, choice in errors
+    return max(((choice['bandwidth'] or math.inf, order, choice) for error, order, choice in errors
                 if error <= ((1.0 + SAME) ** 2 + 0.4 * open_share) * least))[-1]
 
 

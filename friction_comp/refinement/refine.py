@@ -14,7 +14,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import Scene
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.attempt import eq6_alone, Found, found_in, Question
+from friction_comp.refinement.attempt import eq6_alone, Fit, Question, searched
 from friction_comp.refinement.constants import at_limit
 from friction_comp.refinement.elsewhere import Elsewhere
 from friction_comp.refinement.final import model_of, settled
@@ -92,13 +92,13 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
     question = Question(join(list(recorded)), drive, declared, model, say)
-    found = found_in(question)
-    found, stability = named_in(found, say)
+    fit = searched(question)
+    fit, stability = named_in(fit, say)
     say(0.9, 'writing')
-    return _result(question, found, stability, unit or ('A' if declared else 'N·m'))
+    return _result(question, fit, stability, unit or ('A' if declared else 'N·m'))
 
 
-def named_in(found: Found, say: Callable[[float, str], None]) -> tuple[Found, Stability]:
+def named_in(fit: Fit, say: Callable[[float, str], None]) -> tuple[Fit, Stability]:
     """Return a fit of the terms that can be named alone, and how often each was chosen.
 
     A term is named where most repeated searches choose it, where it makes no third of the recording
@@ -106,44 +106,44 @@ def named_in(found: Found, say: Callable[[float, str], None]) -> tuple[Found, St
     out, and where no constant of it is at its limit.
     """
     say(0.6, 'repeating the search on drawn parts')
-    stability = repeated(found.table, found.keys, found.given, found.candidates)
-    given = found.keys[:found.given]
-    keys = [*given, *(key for key in found.keys[found.given:] if stability.named(key))]
-    keys = Elsewhere(found.table, keys).helpful(keys, found.given)
+    stability = repeated(fit.table, fit.keys, fit.given, fit.candidates)
+    given = fit.keys[:fit.given]
+    keys = [*given, *(key for key in fit.keys[fit.given:] if stability.named(key))]
+    keys = Elsewhere(fit.table, keys).helpful(keys, fit.given)
     while True:
-        fitted = settled(found, keys)
+        fitted = settled(fit, keys)
         # Their constants were adjusted once more.
         stability = stability.renamed(dict(zip(keys, fitted.keys)))
         keys = fitted.keys
         ends = intervals(fitted.table, keys)
         sure = [*keys[:len(given)], *(key for key in keys[len(given):] if ends.without_zero(
-            fitted.table.places(key), fitted.table.sums.signs[fitted.table.places(key)])
+            fitted.table.columns_of(key), fitted.table.sums.signs[fitted.table.columns_of(key)])
             and not at_limit(fitted.table.terms[key], fitted.table))]
         if len(sure) == len(keys):
             return fitted, stability
         keys = sure
 
 
-def _result(question: Question, found: Found, stability: Stability, unit: str) -> RefineResult:
-    rows, raw, given = found.rows, question.raw, question.model
+def _result(question: Question, fit: Fit, stability: Stability, unit: str) -> RefineResult:
+    rows, raw, given = fit.rows, question.raw, question.model
     joint = raw.joint or (given.joint if given else '')
-    model = model_of(found, question.drive, given, joint)
+    model = model_of(fit, question.drive, given, joint)
     if given:
         start = given
         before = fit_before = given.measured(raw) - given.predict(raw, same_recording=True)
     else:
-        plain = settled(eq6_alone(question, found.settings), [])
+        plain = settled(eq6_alone(question, fit.settings), [])
         start = model_of(plain, question.drive, None, joint)
         before = plain.residual()
         fit_before = rows.samples.current - start.current(rows.samples)
-    after, fit_after = found.residual(), raw.current - model.predict(raw, same_recording=True)
+    after, fit_after = fit.residual(), raw.current - model.predict(raw, same_recording=True)
     # What is not better on parts that were not fitted is not taken.
     kept = rms(after[rows.usable]) >= rms(before[rows.usable])
     if kept:
         model, after, fit_after = start, before, fit_before
     report = report_of(Outcome(
-        question, found, start, model, fit_before, before, fit_after, after, stability,
-        intervals(found.table, found.keys), unit, kept))
+        question, fit, start, model, fit_before, before, fit_after, after, stability,
+        intervals(fit.table, fit.keys), unit, kept))
     trail = [('before', report['before']['held_out_rmse'])]
     trail += [(effect['name'], effect['held_out_rmse']) for effect in report['effects']]
     return RefineResult(report, model, start, rows.samples, rows.usable, before, after,

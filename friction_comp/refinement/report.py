@@ -13,7 +13,7 @@ import numpy as np
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.attempt import Found, Question
+from friction_comp.refinement.attempt import Fit, Question
 from friction_comp.refinement.effect_columns import Key
 from friction_comp.refinement.elsewhere import Elsewhere
 from friction_comp.refinement.judge import (
@@ -44,7 +44,7 @@ class Outcome:
     Parameters
     ----------
     question : Question
-    found : Found
+    fit : Fit
         With the named terms alone.
     start, model : FrictionModel
         Before and after.
@@ -60,7 +60,7 @@ class Outcome:
     """
 
     question: Question
-    found: Found
+    fit: Fit
     start: FrictionModel
     model: FrictionModel
     fit_before: np.ndarray
@@ -75,27 +75,27 @@ class Outcome:
 
 def report_of(o: Outcome) -> dict[str, Any]:
     """Return the content of report.json."""
-    rows, raw = o.found.rows, o.question.raw
+    rows, raw = o.fit.rows, o.question.raw
     left = [*limits(rows), *leftover(rows.at_rows, rows.averaged(o.after), rows.scene.slowest)]
-    grown = Elsewhere(o.found.table, o.found.keys).growth(o.found.keys)
+    grown = Elsewhere(o.fit.table, o.fit.keys).growth(o.fit.keys)
     growth = max(1.0, *grown.values())
     before = errors_of(rows, o.fit_before, o.before)
     after = errors_of(rows, o.fit_after, o.after, growth)
     effects = [] if o.kept else effects_of(o)
-    open_questions = [] if o.kept else ambiguities(o.found, o.stability)
+    open_questions = [] if o.kept else ambiguities(o.fit, o.stability)
     if o.question.model:
         base = 'the given model'
     elif rows.load_by_mechanics:
         base = 'sigmoid of Eq. 6 fitted to the recording, the measured load taken as it is'
     else:
         base = 'sigmoid of Eq. 6 fitted to the recording'
-    verdict = Verdict(findings(o.found, raw, after, grown, left, open_questions))
-    verdict.add(written_as_judged(rows, o.found, after))
+    verdict = Verdict(findings(o.fit, raw, after, grown, left, open_questions))
+    verdict.add(written_as_judged(rows, o.fit, after))
     report = {
         'unit': o.unit, 'joint': o.model.joint, 'samples': len(raw),
         'samples_in_motion': int(rows.usable.sum()),
         'samples_clipped': int(rows.clipped.sum()),
-        'held_out': f'{int(o.found.table.block.max()) + 1} long parts, each predicted by a fit to '
+        'held_out': f'{int(o.fit.table.block.max()) + 1} long parts, each predicted by a fit to '
                     'all others',
         'signal_rms': rms(raw.current[rows.usable]),
         'before': {'model': base, **before.to_dict()},
@@ -109,7 +109,7 @@ def report_of(o: Outcome) -> dict[str, Any]:
                          'note': in_unit(one.note, o.unit)} for one in left],
         'ambiguous': open_questions,
         'thirds': grown,
-        'differentiation': dict(o.found.settings),
+        'differentiation': dict(o.fit.settings),
         'stopped_because': 'no further effect predicts parts that were not fitted better by more '
                            'than chance would',
     }
@@ -121,15 +121,15 @@ def report_of(o: Outcome) -> dict[str, Any]:
     return {**report, **words}
 
 
-def written_as_judged(rows: Rows, found: Found, after: Errors) -> list[Finding]:
+def written_as_judged(rows: Rows, fit: Fit, after: Errors) -> list[Finding]:
     """Return a finding where the model as it is written predicts worse than its fit.
 
     The fit's own error comes from block sums; that of the written model from its file's formula
     on the recording as it came.
     """
-    table = found.table
-    fit = table.residual(found.keys, derivatives=False)
-    own = math.hypot(rms(fit), noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
+    table = fit.table
+    residual = table.residual(fit.keys, derivatives=False)
+    own = math.hypot(rms(residual), noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
     # Samples that are no part of any row, and the noise that rows average out.
     if after.fit > 1.5 * max(own, after.held_out):
         return [Finding('written', f'The model as written predicts with an error of '
@@ -171,16 +171,16 @@ def friction_of(o: Outcome) -> dict[str, Any]:
 
 def correlations_of(o: Outcome) -> list[dict[str, Any]]:
     """Return the pairs of numbers of which the recording tells a sum better than each."""
-    table = o.found.table
+    table = o.fit.table
     names: dict[Number, str] = {}
-    for place, name in zip((0, 1, 2), ('offset', 'Coulomb friction', 'viscous friction')):
-        names[place] = name
-    for key in o.found.keys:
+    for column, name in zip((0, 1, 2), ('offset', 'Coulomb friction', 'viscous friction')):
+        names[column] = name
+    for key in o.fit.keys:
         kind = table.terms[key].kind
         spoken = kind.name.replace('_', ' ')
-        for k, place in enumerate(table.places(key)):
+        for k, column in enumerate(table.columns_of(key)):
             own = kind.numbers[k][0] if k < len(kind.numbers) else f'coefficient {k + 1}'
-            names[place] = f'{spoken}: {own}'
+            names[column] = f'{spoken}: {own}'
         for name in kind.constants:
             names[key, name] = f'{spoken}: {name.replace("_", " ")}'
     return [{'between': [names[a], names[b]], 'correlation': value}
@@ -193,15 +193,15 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
 
     Terms of other joints are one entry.
     """
-    found = o.found
-    rest, chosen, entries = list(found.keys[found.given:]), list(found.keys[:found.given]), []
-    lag = found.settings.get('lag', 0.0)
+    fit = o.fit
+    rest, chosen, entries = list(fit.keys[fit.given:]), list(fit.keys[:fit.given]), []
+    lag = fit.settings.get('lag', 0.0)
     # Within a sample it is how two signals were sampled, and late motion is a sensor's filter.
-    if lag >= found.rows.samples.sample_time:
+    if lag >= fit.rows.samples.sample_time:
         entries.append({
             'name': 'actuation_lag', 'variable': 'history',
-            'held_out_rmse': found.rmse_with(chosen),
-            'chosen': found.sure_of_lag, 'parameters': {'lag': lag}, 'intervals': {},
+            'held_out_rmse': fit.rmse_with(chosen),
+            'chosen': fit.sure_of_lag, 'parameters': {'lag': lag}, 'intervals': {},
             'in_words': f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
             'formula': f'i(t + {lag:.4g} s)'})
     while rest:
@@ -209,7 +209,7 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
         groups = [key for key in rest if key[-1] is not None]
         if groups:
             together.append(groups)
-        trials = [(found.rmse_with([*chosen, *keys]), index) for index, keys in enumerate(together)]
+        trials = [(fit.rmse_with([*chosen, *keys]), index) for index, keys in enumerate(together)]
         error, index = min(trials)
         chosen += together[index]
         rest = [key for key in rest if key not in together[index]]
@@ -228,16 +228,16 @@ def known_load(o: Outcome, key: Key) -> bool:
     by_mechanics = EFFECTS[key[0]].by_mechanics(o.question.drive)
     if by_mechanics is None or o.question.model is None:
         return False
-    place, = o.found.table.places(key)
-    found = o.found.table.coefficients(o.found.keys)[place]
-    return abs(found / by_mechanics[0] - 1.0) < SAME_LOAD
+    column, = o.fit.table.columns_of(key)
+    coefficient = o.fit.table.coefficients(o.fit.keys)[column]
+    return abs(coefficient / by_mechanics[0] - 1.0) < SAME_LOAD
 
 
 def _entry(o: Outcome, keys: Sequence[Key]) -> dict[str, Any]:
     key, = keys
-    table = o.found.table
-    term, places = table.terms[key], table.places(key)
-    values = table.coefficients(o.found.keys)
+    table = o.fit.table
+    term, places = table.terms[key], table.columns_of(key)
+    values = table.coefficients(o.fit.keys)
     effect = term.kind({**term.constants, 'coefficients': [values[p] for p in places]})
     constants = {name: list(ends) for (one, name), ends in o.intervals.constants.items()
                  if one == key}

@@ -50,9 +50,9 @@ class Split:
     @classmethod
     def drawn(cls, table: Table, rng: np.random.Generator) -> Split:
         """Return a split that draws blocks with replacement and is judged by the others."""
-        number = int(table.block.max()) + 1
+        blocks = int(table.block.max()) + 1
         while True:
-            weights = np.bincount(rng.integers(0, number, number), minlength=number)
+            weights = np.bincount(rng.integers(0, blocks, blocks), minlength=blocks)
             if np.sum(weights == 0) > 2:
                 return cls(table, weights)
 
@@ -65,8 +65,8 @@ class Split:
         """Return the squared errors of what was not fitted: of blocks, and of regions in them."""
         sums, table = self._table.sums, self._table
         if self._drawn:
-            found = sums.fits(columns, self._weights[None])
-            errors = sums.squares(columns, np.repeat(found, sums.blocks, axis=0))
+            coefficients = sums.fits(columns, self._weights[None])
+            errors = sums.squares(columns, np.repeat(coefficients, sums.blocks, axis=0))
             return [errors[self._weights == 0.0]]
         blocks = np.bincount(table.block, sums.left_out(columns, table.block))
         if not self._regions:
@@ -121,7 +121,7 @@ def gains(sums: np.ndarray, chosen: Sequence[int], places: Sequence[Sequence[int
     scaled = sums / norm / norm[:, None]
     inner = np.asarray(chosen)
     had = np.linalg.solve(scaled[np.ix_(inner, inner)] + 1e-8 * np.eye(len(inner)), scaled[inner])
-    found = np.zeros(len(places))
+    reductions = np.zeros(len(places))
     sizes = np.array([len(own) for own in places])
     for size in np.unique(sizes[sizes > 0]):
         which = np.nonzero(sizes == size)[0]
@@ -134,8 +134,8 @@ def gains(sums: np.ndarray, chosen: Sequence[int], places: Sequence[Sequence[int
         gain = np.einsum('nm,nm->n', goal, step)
         if size == 1:
             gain = np.where((signs[own[:, 0]] > 0) & (step[:, 0] < 0.0), 0.0, gain)
-        found[which] = gain
-    return found * norm[-1] ** 2
+        reductions[which] = gain
+    return reductions * norm[-1] ** 2
 
 
 @dataclass
@@ -191,12 +191,12 @@ class Search:
             places = self.table.indices(keys, derivatives=False)
             share = dict(zip(places, self.table.sums.own_share(places)))
             repeated = [key for key in keys if key not in self.fixed and max(
-                share[place] for place in self.table.places(key)) < OWN]
+                share[column] for column in self.table.columns_of(key)) < OWN]
             if not repeated:
                 return keys
             keys.remove(repeated[-1])
 
-    def likeliest(self, keys: Sequence[Key], number: int = SHORT_LIST) -> list[Key]:
+    def likeliest(self, keys: Sequence[Key], count: int = SHORT_LIST) -> list[Key]:
         """Return the best candidate of each kind by what it explains where it is fitted."""
         counts = Counter(key[0] for key in keys)
         allowed = [key for key in self.candidates if key not in keys and (
@@ -204,14 +204,14 @@ class Search:
         if not allowed:
             return []
         size = gains(self.split.total, self.table.indices(keys),
-                     [self.table.places(key) for key in allowed], self.table.sums.signs)
+                     [self.table.columns_of(key) for key in allowed], self.table.sums.signs)
         best: dict[Key, tuple[float, Key]] = {}
         for gain, key in zip(size, allowed):
             kind = (key[0], key[-1])
             if gain > best.get(kind, (0.0, ()))[0]:
                 best[kind] = (float(gain), key)
         order = sorted(best.values(), key=lambda entry: -entry[0])
-        return [key for _, key in order[:number]]
+        return [key for _, key in order[:count]]
 
     def forward(self, keys: Sequence[Key]) -> list[Key]:
         """Add terms as long as one is borne out, and remove those that are no longer missed."""

@@ -83,9 +83,9 @@ def repeated(table: Table, keys: Sequence[Key], given: int, candidates: Sequence
     for _ in range(int(SEARCHES)):
         search = Search(table, Split.drawn(table, rng), early, fixed)
         start = search.told_apart([*fixed, *dict.fromkeys([*physics, *groups])])
-        found = search.forward(search.backward(start))
+        better = search.forward(search.backward(start))
         search.candidates = late
-        searches.append([table.terms[key] for key in search.forward(found)])
+        searches.append([table.terms[key] for key in search.forward(better)])
 
     def holds(terms: Sequence[object], key: Key) -> bool:
         return any(table.terms[key].same_effect(term, span) for term in terms)  # type: ignore
@@ -130,9 +130,9 @@ class Intervals:
         signs : sequence of int
             Of these; where physics asks for a sign, one such coefficient has to be beyond zero.
         """
-        bounded = [place for place, sign in zip(places, signs) if sign] or places
+        bounded = [column for column, sign in zip(places, signs) if sign] or places
         return any(low > 0.0 or high < 0.0 for low, high in (
-            self.coefficients[place] for place in bounded))
+            self.coefficients[column] for column in bounded))
 
 
 def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
@@ -144,31 +144,32 @@ def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
     knobs: list[Knob] = knobs_of([table.terms[key] for key in keys])
     indices = table.indices(keys)
     matrix = np.vstack((table.columns[indices], slopes(table, keys, knobs)))
-    number = int(table.block.max()) + 1
+    blocks = int(table.block.max()) + 1
     full = np.vstack((matrix, table.target))
     gram = np.array([full[:, rows] @ full[:, rows].T for rows in (
-        np.nonzero(table.rows.block == k)[0] for k in range(number))])
+        np.nonzero(table.rows.block == k)[0] for k in range(blocks))])
     signs = np.append(table.sums.signs[indices], np.zeros(len(knobs), dtype=int))
     sums = BlockSums(gram, np.bincount(table.rows.block), signs)
     rng = np.random.default_rng(1)
-    weights = np.array([np.bincount(rng.integers(0, number, number), minlength=number)
+    weights = np.array([np.bincount(rng.integers(0, blocks, blocks), minlength=blocks)
                         for _ in range(_DRAWS)], dtype=float)
-    found = sums.fits(range(len(matrix)), weights)
+    coefficients = sums.fits(range(len(matrix)), weights)
     whole = sums.fit(range(len(matrix)))
-    quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, number - 1))
+    quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, blocks - 1))
     # Median absolute deviation: draws that lack a direction of motion have fits far away.
-    half = quantile * 1.4826 * np.median(np.abs(found - np.median(found, axis=0)), axis=0)
+    scatter = np.abs(coefficients - np.median(coefficients, axis=0))
+    half = quantile * 1.4826 * np.median(scatter, axis=0)
     middle = table.coefficients(keys)
-    ends = {place: (middle.get(place, value) - h, middle.get(place, value) + h)
-            for place, value, h in zip(indices, whole, half)}
+    ends = {column: (middle.get(column, value) - h, middle.get(column, value) + h)
+            for column, value, h in zip(indices, whole, half)}
     constants = {}
     for knob, h in zip(knobs, half[len(indices):]):
-        term = table.terms[keys[knob.place]]
+        term = table.terms[keys[knob.term]]
         value, size = term.constants[knob.name], h * knob.unit(term, table)
-        constants[keys[knob.place], knob.name] = (float(value - size), float(value + size))
-    names: list[Number] = [*indices, *((keys[knob.place], knob.name) for knob in knobs)]
+        constants[keys[knob.term], knob.name] = (float(value - size), float(value + size))
+    names: list[Number] = [*indices, *((keys[knob.term], knob.name) for knob in knobs)]
     return Intervals({k: (float(a), float(b)) for k, (a, b) in ends.items()}, constants,
-                     correlations(names, found))
+                     correlations(names, coefficients))
 
 
 def correlations(names: Sequence[Number], draws: np.ndarray) -> dict[tuple[Number, Number], float]:

@@ -69,16 +69,16 @@ class BlockSums:
             train = train * weights
         return self.squares(columns, self.fits(columns, train)[own])
 
-    def squares(self, columns: Sequence[int], found: np.ndarray) -> np.ndarray:
+    def squares(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
         """Return the squared error of each block by coefficients of its own, shape (K,).
 
         Parameters
         ----------
         columns : sequence of int, length S
-        found : ndarray, shape (K, S)
+        coefficients : ndarray, shape (K, S)
         """
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
-        mix = np.concatenate((found, np.full((len(found), 1), -1.0)), axis=1)
+        mix = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
         return np.asarray((mix[:, None] @ self.gram[:, inner[:, None], inner]
                            @ mix[:, :, None])[:, 0, 0])
 
@@ -138,16 +138,16 @@ def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
     scaled = sums[:, :-1, :-1] / norms[:, None] / norms
     scaled.reshape(len(sums), -1)[:, ::size + 1] += _RIDGE
     goal = sums[:, :-1, -1] / norms
-    found = np.linalg.solve(scaled, goal[:, :, None])[:, :, 0]
+    solution = np.linalg.solve(scaled, goal[:, :, None])[:, :, 0]
     bounded = np.nonzero(signs)[0]
-    for case in np.nonzero((found[:, bounded] < 0.0).any(axis=1))[0]:
+    for case in np.nonzero((solution[:, bounded] < 0.0).any(axis=1))[0]:
         free = np.ones(size, dtype=bool)
         while True:
-            values = np.where(free[bounded], found[case, bounded], 0.0)
+            values = np.where(free[bounded], solution[case, bounded], 0.0)
             if not (values < 0.0).any():
                 break
             free[bounded[int(np.argmin(values))]] = False
             own = np.nonzero(free)[0]
-            found[case] = 0.0
-            found[case, own] = np.linalg.solve(scaled[case][own[:, None], own], goal[case, own])
-    return np.asarray(found / norms)
+            solution[case] = 0.0
+            solution[case, own] = np.linalg.solve(scaled[case][own[:, None], own], goal[case, own])
+    return np.asarray(solution / norms)

@@ -126,13 +126,13 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     arm = Arm(tree=fit.tree, differentiation=fit.differentiation)
     wanted = list(only or names)
     results, failed = {}, ''
-    for number, name in enumerate(wanted):
-        def told(share: Any, word: Any, number: Any = number, name: Any = name) -> None:
-            report(_BODIES + (1.0 - _BODIES) * (number + share) / len(wanted), f'{name}: {word}')
+    for index, name in enumerate(wanted):
+        def tell(share: Any, word: Any, index: Any = index, name: Any = name) -> None:
+            report(_BODIES + (1.0 - _BODIES) * (index + share) / len(wanted), f'{name}: {word}')
         samples = Samples.concatenate(recorded[name])
         samples = samples.with_(rigid_body=fit.torque(samples))
         try:
-            result = refine([samples], models.get(name), drives.get(name), told)
+            result = refine([samples], models.get(name), drives.get(name), tell)
         except InputError as error:
             failed = f'joint {name!r}: {error}'
             notes.append(failed)

@@ -53,11 +53,11 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     page.heading('What was found, joint by joint')
     for name, report in reports.items():
         page.heading(name, 3)
-        found = [f"- {effect['in_words']}; then {number(effect['held_out_rmse'])} {unit} are left"
+        lines = [f"- {effect['in_words']}; then {number(effect['held_out_rmse'])} {unit} are left"
                  for effect in report['effects']]
-        found += [f'- Why not more trust: {line}' for line in report['reasons']
+        lines += [f'- Why not more trust: {line}' for line in report['reasons']
                   if report['verdict'] != 'trust']
-        page.text('\n'.join(found or ['Nothing.']))
+        page.text('\n'.join(lines or ['Nothing.']))
     _bodies(page, result, unit)
     return page
 

@@ -106,8 +106,8 @@ def _draw(axes: Axes, left: float, angle: dict[str, float], torque: dict[str, fl
     axes.plot([left, left], [0.0, 0.2], color=COLOURS['grey'], linewidth=7.0, alpha=0.5,
               solid_capstyle='round')
     axes.plot(x, y, color=COLOURS['grey'], linewidth=5.0, solid_capstyle='round')
-    for place, joint in zip(places, ('lift', 'bend')):
-        axes.plot(*place, 'o', color=colour, alpha=0.75,
+    for point, joint in zip(places, ('lift', 'bend')):
+        axes.plot(*point, 'o', color=colour, alpha=0.75,
                   markersize=max(1.0, _SIZE * abs(torque[joint])))
 
 

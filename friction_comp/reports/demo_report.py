@@ -225,10 +225,10 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
         f'{kinetic.peak} N·m, since before the joint moves nothing tells which way '
         f'to help. With the direction known it is **{compensated.peak} N·m**.']
     if effects:
-        found = ', '.join(f"{effect['name'].replace('_', ' ')} ({effect['variable']})"
+        named = ', '.join(f"{effect['name'].replace('_', ' ')} ({effect['variable']})"
                           for effect in effects)
         words.append(
-            f'The recordings show what the identified model lacks: {found}. With it, the error of '
+            f'The recordings show what the identified model lacks: {named}. With it, the error of '
             f'the predicted current falls from {number(1e3 * before)} to {number(1e3 * after)} mA, '
             f'and the person needs **{last.peak} N·m** at most and '
             f'{number(last.rms_torque)} N·m RMS, after {number(compensated.rms_torque)} N·m.')

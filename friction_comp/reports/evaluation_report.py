@@ -188,15 +188,15 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     best: list[MovingScene] = []
     most = 0.0
     for movement in ('positive', 'negative'):
-        found = [next((c for c in evaluation.conditions if c.help == known
+        conditions = [next((c for c in evaluation.conditions if c.help == known
                        and c.movement == movement), None) for known in two]
-        if any(c is None or not np.isfinite(c.torque).any() for c in found):
+        if any(c is None or not np.isfinite(c.torque).any() for c in conditions):
             continue
-        peaks = [c.peak_torque for c in found if c is not None]
+        peaks = [c.peak_torque for c in conditions if c is not None]
         if max(peaks) > most:
             most = max(peaks)
             best = [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
-                    in zip(plain_names(two), found, ('grey', 'blue')) if c is not None]
+                    in zip(plain_names(two), conditions, ('grey', 'blue')) if c is not None]
     return best
 
 
@@ -389,12 +389,12 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
 def _colours(evaluation: Evaluation) -> dict[Help, str]:
     """Return a colour for each condition: blue without a direction, orange with, then others."""
     plain, assisted = ['blue', 'green', 'violet', 'grey'], ['orange', 'red', 'yellow', 'pink']
-    found: dict[Help, str] = {}
+    colours: dict[Help, str] = {}
     for condition in evaluation.conditions:
-        if condition.help not in found:
+        if condition.help not in colours:
             known = condition.help
             palette = ['pink', 'grey'] if known.announced < 0 else (
                 assisted if known.led else plain)
-            used = sum(other.led == known.led for other in found)
-            found[condition.help] = palette[used % len(palette)]
-    return found
+            used = sum(other.led == known.led for other in colours)
+            colours[condition.help] = palette[used % len(palette)]
+    return colours

@@ -107,14 +107,14 @@ def verdict(evaluation: Evaluation) -> str:
 
 def _stuck_words(evaluation: Evaluation) -> list[str]:
     """Return a sentence for each condition under which the joint did not always set out."""
-    found = []
+    lines = []
     for known in dict.fromkeys(c.help for c in evaluation.conditions):
         stuck = evaluation.stuck(known)
         if stuck:
             count = sum(r.help == known for r in evaluation.repetitions)
-            found.append(f'With {evaluation.label(known)} the joint did not set out in {stuck} of '
+            lines.append(f'With {evaluation.label(known)} the joint did not set out in {stuck} of '
                          f'{count} movements.')
-    return found
+    return lines
 
 
 def _law(evaluation: Evaluation, known: Help) -> str:

@@ -155,9 +155,9 @@ class Report:
             any(_is_number(row[k]) for row in rows)
             and all(row[k] is None or _is_number(row[k]) for row in rows)
             for k in range(len(header))]
-        decimals = [_decimals([row[k] for row in rows]) if number else None
-                    for k, number in enumerate(numeric)]
-        kinds = [' class="number"' if number else '' for number in numeric]
+        decimals = [_decimals([row[k] for row in rows]) if is_number else None
+                    for k, is_number in enumerate(numeric)]
+        kinds = [' class="number"' if is_number else '' for is_number in numeric]
         head = ''.join(
             f'<th scope="col"{kind}>{_inline(str(name))}</th>' if name else '<td></td>'
             for kind, name in zip(kinds, header))
@@ -244,9 +244,9 @@ class Report:
         parts, scripts = '\n'.join(self._parts), ''
         if self._live:
             script, elements = plots([panels for _, _, panels in self._live])
-            for (number, words, _), element in zip(self._live, elements):
+            for (index, words, _), element in zip(self._live, elements):
                 parts = parts.replace(
-                    f'<!--live {number}-->',
+                    f'<!--live {index}-->',
                     f'<div class="live" role="group" aria-label="{words}">{element}</div>')
             # Marked before anything is laid out, so that nothing jumps.
             scripts = ("<script>document.documentElement.classList.add('scripted');</script>\n"

@@ -33,8 +33,8 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
     unit = report['unit']
     page = Report(f"The friction model of {report['joint'] or 'the joint'}, improved by motion")
     ended = improvement.ended or 'there are further rounds'
-    number = len(improvement.rounds)
-    page.verdict(f'**After {number} round{"s" * (number > 1)}, {improvement.seconds:g} s of '
+    rounds = len(improvement.rounds)
+    page.verdict(f'**After {rounds} round{"s" * (rounds > 1)}, {improvement.seconds:g} s of '
                  f'motion: {last.verdict}.** {ended.capitalize()}.')
     page.numbers([
         (quantity(report['before']['held_out_rmse'], unit),

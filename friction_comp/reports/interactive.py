@@ -129,10 +129,10 @@ def plots(figures: Sequence[Sequence[Sequence[Panel]]]) -> tuple[str, list[str]]
 
     grids = [_grid(rows) for rows in figures]
     script, elements = components([plot for grid in grids for plot in grid])
-    found = iter(elements)
+    parts = iter(elements)
     return script, [
         f'{_key(rows)}<div class="panels" style="--columns:{len(rows[0])}">'
-        + ''.join(f'<div>{next(found)}</div>' for _ in grid) + '</div>'
+        + ''.join(f'<div>{next(parts)}</div>' for _ in grid) + '</div>'
         for rows, grid in zip(figures, grids)]
 
 

@@ -138,10 +138,10 @@ def parts_figure(result: RefineResult) -> Drawn:
             axes.bar(len(errors) + 2 + shift, still, 0.38, color=COLOURS[colour])
             lines.append(Line(f'{side}, at standstill', np.array([len(errors) + 1.7, len(
                 errors) + 2.3]), np.array([still, still]), colour, style='dashed'))
-    number = len(report['after']['part_rmse'])
-    ticks, words = [*range(1, number + 1)], [str(k) for k in range(1, number + 1)]
+    count = len(report['after']['part_rmse'])
+    ticks, words = [*range(1, count + 1)], [str(k) for k in range(1, count + 1)]
     if report['after']['standstill_rmse'] is not None:
-        ticks, words = [*ticks, number + 2], [*words, 'standstill']
+        ticks, words = [*ticks, count + 2], [*words, 'standstill']
     axes.set_xticks(ticks, words)
     axes.set_xlabel('part of the recording')
     axes.set_ylabel(f'RMS error ({unit})')
@@ -217,7 +217,7 @@ def _runs(samples: Samples) -> np.ndarray:
 
 
 def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
-             number: int = 40) -> tuple[np.ndarray, np.ndarray]:
+             count: int = 40) -> tuple[np.ndarray, np.ndarray]:
     """Return the middles of ranges with as many samples each, and the averages in them.
 
     Where no sample lies between two ranges for more than a tenth of the whole, and between two
@@ -228,11 +228,11 @@ def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
     x, y : ndarray, shape (N,)
     run : ndarray of int, shape (N,)
         All the same where runs do not follow one another along x.
-    number : int
+    count : int
         Of ranges, about.
     """
     order = np.argsort(x, kind='stable')
-    pieces = [piece for piece in np.array_split(order, number) if len(piece)]
+    pieces = [piece for piece in np.array_split(order, count) if len(piece)]
     wide = 0.1 * float(np.ptp(x))
     middles: list[float] = []
     means: list[float] = []
@@ -285,8 +285,8 @@ def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np
     return k, np.sqrt(2.0 * np.asarray(power) / rows.sum())
 
 
-def coarse(k: np.ndarray, size: np.ndarray, number: int = 700) -> tuple[np.ndarray, np.ndarray]:
+def coarse(k: np.ndarray, size: np.ndarray, count: int = 700) -> tuple[np.ndarray, np.ndarray]:
     """Return the largest values in ranges of equal ratio, so that no peak is lost."""
-    range_index = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * number).astype(int)
+    range_index = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * count).astype(int)
     first = np.nonzero(np.diff(range_index, prepend=-1))[0]
     return k[first], np.maximum.reduceat(size, first)

@@ -145,11 +145,11 @@ def summary(report: dict[str, Any]) -> str:
                  'makes that better on data it was not fitted to.']
     else:
         gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
-        found = '\n'.join(f"- {effect['in_words']}" for effect in report['effects'])
+        effects = '\n'.join(f"- {effect['in_words']}" for effect in report['effects'])
         lines = [f'The model missed the measured current by **{quantity(before, unit)}** RMS. With '
                  f'what was found in the recordings it misses by **{quantity(after, unit)}**, '
                  f'that is {gain:.0f} % less, on stretches it was not fitted to.',
-                 'What was found, the largest first:', found]
+                 'What was found, the largest first:', effects]
     if report['unexplained']:
         names = ', '.join(entry['variable'] for entry in report['unexplained'])
         lines.append(f'Something remains that still changes with **{names}** and that none of the '

@@ -115,16 +115,16 @@ class ArmFit:
             Of one joint, as recorded, with `arm` and with `recording` as in the fit.
         """
         motion = moving_states(samples, self.tree.joints, self.differentiation)
-        place = self.tree.joints.index(samples.joint)
+        joint_index = self.tree.joints.index(samples.joint)
         ours = np.full(len(samples), -1)
-        for number, part in enumerate(self.unseen):
-            ours[(samples.recording == part.recording) & (samples.time >= part.start)] = number
-        total = self.tree.torques(*motion)[:, place]
-        for number, part in enumerate(self.unseen):
-            rows = ours == number
+        for index, part in enumerate(self.unseen):
+            ours[(samples.recording == part.recording) & (samples.time >= part.start)] = index
+        total = self.tree.torques(*motion)[:, joint_index]
+        for index, part in enumerate(self.unseen):
+            rows = ours == index
             # In terms of the current per torque of the whole, for which links make up.
-            ratio = part.scales[place] / self.scales[place]
-            total[rows] = ratio * part.tree.torques(*(x[rows] for x in motion))[:, place]
+            ratio = part.scales[joint_index] / self.scales[joint_index]
+            total[rows] = ratio * part.tree.torques(*(x[rows] for x in motion))[:, joint_index]
         return total
 
 
@@ -176,13 +176,13 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     report(1.0)
     unknowns = Unknowns(len(joints))
 
-    def found(numbers: np.ndarray) -> tuple[Tree, np.ndarray]:
+    def tree_of(numbers: np.ndarray) -> tuple[Tree, np.ndarray]:
         return (replace(chain.tree, parameters=bodies.parameters(numbers[unknowns.links])[0]),
                 np.exp(numbers[unknowns.scales]))
     first = np.nonzero(np.diff(stretches_of(joints[0].recording), prepend=-1))[0]
     unseen = [Unseen(int(joints[0].recording[row]), float(joints[0].time[row]),
-                     *found(parts[index % FOLDS])) for index, row in enumerate(first)]
-    tree, scales = found(x)
+                     *tree_of(parts[index % FOLDS])) for index, row in enumerate(first)]
+    tree, scales = tree_of(x)
     return ArmFit(
         tree, chain.tree, scales,
         np.array([x[unknowns.friction(j)] for j in range(len(joints))]), settings,
@@ -303,15 +303,15 @@ def _usual_scale(problem: Sums, bodies: Bodies) -> float | None:
         own = pick.T @ matrix @ pick
         norm = np.sqrt(np.maximum(np.diag(own), 0.0)) + 1e-300
         own = own / norm / norm[:, None]
-        found = np.linalg.pinv(own[:-1, :-1], rcond=1e-12, hermitian=True) @ own[:-1, -1]
+        coefficients = np.linalg.pinv(own[:-1, :-1], rcond=1e-12, hermitian=True) @ own[:-1, -1]
         if own[-1, -1] > 0.0:
             # In shares of the current; below, the joint stood still or nothing resists it.
-            sliding = math.sqrt(max(found[2:4] @ own[2:4, 2:4] @ found[2:4], 0.0))
+            sliding = math.sqrt(max(coefficients[2:4] @ own[2:4, 2:4] @ coefficients[2:4], 0.0))
             if sliding > _SAY:
-                resisting.append(found[2] / norm[2] + found[3] / norm[3] > 0.0)
-        if found[0] > 0.0:
-            scales.append(math.log(found[0] * norm[-1] / norm[0]))
-            sizes.append(found[0])
+                resisting.append(coefficients[2] / norm[2] + coefficients[3] / norm[3] > 0.0)
+        if coefficients[0] > 0.0:
+            scales.append(math.log(coefficients[0] * norm[-1] / norm[0]))
+            sizes.append(coefficients[0])
     if resisting and np.mean(resisting) < 0.5:
         raise InputError('the efforts push the joints along as they move: their sign is not that '
                          'of the positions')
@@ -344,10 +344,10 @@ def _held_out(problem: Sums, prior: Prior, x: np.ndarray) -> np.ndarray:
 
 def _choose_strength(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Prior, np.ndarray]:
     """Return the prior with the largest strength that predicts as well as the best."""
-    found = []
+    trials = []
     for strength in STRENGTHS:
         trial = replace(prior, strength=strength)
         errors = _held_out(problem, trial, x)
-        found.append((float(np.mean(np.log(errors))), trial, errors))
-    least = min(entry[0] for entry in found)
-    return [entry[1:] for entry in found if entry[0] <= least + _AS_GOOD][-1]
+        trials.append((float(np.mean(np.log(errors))), trial, errors))
+    least = min(entry[0] for entry in trials)
+    return [entry[1:] for entry in trials if entry[0] <= least + _AS_GOOD][-1]

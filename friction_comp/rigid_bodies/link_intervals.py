@@ -64,27 +64,27 @@ def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIn
     known = np.zeros(unknowns.size)
     known[unknowns.links], known[unknowns.scales] = prior.strength, 1.0 / prior.log_width ** 2
     free = x > unknowns.lowest
-    number = len(stretches)
+    count = len(stretches)
     inverse = np.linalg.pinv(bend[np.ix_(free, free)], rcond=1e-13, hermitian=True)
-    scatter = pulls[:, free].T @ pulls[:, free] * number / max(number - 1, 1)
+    scatter = pulls[:, free].T @ pulls[:, free] * count / max(count - 1, 1)
     covariance = np.zeros_like(bend)
     covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(known[free])) @ inverse
-    wide = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(number - 1, 2)))
+    wide = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
 
     parameters, slopes = prior.bodies.parameters(x[unknowns.links])
     _, before = prior.bodies.parameters(np.zeros_like(x[unknowns.links]))
-    bounds, told = np.empty((*parameters.shape, 2)), np.empty(parameters.shape)
+    bounds, known_share = np.empty((*parameters.shape, 2)), np.empty(parameters.shape)
     for link, (own, first) in enumerate(zip(slopes, before)):
-        place = slice(PARAMETERS * link, PARAMETERS * (link + 1))
-        variance = np.einsum('ij,jk,ik->i', own, covariance[place, place], own)
+        rows = slice(PARAMETERS * link, PARAMETERS * (link + 1))
+        variance = np.einsum('ij,jk,ik->i', own, covariance[rows, rows], own)
         half = wide * np.sqrt(np.maximum(variance, 0.0))
         bounds[link] = np.stack((parameters[link] - half, parameters[link] + half), axis=-1)
         # A body has a mass above zero, whatever the linearised interval says.
         bounds[link, 0] = np.maximum(bounds[link, 0], 0.0)
         unseen = np.einsum('ij,ij->i', first, first) / prior.strength
-        told[link] = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
-        bounds[link, told[link] < _OWN] = -np.inf, np.inf
+        known_share[link] = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
+        bounds[link, known_share[link] < _OWN] = -np.inf, np.inf
     width = wide * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
     middle = x[unknowns.scales]
     return LinkIntervals(bounds, np.exp(np.clip(
-        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), told)
+        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), known_share)

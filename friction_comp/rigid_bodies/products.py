@@ -54,7 +54,7 @@ class Sums:
     def folds(self) -> np.ndarray:
         """The sums over the stretches of each fold, shape (F, J, 10·J + 5, 10·J + 5)."""
         fold = np.arange(len(self.sums)) % FOLDS
-        return np.array([self.sums[fold == number].sum(axis=0) for number in range(FOLDS)])
+        return np.array([self.sums[fold == index].sum(axis=0) for index in range(FOLDS)])
 
 
 def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
@@ -88,7 +88,7 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
     sums = np.array([
         _products(chain.regressor(q[own], v[own], a[own]), friction[own], current[own],
                   counts[own] / variance)
-        for own in (stretch == number for number in range(int(stretch.max()) + 1))])
+        for own in (stretch == index for index in range(int(stretch.max()) + 1))])
     return Sums(sums, variance, counts.sum(axis=0).astype(float))
 
 
@@ -100,9 +100,9 @@ def stretches_of(recording: np.ndarray) -> np.ndarray:
     recording : ndarray of int, shape (N,)
         Recording of each sample; no stretch goes over the edge of one.
     """
-    place = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
+    stretch = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
     run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
-    return np.unique(place + (STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
+    return np.unique(stretch + (STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
 
 
 def _products(regressor: np.ndarray, friction: np.ndarray, current: np.ndarray,

@@ -127,8 +127,8 @@ def loss_slope_bend(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
     flat = parameters.ravel()
     inner = np.zeros((flat.size, flat.size))
     for k, own in enumerate(slopes):
-        place = slice(PARAMETERS * k, PARAMETERS * (k + 1))
-        inner[place, place] = own
+        rows = slice(PARAMETERS * k, PARAMETERS * (k + 1))
+        inner[rows, rows] = own
     bend = np.zeros((x.size, x.size))
     slope = np.zeros(x.size)
     away = (x[unknowns.scales] - prior.log_scale) / prior.log_width

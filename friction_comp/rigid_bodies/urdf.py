@@ -70,10 +70,10 @@ class Chain:
 
     def _to_tree(self, joints: Sequence[str]) -> Tree:
         kinds, axes, placements, parameters, parents = [], [], [], [], []
-        for number in range(1, self._model.njoints):
-            joint = self._model.joints[number]
+        for index in range(1, self._model.njoints):
+            joint = self._model.joints[index]
             if joint.nv != 1:
-                raise InputError(f'joint {joints[number - 1]!r} of the URDF is neither revolute '
+                raise InputError(f'joint {joints[index - 1]!r} of the URDF is neither revolute '
                                  'nor prismatic')
             own = joint.createData()
             joint.calc(own, self._library.neutral(self._model)[joint.idx_q:joint.idx_q + joint.nq])
@@ -81,9 +81,9 @@ class Chain:
             prismatic = not subspace[3:].any()
             kinds.append('prismatic' if prismatic else 'revolute')
             axes.append(subspace[:3] if prismatic else subspace[3:])
-            placements.append(self._model.jointPlacements[number])
-            parameters.append(self._model.inertias[number].toDynamicParameters())
-            parents.append(self._model.parents[number] - 1)
+            placements.append(self._model.jointPlacements[index])
+            parameters.append(self._model.inertias[index].toDynamicParameters())
+            parents.append(self._model.parents[index] - 1)
         return Tree(
             tuple(joints), tuple(kinds), np.array(parents),
             np.array([placement.rotation for placement in placements]),
@@ -223,17 +223,17 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
     unknown: list[str] = []
     listed = ', '.join(map(repr, described))
     for name in recorded:
-        found = [other for other in described if other == name]
-        if not found:
-            found = [other for other in described if plain(other) == plain(name)]
-        if not found:
-            found = [other for other in described
+        matches = [other for other in described if other == name]
+        if not matches:
+            matches = [other for other in described if plain(other) == plain(name)]
+        if not matches:
+            matches = [other for other in described
                      if plain(other).endswith(plain(name)) or plain(name).endswith(plain(other))]
-        if len(found) > 1 or (found and found[0] in pairs.values()):
+        if len(matches) > 1 or (matches and matches[0] in pairs.values()):
             raise InputError(f'{path}: joint {name!r} of the recording may be several of the '
                              f"URDF's: {listed}")
-        if found:
-            pairs[name] = found[0]
+        if matches:
+            pairs[name] = matches[0]
         else:
             unknown.append(name)
     if len(unknown) >= max(1, len(pairs)):

@@ -62,13 +62,13 @@ class MujocoPlant(Plant):
                              f'{len(joints)} joints')
         self._step_of_engine, self._multiply = mujoco.mj_step, mujoco.mj_mulM
         self.body = _model(mujoco, file)
-        self._places = [_degree_of_freedom(mujoco, self.body, file, joint) for joint in joints]
+        self._dof = [_degree_of_freedom(mujoco, self.body, file, joint) for joint in joints]
         self.body.opt.timestep = sample_time / SUBSTEPS
         super().__init__(models, seed, undeclared, sample_time)
         if (self._parameters['kind'] != RIGID).any():
             raise InputError('engine mujoco moves the links itself: model files with a gear in '
                              'their section simulation cannot be used')
-        self._position, self._velocity = np.array(self._places).T
+        self._position, self._velocity = np.array(self._dof).T
         self.body.dof_armature[self._velocity] += self._parameters['motor_inertia']
         self.data = mujoco.MjData(self.body)
         # What follows from the armature.
@@ -127,14 +127,14 @@ def _model(mujoco: Any, file: str | Path) -> Any:
 
 def _degree_of_freedom(mujoco: Any, body: Any, file: str | Path, joint: str) -> tuple[int, int]:
     """Return where MuJoCo keeps a joint's position and velocity."""
-    number = mujoco.mj_name2id(body, mujoco.mjtObj.mjOBJ_JOINT, joint)
-    if number < 0:
+    index = mujoco.mj_name2id(body, mujoco.mjtObj.mjOBJ_JOINT, joint)
+    if index < 0:
         names = [mujoco.mj_id2name(body, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(body.njnt)]
         raise InputError(f'{file}: has no joint {joint!r}; it has {", ".join(map(str, names))}')
     kinds = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-    if int(body.jnt_type[number]) not in map(int, kinds):
+    if int(body.jnt_type[index]) not in map(int, kinds):
         raise InputError(f'{file}: joint {joint!r} is neither a hinge nor a slide')
-    return int(body.jnt_qposadr[number]), int(body.jnt_dofadr[number])
+    return int(body.jnt_qposadr[index]), int(body.jnt_dofadr[index])
 
 
 @njit(cache=True)

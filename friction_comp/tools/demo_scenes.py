@@ -189,12 +189,12 @@ class Wear(Stage):
         path = self._output / 'recordings' / 'session'
         evaluation, = evaluate_recordings([path], self.joint)
         stages = stages_of(evaluation, self._marks, self._arguments.repetitions)
-        found = [f'{effect.name.replace("_", " ")} ({effect.variable})'
+        effects = [f'{effect.name.replace("_", " ")} ({effect.variable})'
                  for effect in FrictionModel.load(result.model_file).effects]
         facts = {
             'warning': warning, 'afterwards': words, 'message': result.message,
             'verdict': result.verdict, 'error_before': result.error_before,
-            'error_after': result.error_after, 'found': found, 'report': str(Path(result.report))}
+            'error_after': result.error_after, 'found': effects, 'report': str(Path(result.report))}
         drive = FrictionModel.load(self._model).drive
         samples, = read_recording(
             path, self.joint, drive.torque_constant, drive.gear_ratio)

@@ -146,10 +146,10 @@ class Demo(Stage):
         result = refined.result()
         path = self._output / 'models' / f'{JOINT}_refined.yaml'
         replace(result.model, joint=JOINT).save(path)
-        found = ', '.join(f"{effect['name']} ({effect['variable']})"
+        effects = ', '.join(f"{effect['name']} ({effect['variable']})"
                           for effect in result.report['effects']) or 'nothing'
         before, after = residuals(result)
-        self._say(f'found meanwhile: {found}; residual {1e3 * before:.1f} → {1e3 * after:.1f} mA')
+        self._say(f'found meanwhile: {effects}; residual {1e3 * before:.1f} → {1e3 * after:.1f} mA')
         return result, path
 
     def _conclude(self, refined: RefineResult, model_file: Path) -> None:

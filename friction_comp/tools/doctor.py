@@ -128,10 +128,11 @@ def _middleware() -> Iterator[Finding]:
     """Give what would end every ROS 2 process at its first step, with words that name no remedy."""
     from friction_comp.monitoring.observation import Finding, PROBLEM
 
-    wanted, found = os.environ.get('RMW_IMPLEMENTATION'), middlewares()
-    if wanted and found and wanted not in found:
+    wanted, installed = os.environ.get('RMW_IMPLEMENTATION'), middlewares()
+    if wanted and installed and wanted not in installed:
         yield Finding(PROBLEM, 'middleware', f'RMW_IMPLEMENTATION is {wanted}, which is not '
-                      f'installed; there is {", ".join(found)}', 'unset RMW_IMPLEMENTATION here '
+                      f'installed; there is {", ".join(installed)}',
+                      'unset RMW_IMPLEMENTATION here '
                       f'and on the robot alike, or install {wanted} on both')
 
 

@@ -81,11 +81,11 @@ def main(argv: list[str] | None = None) -> int:
     seeds = np.random.SeedSequence(arguments.seed).generate_state(len(limits)).tolist()
     plans, others = [], []
     with progress('Planning') as report:
-        for place, (own, seed) in enumerate(zip(limits, seeds)):
+        for index, (own, seed) in enumerate(zip(limits, seeds)):
             plans.append(plan_joint(
                 own, pairs, seconds, seed, model,
-                lambda share, place=place: report(  # type: ignore[misc]
-                    (place + share) / len(limits), f'Planning {limits[place].joint}')))
+                lambda share, index=index: report(  # type: ignore[misc]
+                    (index + share) / len(limits), f'Planning {limits[index].joint}')))
             scene = scene_within(own, seconds, 1.0 / rate)
             others.append({
                 'staircase of speeds': separations(staircase(own, seconds, rate), pairs, scene),

@@ -49,18 +49,18 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.note:
         history.note(arguments.note)
         history.save(arguments.model)
-    found = recorded_friction(history, model)
-    if not found:
+    recorded = recorded_friction(history, model)
+    if not recorded:
         raise InputError(f'{arguments.model}: in none of the recordings kept does the joint slide')
     content = {'version': REPORT_VERSION, 'model': str(arguments.model),
-               'recordings': [one.as_dict() for one in found],
+               'recordings': [one.as_dict() for one in recorded],
                'notes': [{'day': day, 'text': text} for day, text in history.notes]}
     with output_folder(arguments.output) as folder:
-        page = history_report(str(arguments.model), found, history.notes)
+        page = history_report(str(arguments.model), recorded, history.notes)
         page.made_by(command_line('history', argv))
         page.save(folder / 'report.html')
         (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
-    for one in found:
+    for one in recorded:
         print(f"{one.day}  {100 * one.level:5.1f} % of the model's friction, error "
               f'{1e3 * one.error:.3g} mA  {one.name}')
     print(arguments.output / 'report.html')

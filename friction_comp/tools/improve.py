@@ -163,10 +163,10 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: Trajec
 
     folder = arguments.output.absolute() / 'recordings'
     folder.mkdir(parents=True, exist_ok=True)
-    number = 1
-    while (folder / f'round_{number}').exists():
-        number += 1
-    path = folder / f'round_{number}'
+    index = 1
+    while (folder / f'round_{index}').exists():
+        index += 1
+    path = folder / f'round_{index}'
     nodes.start('recorder', {
         'output': str(path), 'use_sim_time': bool(arguments.simulate),
         'input_reliability': 'reliable' if arguments.simulate else 'best_effort'})
@@ -175,10 +175,10 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: Trajec
     ros.until(lambda: int(ros.value('recorder', 'joint_states') or 0) > 0,
               'joint_states, as the recorder hears them')
 
-    def told(share: float, word: str) -> None:
-        show(None, f'round {number}: {word}, {100.0 * share:.0f} %')
+    def tell(share: float, word: str) -> None:
+        show(None, f'round {index}: {word}, {100.0 * share:.0f} %')
     try:
-        ros.play(trajectory_of([plan], _RATE), told)
+        ros.play(trajectory_of([plan], _RATE), tell)
     finally:
         nodes.stop('recorder')
     names.append(str(arguments.output / 'recordings' / path.name))

@@ -49,9 +49,9 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.controller:
             ros.play_on(arguments.controller, trajectory,
                         lambda share, word: show(share, f'plays: {word}'))
-        for place, joint in enumerate(trajectory.joints if not arguments.controller else ()):
-            def told(share: float, word: str, place: int = place, joint: str = joint) -> None:
-                show((place + share) / len(trajectory.joints), f'{joint}: {word}')
-            ros.play(trajectory.of(joint), told, arguments.ramp_slope, arguments.ramp_period)
+        for index, joint in enumerate(trajectory.joints if not arguments.controller else ()):
+            def tell(share: float, word: str, index: int = index, joint: str = joint) -> None:
+                show((index + share) / len(trajectory.joints), f'{joint}: {word}')
+            ros.play(trajectory.of(joint), tell, arguments.ramp_slope, arguments.ramp_period)
     print(f'played {arguments.trajectory}: {", ".join(trajectory.joints)}')
     return 0

@@ -73,7 +73,7 @@ def layout_of(arguments: Namespace) -> Layout:
 
 
 def unit_of(arguments: Namespace, model: FrictionModel | None,
-            found: Sequence[RecordingInfo] = ()) -> str:
+            infos: Sequence[RecordingInfo] = ()) -> str:
     """Return the unit of what is fitted: current where the drive is known, else effort's own.
 
     Where effort holds something else still (a servo's voltage, a linear axis' force) only the
@@ -85,7 +85,7 @@ def unit_of(arguments: Namespace, model: FrictionModel | None,
         return str(model.notes.get('unit', 'A'))
     if arguments.torque_constant is not None or arguments.gear_ratio is not None:
         return 'A'
-    if any(info.effort_is_current for info in found):
+    if any(info.effort_is_current for info in infos):
         return 'A'
     unit = layout_of(arguments).units.get('effort', 'N·m')
     return 'N·m' if unit.replace('.', '').replace('*', '').replace('·', '') in ('Nm', 'mNm') \

@@ -39,14 +39,14 @@ def leased_domain() -> Iterator[int]:
         If all domains are in use.
     """
     used = domains_in_use()
-    numbers = [number for number in _DOMAINS if number not in used]
+    numbers = [domain for domain in _DOMAINS if domain not in used]
     # Whoever does not ask takes a small one.
     random.SystemRandom().shuffle(numbers)
-    for number in numbers:
-        lock = _lock(number)
+    for domain in numbers:
+        lock = _lock(domain)
         if lock is not None:
             try:
-                yield number
+                yield domain
             finally:
                 os.close(lock)
             return
@@ -55,7 +55,7 @@ def leased_domain() -> Iterator[int]:
 
 def domains_in_use() -> set[int]:
     """Return the domains to which UDP ports of this machine are bound."""
-    found = set()
+    used = set()
     for path in _SOCKETS:
         try:
             lines = path.read_text(encoding='ascii').splitlines()[1:]
@@ -63,13 +63,13 @@ def domains_in_use() -> set[int]:
             continue
         for line in lines:
             port = int(line.split()[1].rpartition(':')[2], 16)
-            found.add((port - _PORT_BASE) // _PORT_GAIN)
-    return found
+            used.add((port - _PORT_BASE) // _PORT_GAIN)
+    return used
 
 
-def _lock(number: int) -> int | None:
+def _lock(domain: int) -> int | None:
     """Return the descriptor of a domain's lock, None where another holds it."""
-    path = Path(tempfile.gettempdir()) / f'ros_domain_{number}.lock'
+    path = Path(tempfile.gettempdir()) / f'ros_domain_{domain}.lock'
     try:
         # Another user's file cannot be opened for creation in a shared folder, but be locked.
         descriptor = os.open(path, os.O_RDONLY | (0 if path.exists() else os.O_CREAT), 0o644)

@@ -91,8 +91,8 @@ def _serve(server_class: Any, page: Any, port: int) -> None:
 
     def end(*_: Any) -> None:
         server.io_loop.add_callback_from_signal(server.io_loop.stop)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
+    for signum in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(signum, end)
     server.io_loop.start()
     with suppress(Exception):
         server.stop()

@@ -136,7 +136,7 @@ def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndar
     force, moment = np.zeros((size, 3)), np.zeros((size, 3))
     for n in range(len(q)):
         for k in range(size):
-            axis, r, place, parent = row(axes, k), rotations[k], row(places, k), parents[k]
+            axis, r, origin, parent = row(axes, k), rotations[k], row(places, k), parents[k]
             if parent < 0:
                 w, dw, u = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
                 du = (-gravity[0], -gravity[1], -gravity[2])
@@ -144,7 +144,7 @@ def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndar
                 w, dw = row(spin, parent), row(turn, parent)
                 u, du = row(rate, parent), row(lift, parent)
             # The parent's motion at this joint's origin; u and du are spatial, not of a point.
-            u, du = into(r, plus(u, cross(w, place))), into(r, plus(du, cross(dw, place)))
+            u, du = into(r, plus(u, cross(w, origin))), into(r, plus(du, cross(dw, origin)))
             w, dw = into(r, w), into(r, dw)
             own = times(v[n, k], axis)
             if prismatic[k]:

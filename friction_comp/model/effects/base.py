@@ -320,6 +320,6 @@ def segment_starts(samples: Samples) -> np.ndarray:
     return mark
 
 
-def geometric(lowest: float, highest: float, number: int) -> list[float]:
+def geometric(lowest: float, highest: float, count: int) -> list[float]:
     """Return numbers that grow by a constant factor."""
-    return [float(value) for value in np.geomspace(lowest, highest, number)]
+    return [float(value) for value in np.geomspace(lowest, highest, count)]

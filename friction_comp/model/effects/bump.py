@@ -45,9 +45,9 @@ class Bump(Effect):
         points = []
         for width in geometric(0.008 * span, 0.12 * span, 5):
             places = np.arange(scene.lowest, scene.highest + 0.5 * width, width)
-            points += [{'position': float(place), 'width': width, 'exponent': 2.0,
+            points += [{'position': float(position), 'width': width, 'exponent': 2.0,
                         'directional': directional, 'transition': scene.transition}
-                       for place in places for directional in (1.0, 0.0)]
+                       for position in places for directional in (1.0, 0.0)]
         return points
 
     @classmethod
@@ -58,7 +58,7 @@ class Bump(Effect):
         """
         order = np.argsort(look.position)
         position = look.position[order]
-        found = []
+        proposed = []
         shapes: dict[Any, list[dict[str, float]]] = {}
         for constants in cls.grid(look.scene):
             shapes.setdefault((constants['width'], constants['directional']), []).append(constants)
@@ -71,8 +71,8 @@ class Bump(Effect):
             count = high - low
             score = np.where(count < _FEWEST, 0.0,
                              (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
-            found += [points[k] for k in np.argsort(score)[::-1][:_PLACES]]
-        return found
+            proposed += [points[k] for k in np.argsort(score)[::-1][:_PLACES]]
+        return proposed
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:

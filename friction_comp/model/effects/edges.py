@@ -43,15 +43,15 @@ def checked_range(ranges: dict[str, Any] | None,
     if not isinstance(ranges, dict) or not set(ranges) <= set(held):
         raise InputError(f'valid_range must be a mapping of {", ".join(held) or "nothing"}, '
                          f'not {ranges!r}')
-    found = {}
+    checked = {}
     for name, ends in ranges.items():
         if not isinstance(ends, (list, tuple)) or len(ends) != 2:
             raise InputError(f'valid_range.{name} must be two numbers, the lower one first')
         low, high = (check_number(end, f'valid_range.{name}') for end in ends)
         if low > high:
             raise InputError(f'valid_range.{name} must have the lower number first')
-        found[name] = (low, high)
-    return found
+        checked[name] = (low, high)
+    return checked
 
 
 def with_range(effect: Effect, samples: Samples) -> Effect:

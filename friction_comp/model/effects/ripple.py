@@ -45,7 +45,7 @@ class _Ripple(Effect):
     @classmethod
     def propose(cls, look: Look) -> list[dict[str, float]]:
         """Return the frequencies at which the residual swings most over position."""
-        scene, found = look.scene, []
+        scene, proposed = look.scene, []
         highest = highest_frequency(look.velocity, look.row_time, scene.resolution)
         separation = 2.0 * math.pi / max(scene.span, 1e-9)
         for constants in cls.grid(scene):
@@ -54,9 +54,9 @@ class _Ripple(Effect):
             # At frequency zero the first column is the amplitude itself.
             k, power = position_spectrum(
                 look.position, look.residual, cls.columns(signals, c)[0], highest)
-            found += [{'frequency': frequency, **constants}
+            proposed += [{'frequency': frequency, **constants}
                       for frequency in peaks(k, power, _PEAKS, separation)]
-        return found
+        return proposed
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:

@@ -70,12 +70,12 @@ def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.nd
     return k[keep], power[keep]
 
 
-def peaks(k: np.ndarray, power: np.ndarray, number: int, separation: float) -> list[float]:
+def peaks(k: np.ndarray, power: np.ndarray, count: int, separation: float) -> list[float]:
     """Return the frequencies of the highest peaks, apart by at least a separation."""
     highest: list[float] = []
     for index in np.argsort(power)[::-1][:2000]:
         if all(abs(k[index] - other) > separation for other in highest):
             highest.append(float(k[index]))
-            if len(highest) == number:
+            if len(highest) == count:
                 break
     return highest
