@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one way in: ``python3 -m friction_comp NAME …`` and ``ros2 run friction_comp NAME …``."""
+"""The command line: ``python3 -m friction_comp NAME …`` and ``ros2 run friction_comp NAME …``."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The same work on many things, of which one that fails costs only itself."""
+"""Runs the same work on many items; one that fails does not stop the others."""
 
 from __future__ import annotations
 

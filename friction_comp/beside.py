@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Long work in a process of its own, which ends with the one that asked for it."""
+"""Runs long work in a child process that ends with its parent."""
 
 from __future__ import annotations
 

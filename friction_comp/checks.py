@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and sections of files, checked in one place and refused in one wording."""
+"""Checks numbers and sections of files, with one wording for what is refused."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which column of a table holds which signal, and in which unit.
+"""Guesses which column of a table holds which signal, and in which unit.
 
 One principle: **a column is a signal, a joint and a factor**. What the user says comes first, then
 the unit in the column's own name (``q [deg]``), then the names that labs commonly give. What was

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Functions that numba compiles: at once, or while plain Python does their work already.
+"""Compiles functions with numba: at once, or later while plain Python does their work.
 
 To import numba and to load compiled code takes most of the time in which a node starts, and to
 compile anew takes many seconds. A process that is to begin soon calls `begin_plain` before it

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a geared drive is: the numbers that turn current into torque and counts into angle."""
+"""A geared drive: the numbers that turn current into torque and counts into angle."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Errors a user can do something about."""
+"""Errors that a user can correct."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files: read with errors that name them, written whole or not at all."""
+"""Reads files with errors that name them, and writes them whole or not at all."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a stretch of measured data is."""
+"""A stretch of measured data."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether measured signals can be true, and whether they agree with each other.
+"""Checks whether measured signals are possible and agree with each other.
 
 A signal is believed where a second one says the same: the position goes where the velocity leads,
 and the measured current is the commanded one. Both comparisons have one result, a ratio: one where

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output and error that never end the work of a tool.
+"""Standard output and error whose failure never ends a tool.
 
 What a tool was asked for is in files; what it prints comes beside that. A reader who has gone
 (``| head``) or a terminal that lacks a letter costs words, and nothing else.

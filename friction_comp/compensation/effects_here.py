@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a model's further effects ask of the compensator, here and now.
+"""The current that a model's further effects add at one sample.
 
 Friction (`RESISTS`) goes through the law's operator, so what counts is its size in either
 direction of sliding. What carries (gravity, cogging) is added outside. Breakaway currents are

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which samples the compensation laws believe, and what becomes of the others.
+"""Decides which samples the compensation laws believe, and what happens with the others.
 
 The continuous law computes from positions alone: a velocity that is wrong cannot mislead it. A
 position that the joint cannot have reached is dropped; after a few samples that agree with each

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The laws' parameters of one joint: from its model where the model knows, else a safe default."""
+"""Computes a joint's law parameters from its model, with safe defaults."""
 
 from __future__ import annotations
 

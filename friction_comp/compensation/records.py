@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the compensation laws know of a joint and remember of it, by name.
+"""Field names of the compensation laws' parameters and state, one record per joint.
 
 Compiled code reads the fields of these records by name. Where their values come from is in
 `law_parameters`; docs/compensation_law.md has the table.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Conditions compared, repetition by repetition."""
+"""Compares conditions over their repetitions."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded trials, evaluated as in the note's section 2.6, and compared with each other.
+"""Evaluates recorded trials by condition (note, section 2.6).
 
 Repetitions are synchronised at the start of the movement, and averaged over each condition: what
 was active (law, model), the announced direction d, and the way the movement goes.

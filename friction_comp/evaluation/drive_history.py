@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Friction of a drive, recording by recording, beside one model of it."""
+"""A drive's friction from recording to recording, compared with one model of it."""
 
 from __future__ import annotations
 

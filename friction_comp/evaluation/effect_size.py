@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How large a difference is beside its scatter, and how many repetitions would settle it."""
+"""Effect sizes with their intervals, and the repetitions that would decide."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where in a recording the movements are, and which direction was announced for each."""
+"""Finds the movements in a recording and the direction announced for each."""
 
 from __future__ import annotations
 

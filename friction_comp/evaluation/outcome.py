@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an evaluation finds: its conditions, and what it says of them together."""
+"""The result of an evaluation: its conditions and their comparisons."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One movement of a trial: under what help it was made, and what its signals say of it."""
+"""One movement of a trial: its condition and its measures."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of any number, length and joints, evaluated one stretch after the other."""
+"""Evaluates any number of recordings of any length and any joints, stretch by stretch."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions of many days as a trend, for the better or the worse."""
+"""Trend of the measures over sessions of many days."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motions that a plan is compared with: a staircase of speeds, and a random Fourier series."""
+"""Reference motions to compare a plan with: a staircase of speeds, a random Fourier series."""
 
 from __future__ import annotations
 

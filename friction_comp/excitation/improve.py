@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A model improved by motion that is planned for what the recordings so far leave open.
+"""Improves a model with motion planned for what the recordings so far leave open.
 
 One principle: **a recording tests the model before it teaches it**. The motion of each round is
 new, so the error with which the model of the earlier rounds predicts it is the error that the model

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a joint may do: limits from options, from joint_limits.yaml, or from a URDF."""
+"""A joint's limits, from options, from joint_limits.yaml, or from a URDF."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How well a motion tells effects apart, by the columns and block sums that refinement will fit.
+"""Measures how well a motion separates effects, with refinement's columns and block sums.
 
 An effect is told from another where part of its columns is repeated neither by the other nor by
 Eq. 6. That share is asked of `BlockSums.own_share`, for the hardest of some constants of each.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Exercises of several joints with reversals on the way, read from YAML."""
+"""Exercises of several joints with reversals, read from YAML."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Backlash, from current ramps: friction that rises steeper again the farther the motor has gone.
+"""Detects backlash in current ramps: friction that rises more steeply again with displacement.
 
 The friction of a gear's contacts rises ever less with the way: every contact that begins to slide
 leaves fewer that still hold (Dahl, LuGre, Bouc-Wen and Maxwell slip alike). So along a ramp it is

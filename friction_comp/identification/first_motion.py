@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How a joint that nothing is known of is moved first: broken free, and pushed a little.
+"""The first motion of an unknown joint: breakaway, then a short push.
 
 That tells what current its friction takes and what speed a current gives it, which every controller
 of its motion needs, and whether the measured current is the commanded one.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What friction takes along a current ramp: breakaway is the most of it before the joint slides.
+"""Friction along a current ramp: breakaway is its maximum before the joint slides.
 
 Of the motor's current a part accelerates the joint, the rest is friction:
 

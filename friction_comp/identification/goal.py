@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an identification is asked for, and what comes out of it."""
+"""Goal and result of an identification."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How identification moves a joint: it stands, follows a reference, and travels to a place."""
+"""Moves a joint for identification: standstill, following a reference, travel to a position."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The inertia's share: how much a current accelerates the joint, in a push and in cycles."""
+"""Estimates how much a current accelerates the joint, from a push and from cycles."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""When on a current ramp a joint stops creeping and begins to slide, from its position."""
+"""Finds where on a current ramp a joint stops creeping and begins to slide."""
 
 from __future__ import annotations
 

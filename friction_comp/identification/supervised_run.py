@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A joint that is moved by a script, sample by sample, and let go at the first doubt.
+"""Runs a script that moves a joint, sample by sample, and releases it at the first fault.
 
 One principle: **zero current whenever the joint does not do what a joint does**. A script says what
 to command, the supervision what must be measured then; a sample that comes too late, a place

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tells, while a joint is identified, whether it answers the currents as a joint does.
+"""Checks while a joint is moved whether it responds to currents as a joint does.
 
 One idea serves all faults: what was commanded says what must be measured. The measured current
 is the commanded one, and soon; the position goes where the measured velocity leads; and a current

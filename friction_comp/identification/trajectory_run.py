@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moves a joint along a trajectory of positions with currents, as identification moves it.
+"""Moves a joint along a trajectory of positions under identification's supervision.
 
 The joint is broken free and pushed first, at the place where it stands: what friction takes and
 what a current does is all that the controller needs. Then it travels to the first point, follows

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The file of a whole arm: one model for each joint, and once what they share."""
+"""The model file of a whole arm: one model per joint, and what they share once."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a model must be before a motor is given its currents.
+"""Checks a model before its currents are sent to a motor.
 
 A model file that can be read may still hold a slip of the pen: 99.5 A where 0.0995 A was meant,
 the file of another joint, a coefficient too few. What a model says is therefore checked against

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A model's friction as simulators know it: Coulomb, viscous, inertia and a spring of one joint.
+"""A model's friction in the form of simulators: Coulomb, viscous, inertia and spring.
 
 One principle: **the poorer form is fitted to what the model says of one motion**, sweeps at
 constant speeds over the joint's range in both directions, and the error that it makes there is part

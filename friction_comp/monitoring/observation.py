@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What was observed of a machine and of a running system, as plain data."""
+"""Observations of a machine and of a running system, as plain data."""
 
 from __future__ import annotations
 

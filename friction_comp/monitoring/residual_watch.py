@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Running statistics of what a model leaves over, and of what that goes with.
+"""Running statistics of a model's residual and of the variables it depends on.
 
 A block is a short piece of motion in one direction. Averaging over it removes the noise of single
 samples, so that a few numbers a second say all there is to know.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How every node starts, runs and ends."""
+"""Starts, runs and ends every node."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Looks after a stream from a thread of its own, on a clock that nobody sets.
+"""Watches a stream from a separate thread, on the monotonic clock.
 
 The thread shares neither executor nor callbacks with what it watches. What it does share is
 Python's interpreter lock: it runs while the watched thread waits, sleeps or computes in Python,

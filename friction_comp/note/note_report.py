@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page on which the note's figures stand beside ours."""
+"""The page that compares the note's figures with ours."""
 
 from __future__ import annotations
 

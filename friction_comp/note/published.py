@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the note did and found, configuration by configuration."""
+"""The note's experiments and results, by configuration."""
 
 from __future__ import annotations
 

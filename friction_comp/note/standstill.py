@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a joint that nobody touches starts by itself."""
+"""Tests whether an untouched joint starts by itself."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in and out: rosbag2 folders, mcap files and tables as samples, and back."""
+"""Reads and writes recordings: rosbag2 folders, mcap files and tables."""
 
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.reader import (

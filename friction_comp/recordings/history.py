@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the recordings of a drive held, kept in a small file beside its model.
+"""Keeps the essence of a drive's recordings in a small file beside its model.
 
 One principle: **averages are kept, no sums**. On averages a later refinement can try effects that
 nobody thought of when they were recorded; sums of products know only the columns of their day, and

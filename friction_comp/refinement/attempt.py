@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The whole search for one way of preparing the recordings, and the choice between such ways."""
+"""Searches the effects for each way of preparing the recordings, and chooses between these ways."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Constants of chosen effects, adjusted between the points of their grids."""
+"""Adjusts the constants of chosen effects between the points of their grids."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Errors of a fit where it is the least like what it was fitted to.
+"""Errors of a fit on the parts of a recording that differ most from what was fitted.
 
 The next recording differs from this one in speed, place, time or posture. So each third of each of
 these is predicted by a fit to the other thirds. A term that makes these errors larger is not named,

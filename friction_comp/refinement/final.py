@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The model of what is named, and its error where it was not fitted."""
+"""Builds the model of the named effects, with its error on parts that were not fitted."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Terms by which other joints may take part in a joint's current, where no URDF is given.
+"""Candidate terms for the torques of other joints, where no URDF is given.
 
 The potential energy of a serial arm is a sum of harmonics of sums and differences of joint angles,
 its kinetic energy of such harmonics times two velocities; the torque of a joint follows from both

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What to expect of a model elsewhere, and how far to trust it.
+"""Estimates a model's error on other recordings and how far to trust it.
 
 By how much errors grow in thirds of the recording that were not fitted says what to expect of
 another recording; see `elsewhere`. All else that a reader should know is a finding with a code.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""On what the remaining residual still depends, whatever the shape of the dependence.
+"""Finds the variables that the remaining residual depends on, whatever the shape.
 
 A variable is cut into ranges; where the residual's mean differs between them by more than it does
 with the signs of long stretches flipped at random, it depends on the variable.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the current of any drive depends on, and how well that predicts what was not fitted.
+"""A plain drive: Eq. 6, inertia and a load, and how well they predict what was not fitted.
 
 No effect is chosen here: this is the measure by which motion is computed and prepared.
 """

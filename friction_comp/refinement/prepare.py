@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""From recordings to rows: what a fit sees, and in which long part of time each row is.
+"""Prepares recordings as rows of a fit, each with the long block of time it belongs to.
 
 The time between current and motion, and the velocity over which friction changes sign, are chosen
 by how well a plain drive predicts blocks that were not fitted.

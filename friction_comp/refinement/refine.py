@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""From recordings to a model with the effects that they show."""
+"""Refines a model with the effects that recordings show."""
 
 from __future__ import annotations
 

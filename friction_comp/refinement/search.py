@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which effects are borne out: forward, backward and by exchange, on block sums alone.
+"""Selects effects forward, backward and by exchange, on block sums alone.
 
 One criterion decides: the error of blocks that were not fitted. An effect is borne out where it
 lowers that error by a share worth naming, and by two standard errors over the blocks.

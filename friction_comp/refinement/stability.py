@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How sure names and numbers are: the search repeated on blocks drawn anew.
+"""Stability of names and intervals of numbers: the search repeated on resampled blocks.
 
 An effect is named where most of the searches choose it. What takes its place in the others is
 what the recording cannot tell it from. The scatter of the coefficients over blocks drawn anew

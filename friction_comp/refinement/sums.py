@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sums of products of columns over blocks of a recording: all that a linear fit needs.
+"""Block sums: products of columns summed over blocks, all that a linear fit needs.
 
 For each block k the sums ``X_kᵀX_k``, ``X_kᵀy_k``, ``y_kᵀy_k`` and the number of rows are kept, and
 no sample. Sums of chunks, recordings, days or processes are added; a block is left out by

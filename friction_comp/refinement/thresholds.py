@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every threshold of refinement in one table: its value, its unit, and why it is what it is."""
+"""Every threshold of refinement in one table: value, unit and reason."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far to trust a refined model: findings with a code, and the verdict that the worst gives."""
+"""The verdict on a refined model: that of the worst of its findings."""
 
 from __future__ import annotations
 

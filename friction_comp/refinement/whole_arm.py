@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Refinement of all joints of an arm: its rigid bodies first, then what each joint still lacks."""
+"""Refines all joints of an arm: its rigid bodies first, then each joint."""
 
 from __future__ import annotations
 

@@ -1,3 +1,3 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reports and figures: what tools hand to people."""
+"""Reports and figures."""

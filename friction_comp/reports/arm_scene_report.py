@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of the demo's arm: what a person gives it, without help and with it."""
+"""The page of the demo's arm: the person's torque without and with help."""
 
 from __future__ import annotations
 

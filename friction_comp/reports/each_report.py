@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One page on many recordings that were refined one by one."""
+"""The page on many recordings that were refined separately."""
 
 from __future__ import annotations
 

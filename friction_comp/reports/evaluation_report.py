@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The evaluation as a page: a verdict, the note's Fig. 5, tables, and what they mean in words."""
+"""The page of an evaluation: a verdict, the note's Fig. 5, tables and explanations."""
 
 from __future__ import annotations
 

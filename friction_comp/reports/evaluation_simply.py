@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an evaluation says to somebody who has never heard of a compensation law."""
+"""An evaluation in words for readers who do not know compensation laws."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What an evaluation says, in words and in numbers with their intervals."""
+"""An evaluation in words, with numbers and intervals."""
 
 from __future__ import annotations
 

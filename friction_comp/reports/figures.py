@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One look for all figures, on paper, on a light page and on a dark one."""
+"""One style for all figures, on paper, on light and on dark pages."""
 
 from __future__ import annotations
 

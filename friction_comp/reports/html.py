@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reports as one HTML file that needs nothing else: no network and no second file.
+"""Reports as one self-contained HTML file.
 
 All that a page says is there without a script. Where a figure was given its curves (`live`), a
 script lets them be read off.

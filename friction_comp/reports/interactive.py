@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures that can be read off: hover and zoom, by Bokeh, inside the page and without network.
+"""Figures with hover and zoom, by Bokeh, inside the page and without network.
 
 One principle: **the drawing is there first**. A page holds each figure as a drawing that needs no
 script and prints; where scripts run and Bokeh made the page, a plot of the same data takes its

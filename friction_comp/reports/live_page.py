@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page: what each joint does and what its model says of it, as a Bokeh application.
+"""The live page: each joint's motion, currents and residual, as a Bokeh application.
 
 Bokeh serves its own scripts, so the page works without internet.
 """

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The joint as a drawing that moves as it was recorded, the person's torque as an arrow.
+"""A drawing of the joint that moves as recorded, with the person's torque as an arrow.
 
 One principle: **the drawing is the recording**. Angle, arrow and dot are the measured curves at the
 same moment, in SVG's own animation: it needs no script, and plays in a page as in a README.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of refinement's page: each a drawing, and the same curves to hover and zoom."""
+"""The figures of refinement's page, as drawings and with hover and zoom."""
 
 from __future__ import annotations
 

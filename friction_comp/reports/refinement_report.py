@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page that refinement writes."""
+"""The page of a refinement."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid bodies of a URDF, fitted to recordings of an arm: all that is done offline and once.
+"""Fits the rigid bodies of a URDF to recordings of an arm, offline.
 
 What comes of it, a `friction_comp.model.arm.tree.Tree` with fitted parameters, belongs to the
 model.

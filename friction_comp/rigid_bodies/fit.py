@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An arm's links fitted to recordings, beside friction and rotor inertia of every joint.
+"""Fits an arm's links to recordings, with friction and rotor inertia of every joint.
 
 The measured current of joint j is taken as ``k_j·τ_j(q, v, a; π) + offset + C·sign(v) + V·v + J·a``
 with the torque τ of the rigid bodies, linear in the links' parameters π (Atkeson, An and Hollerbach

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Inertial parameters of links, kept physically possible by the way they are written.
+"""Inertial parameters of links in a form that keeps them physically possible.
 
 The ten parameters of a link are, in this order, its mass m, its first moment m·c (three), and the
 entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz of its inertia about the origin of its joint's frame. They

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How well a recording and the URDF together know the links of an arm.
+"""Intervals of link parameters, from the recording and the URDF together.
 
 What the recording's noise does to the fit is told by the scatter of the gradient from stretch to
 stretch, since errors beside each other in time are alike (White's covariance clustered by

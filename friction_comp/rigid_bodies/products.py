@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of an arm as sums of products of columns over stretches of time.
+"""Recordings of an arm as sums of products of columns over stretches.
 
 The columns are those of the links' parameters, of each joint's friction and rotor, and its current.
 Stretches are left out by subtraction: no sample is touched again.

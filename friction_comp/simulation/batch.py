@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The closed loop for many runs at once: the same joint, the same law, compiled and in parallel.
+"""Runs many closed loops at once, compiled and in parallel.
 
 Every run has its own random sequence, so that results do not depend on the number of cores.
 """

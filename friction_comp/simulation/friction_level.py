@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The level at which a simulated joint's friction slides, from this rest's breakaway to Eq. 6.
+"""The sliding friction of a simulated joint, from breakaway to Eq. 6.
 
 ``g(ω) = max(|f̂(ω)|, g0 + (P - g0)·(1 - e)) + (g_b - g0)·e    with e = exp(-|ω|/ω_s)``
 

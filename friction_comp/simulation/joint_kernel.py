@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated joint: one compiled function that takes a joint through one sample.
+"""The simulated joint: one compiled function that advances it by one sample.
 
 The plant node, the plain loop and the thousands of parallel runs of `reproduce` all call
 `joint_sample`; there is no second model of the joint. How it moves is in `rigid_joint` and

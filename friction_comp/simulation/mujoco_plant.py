@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Joints of an arm whose links MuJoCo moves; drives, sensors and the person are those of `Plant`.
+"""An arm whose links MuJoCo simulates, with the drives, sensors and person of `Plant`.
 
 MuJoCo knows the rigid bodies: mass, inertia, weight, and how one joint's motion acts on another.
 What it is told each substep are torques of joints: the motor's, the person's, and friction's, by

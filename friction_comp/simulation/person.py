@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated person, who makes the joint follow the movement shown.
+"""A simulated person who makes the joint follow the shown movement.
 
 The person is a spring and a damper between the reference and the joint, with a reaction time.
 Where the movement shown is over and the joint has not arrived, the person pushes harder and harder

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A random sequence for each run, so that results do not depend on other runs."""
+"""An independent random sequence for each run."""
 
 from __future__ import annotations
 

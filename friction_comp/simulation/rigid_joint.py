@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A joint of one inertia with clamp friction: that of a model file without `gear`.
+"""A joint of one inertia with clamp friction, for model files without `gear`.
 
 Seen at the gear's output, the joint obeys
 

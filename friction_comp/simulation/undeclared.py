@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of a simulated joint that its model file lacks, and that only the plant reads.
+"""Effects of a simulated joint that its model file lacks; only the plant reads them.
 
 The plant alone is given them. Whoever wants to know them has to find them in the recording.
 """

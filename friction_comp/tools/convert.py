@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``convert``: a recording as a table, and a table as a recording.
+"""The tool ``convert``: turns a recording into a table, and a table into a recording.
 
 The name of the output says which: .csv, .parquet and .npz are tables of one row an instant, in SI
 units; any other name is the folder of a rosbag2 recording.

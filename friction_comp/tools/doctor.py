@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``doctor``: what is installed and running, what is wrong with it, and what to do.
+"""The tool ``doctor``: checks what is installed and running, and says what to do.
 
 Ends with 0 when nothing is wrong (warnings included), 1 when there is a problem, 2 when an
 argument cannot be used. It only looks: it publishes, calls and changes nothing that moves.

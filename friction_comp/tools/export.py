@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``export``: a model's friction in a form that a simulator reads.
+"""The tool ``export``: writes a model's friction in a form that simulators read.
 
 Simulators know Coulomb and viscous friction, an inertia and a spring of a joint. What that poorer
 form misses of the model is computed, printed and written into the file.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``refine``: which effects a model lacks, found in recordings."""
+"""The tool ``refine``: finds in recordings which effects a model lacks."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``refine --each``: many recordings and joints, each refined by itself."""
+"""The tool ``refine --each``: refines many recordings and joints separately."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``reproduce``: the technical note's experiments on its three configurations."""
+"""The tool ``reproduce``: repeats the technical note's experiments on its configurations."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``watch``: what runs, or a recording, as a live page on this machine.
+"""The tool ``watch``: shows a running system or a recording as a live page.
 
 Torque, current, velocity, direction and residual of each joint, with state and faults. The page
 only reads: it publishes nothing, and is served to this machine alone.

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a model needs of the other joints: rigid bodies of a URDF, or terms found without one."""
+"""The other joints in a model: rigid bodies of a URDF, or terms found without one."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What other joints ask of a joint's motor, as a sum of terms found without a URDF.
+"""Torques of other joints on a joint, as a sum of terms found without a URDF.
 
 Each group of terms is an energy of the arm, and what it asks of the joint follows by Lagrange's
 equations: a potential energy is a harmonic of a sum of angles, a kinetic energy such a harmonic

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An arm as a tree of rigid bodies: what its motion and its weight ask of each joint."""
+"""An arm as a tree of rigid bodies: inertial and gravity torques of each joint."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one shape of an effect: all that is particular to an effect stands in its own file."""
+"""The base class of effects; everything particular to an effect is in its own file."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The range in which an effect is continued, and what is said beyond it: its value at the edge."""
+"""The range in which an effect is valid; beyond it the effect keeps its value at the edge."""
 
 from __future__ import annotations
 

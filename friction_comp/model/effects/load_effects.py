@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a measured load does: it helps or hinders the motor, and it presses the teeth together."""
+"""Effects of a measured load: it helps or hinders the motor and presses the teeth together."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the rest of the arm asks of a joint: by its rigid bodies, or by terms found without them."""
+"""Torques of the rest of the arm, by its rigid bodies or by terms found without them."""
 
 from __future__ import annotations
 

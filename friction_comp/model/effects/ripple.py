@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ripple over position: cogging, and friction that waxes and wanes with every tooth."""
+"""Ripple over position: cogging, and friction that changes with every tooth."""
 
 from __future__ import annotations
 

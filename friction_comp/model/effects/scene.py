@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""What effects are written in: signals, what recordings cover, how constants are searched."""
+"""The terms that effects are written in: signals, coverage of recordings, search ranges."""
 
 from __future__ import annotations
 
