@@ -16,7 +16,7 @@ U = TypeVar('U')
 
 @dataclass(frozen=True)
 class Failure:
-    """What came instead of a result; `reason` is one line."""
+    """The reason why there is no result, in one line."""
 
     reason: str
 

@@ -38,7 +38,7 @@ def interrupts_deferred() -> Iterator[None]:
 
 @contextmanager
 def process_beside() -> Iterator[ProcessPoolExecutor]:
-    """Give an executor with one process; leaving the block ends what it has begun.
+    """Yield an executor with one process; leaving the block ends its work.
 
     Yields
     ------

@@ -142,7 +142,7 @@ class Assignment:
 
 
 def factor_of(signal: str, unit: str) -> float:
-    """Return what a column's numbers are multiplied with to be in SI units.
+    """Return the factor that converts a column's numbers to SI units.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def _named(column: Column) -> str:
 
 
 def _one_of_two(column: Column, used: Iterable[Column]) -> bool:
-    """Tell whether a joint's signal is there already; current is a second name of effort."""
+    """Return whether a joint's signal is there already; current is a second name of effort."""
     alike = ('effort', 'current') if column.signal in ('effort', 'current') else (column.signal,)
     return any(other.signal in alike and other.joint == column.joint for other in used)
 
@@ -284,7 +284,7 @@ def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
 
 
 def _signal_and_joint(name: str) -> tuple[str, str]:
-    """Return the signal that a column's name stands for, and its joint; '' where there is none."""
+    """Return the signal and the joint that a column's name means; '' where there is none."""
     bare = _BRACKET.sub('', name.strip())
     for text in (bare, _LAST.sub('', bare)):
         whole = text.lower().strip().replace(' ', '_').replace('-', '_')

@@ -71,7 +71,7 @@ def import_numba() -> None:
 
 
 def compiling() -> bool:
-    """Return whether kernels are being compiled beside what runs.
+    """Return whether kernels are being compiled in another thread.
 
     Libraries are then opened, which holds up every thread of the process: for 10 ms at most on a
     machine with nothing else to do.
@@ -80,7 +80,7 @@ def compiling() -> bool:
 
 
 def compile_rest() -> int:
-    """Compile the kernels that begin as plain Python, for what they have been called with.
+    """Compile the kernels that began as plain Python, for the arguments they were called with.
 
     For another thread than the one that calls them, which goes on meanwhile.
 

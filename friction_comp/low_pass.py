@@ -11,7 +11,7 @@ from friction_comp.compiling import njit
 
 @njit(cache=True)
 def low_pass_weight(step: float, time_constant: float) -> float:
-    """Return the share of the way to its input that a first-order low-pass goes in one step.
+    """Return the weight of the input in one step of a first-order low-pass.
 
     Parameters
     ----------

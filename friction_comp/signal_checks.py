@@ -98,7 +98,7 @@ def named(ratio: float, units: Mapping[float, str]) -> str:
 
 def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray,
                     resolution: float = 0.0) -> np.ndarray:
-    """Return the way that the velocity leads by the way that the position goes, block by block.
+    """Return integrated velocity over change of position, block by block.
 
     Parameters
     ----------
@@ -354,7 +354,7 @@ class CurrentCheck:
             self._all[k] += step * value
 
     def gain(self, least: float, lately: bool = True) -> float:
-        """Return measured over commanded current; NaN where there is too little to tell.
+        """Return measured over commanded current; NaN where there is too little data.
 
         Parameters
         ----------

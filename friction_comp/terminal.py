@@ -16,7 +16,7 @@ from typing import Any
 
 
 class _Patient:
-    """A text stream that goes on when nobody reads it any more."""
+    """A text stream that tolerates a reader that has gone."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream

@@ -24,7 +24,7 @@ _FULL_TURN = 2.0 * math.pi
 
 
 class Asked(NamedTuple):
-    """What the effects of a joint ask for, A.
+    """The currents that a joint's effects add, A.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class EffectsHere:
 
     def ask(self, time: float, position: float, speed: float,
             signals: dict[str, float | None]) -> Asked:
-        """Return what the effects ask for, for the continuous law.
+        """Return the currents of the effects for the continuous law.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class EffectsHere:
         return positive, negative
 
     def largest(self, speed: float) -> tuple[float, float]:
-        """Return the most that friction effects, and that other effects ask for, A.
+        """Return the largest currents of the effects that resist, and of the others, A.
 
         Within a turn of the joint and up to a speed in rad/s; what depends on signals that come
         only later counts with its coefficients.

@@ -74,7 +74,7 @@ def _bears_less(p: Any, s: Any, left: float) -> None:
 
 @njit(cache=True)
 def _slipped(p: Any, s: Any, aim: float, home: float, early: bool) -> None:
-    """Take back what the joint did not bear: it moved with nobody pushing."""
+    """Lower the level of a joint that slipped under its preload."""
     s.slips += 1.0
     s.still_time, s.still_place = 0.0, s.position
     s.creeping = -math.inf

@@ -107,7 +107,7 @@ class CompensationLaw:
 
     @property
     def terms(self) -> dict[str, np.ndarray]:
-        """What the last sample's current is made of, A, each (J,)."""
+        """The parts of the last sample's current, A, each of shape (J,)."""
         return {'kinetic': self._states['kinetic'].copy(),
                 'breakaway': self._states['breakaway'].copy(), 'effects': self._carried}
 
@@ -218,7 +218,7 @@ class CompensationLaw:
 
     def retune(self, law: str, breakaway_gain: float,
                current_limit: ArrayLike | None = None) -> None:
-        """Exchange what the law was made with while it runs; its history goes on.
+        """Change the law's options while it runs; its history is kept.
 
         The current does not jump but to a lower limit, as with `set_model`.
 
@@ -249,7 +249,7 @@ class CompensationLaw:
 
     def _ask(self, joint: int, time: float, signals: dict[str, float | None]
              ) -> tuple[float, float, float]:
-        """Return what the joint's effects ask for: forward, backward and carried, A."""
+        """Return the currents of the joint's effects: forward, backward and carried, A."""
         p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
         ask = effects.ask if p['law'] == CONTINUOUS else effects.total
         asked = ask(time, float(s['position']), float(s['speed']), signals)
@@ -259,7 +259,7 @@ class CompensationLaw:
         return asked.forward, asked.backward, asked.carried
 
     def _of_arm(self, joint: int, positions: np.ndarray) -> dict[str, float | None]:
-        """Return what the arm asks of a joint at rest, None where other joints are not known."""
+        """Return the arm's torque on a joint at rest, None where other joints are not known."""
         signals: dict[str, float | None] = {'rigid_body': None, 'coupling': None}
         arm = self.models[joint].arm
         if arm is None:

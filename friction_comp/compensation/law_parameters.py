@@ -135,7 +135,7 @@ def law_parameters(model: FrictionModel, law: str = 'continuous', breakaway_gain
 
 def set_breakaway(p: np.void, breakaway: Breakaway | None,
                   shifts: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Set what breakaway friction is here, in a joint's parameters.
+    """Set the breakaway friction at this position in a joint's parameters.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def set_breakaway(p: np.void, breakaway: Breakaway | None,
 
 
 def knows_presliding(model: FrictionModel) -> bool:
-    """Tell whether presliding is known so well that a push shows before the joint slides."""
+    """Return whether presliding is known so well that a push shows before the joint slides."""
     known, count = model.presliding, model.drive.position_resolution
     return (known is not None and known.std is not None and count is not None
             and known.distance >= KNOWN_COUNTS * count

@@ -69,7 +69,7 @@ class Comparison:
 
 
 def asked(first: Help, second: Help, plainest: Help) -> bool:
-    """Tell whether comparing two conditions answers a question.
+    """Return whether comparing two conditions answers a question.
 
     What does any help bring, against the plainest without a direction; what does the direction
     bring after kinetic compensation with the same model; what does law, model or direction bring,
@@ -84,7 +84,7 @@ def asked(first: Help, second: Help, plainest: Help) -> bool:
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
-    """Compare conditions that have movements in the same way in common, where that is `asked`.
+    """Compare conditions that have the same movements, where the comparison is `asked`.
 
     Parameters
     ----------

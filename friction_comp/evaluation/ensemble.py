@@ -107,7 +107,7 @@ class Ensemble:
         return float(np.sqrt(squares / known)) if known else float('nan')
 
     def known_by_all(self, name: str, points: np.ndarray) -> bool:
-        """Tell whether every movement has a curve at some points."""
+        """Return whether every movement has a curve at some points."""
         return bool((self._at(name, points)[0] == self.count).all())
 
     def _at(self, name: str, points: np.ndarray) -> np.ndarray:

@@ -135,7 +135,7 @@ class Evaluation:
         return ' · '.join(self.words(known))
 
     def pair(self) -> tuple[Help, Help] | None:
-        """Return what d = ±1 is compared with: d = 0 under the same law and model.
+        """Return the condition that d = ±1 is compared with: d = 0 under the same law and model.
 
         Where that is nowhere: kinetic compensation alone with the same model, which is what any
         law is without a direction, then no compensation; else, where there is but one of either,
@@ -190,7 +190,7 @@ class Evaluation:
 
     @property
     def is_bound(self) -> bool:
-        """Whether what was measured is the least that the direction takes away of the peak.
+        """Whether the measured reduction of the peak is only a lower bound.
 
         Where the joint did not set out without a direction, nobody gave what it takes.
         """

@@ -155,7 +155,7 @@ class Repetition:
 
     @property
     def kind(self) -> tuple[Help, int, int, int]:
-        """What all movements have in common whose curves are summed up together."""
+        """The key of movements whose curves are averaged together."""
         return self.help, self.movement.sign, self.movement.direction, self.pace
 
 

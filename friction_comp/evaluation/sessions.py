@@ -38,7 +38,7 @@ _STRETCH = 300.0
 
 @dataclass(frozen=True)
 class Piece:
-    """What is measured by itself: one joint of one recording, all that it holds where None."""
+    """One joint of one recording, or the whole recording where the joint is None."""
 
     path: Path
     joint: str | None
@@ -69,7 +69,7 @@ class Measured:
 
 def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
               layout: Layout | None = None) -> tuple[list[Piece], list[Failure]]:
-    """Return what can be measured by itself, and why some recordings cannot.
+    """Return the pieces that can be evaluated, and why some recordings cannot.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
                     friction: FrictionModel | None = None, seconds: float = _STRETCH,
                     progress: Callable[[float], None] | None = None,
                     run: Runner = in_turn) -> list[Evaluation]:
-    """Evaluate what `pieces_of` found; the result does not depend on the order of the work.
+    """Evaluate pieces; the result does not depend on their order.
 
     Parameters
     ----------

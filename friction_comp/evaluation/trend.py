@@ -60,7 +60,7 @@ class Trend:
 
 
 def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
-    """Return how the leading figure of each condition goes with the days.
+    """Return the trend of each condition's leading figure over the days.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Round:
-    """What one round asked, and what it found.
+    """One round: the question it asked and its answer.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
             progress: Callable[[float, str], None] | None = None,
             done: Callable[[Improvement], None] | None = None,
             plan: Callable[..., JointPlan] = plan_joint) -> Improvement:
-    """Refine, ask, move and record until the model predicts motion that it has not seen.
+    """Refine, plan, move and record until the model predicts motion that it has not seen.
 
     Parameters
     ----------

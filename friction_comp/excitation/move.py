@@ -95,6 +95,6 @@ def sampled(moves: Sequence[Move], start: float, time: np.ndarray
 
 
 def _way(move: Move, share: np.ndarray) -> np.ndarray:
-    """Return the way made in a share of the time in which speed rises, rad."""
+    """Return the distance covered in a share of the acceleration time, rad."""
     return np.asarray(
         move.speed * move.ramp * share ** 4 * (2.5 - 3.0 * share + share ** 2))

@@ -43,7 +43,7 @@ _MEAN = 0.3
 
 @dataclass(frozen=True)
 class JointPlan:
-    """What one joint does.
+    """The planned motion of one joint.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def moves_by(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: 
 def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed: int,
                model: FrictionModel | None = None,
                report: Callable[[float], None] = lambda share: None) -> JointPlan:
-    """Return the motion of one joint that tells pairs of effects apart.
+    """Return a motion of one joint that separates pairs of effects.
 
     Parameters
     ----------

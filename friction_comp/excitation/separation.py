@@ -128,7 +128,7 @@ def pairs_in(report: Any, source: str) -> list[Pair]:
 
 
 def scene_within(limits: JointLimits, seconds: float, sample_time: float) -> Scene:
-    """Return what a motion that uses the limits covers, so that all motions are asked the same."""
+    """Return the scene of a motion that uses all of the limits, the same for every motion."""
     return Scene(transition=_TRANSITION * limits.velocity, speed=limits.velocity,
                  slowest=_SLOWEST * limits.velocity, lowest=limits.lowest, highest=limits.highest,
                  duration=seconds, sample_time=sample_time)

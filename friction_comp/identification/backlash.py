@@ -30,7 +30,7 @@ _PLACES = 60     # of the curve
 
 
 def softer_way(ramp: RampFriction, resolution: float) -> tuple[float, float]:
-    """Return how far one ramp's curve stays below its concave hull, and over which way.
+    """Return how far one ramp's curve stays below its concave hull, and over which distance.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def softer_way(ramp: RampFriction, resolution: float) -> tuple[float, float]:
 
 
 def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Return how far points stay below their concave hull, and the way from its corner to there."""
+    """Return the largest depth below the concave hull, and its distance from the hull's corner."""
     corners = [0]
     for k in range(1, len(x)):
         while len(corners) > 1 and _rises(x, y, corners[-2], corners[-1], k):

@@ -67,7 +67,7 @@ class RampFriction:
         return float(self.current[self.peak])
 
     def presliding(self, breakaway: float) -> float:
-        """Return the way in rad until friction takes 95 % of what it took when it broke, A.
+        """Return the displacement in rad at which friction reaches 95 % of breakaway.
 
         On this very ramp, since friction differs from place to place: a contact that takes 4 %
         less here than elsewhere would reach 95 % of the mean at the flat end of its curve.
@@ -178,7 +178,7 @@ def presliding_std(ways: list[tuple[bool, float]], distance: float, resolution: 
 
 def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
                      resolution: float) -> float | None:
-    """Return the slope of friction over the way up to a third of breakaway, A/rad.
+    """Return the slope of friction over displacement up to a third of breakaway, A/rad.
 
     The ramps are those in the direction of the slide before them: then every contact sticks at
     the begin, as in a gear that is loaded for the first time; against it some slip at once.

@@ -110,7 +110,7 @@ class IdentificationGoal:
         return ramp_peak(self.ramp_slope, self.ramp_period)
 
     def check(self, drive: Drive) -> None:
-        """Raise InputError where the drive cannot do what is asked."""
+        """Raise InputError if the drive cannot do the goal."""
         if self.ramp_peak > drive.current_limit:
             raise InputError(
                 f'ramp_slope and ramp_period: the ramps would reach {self.ramp_peak:g} A, above '

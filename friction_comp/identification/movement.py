@@ -48,7 +48,7 @@ class MotionGoal(Protocol):
         """Speeds in rad/s that it is to have, the least first."""
 
     def cycle(self, speed: float) -> tuple[float, float]:
-        """Return in what time in s, and on what way in rad, it goes there and back."""
+        """Return the time in s and the distance in rad of one cycle."""
 
 
 class Movement:
@@ -127,7 +127,7 @@ class Movement:
         return min(self.drive.current_limit, max(3.0 * push, 2.0 * known) + 2.0 * accelerating)
 
     def _expected(self, sign: int, speed: float) -> float:
-        """Current that friction will ask for at a speed, by the speeds held so far."""
+        """Return the current expected at a speed, from the speeds held so far."""
         known = [point for point in self.held if point.speed * sign > 0.0][-2:]
         if not known:
             return self._push[sign]
@@ -164,7 +164,7 @@ class Movement:
         return begin, samples, commands
 
     def _travel(self, target: float) -> Generator[float, Sample, None]:
-        """Go to a position and stand still there."""
+        """Travel to a position and stop there."""
         start = self.sample.position
         distance = target - start
         if abs(distance) > 0.01 * self.goal.motion_range:

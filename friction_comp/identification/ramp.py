@@ -19,7 +19,7 @@ _SPEED_SHARE, _COUNTS, _WAY_SHARE = 0.5, 2.0, 0.08
 
 
 class Sample(NamedTuple):
-    """What the script is handed: s, rad, A and degrees Celsius, the last two NaN where unknown."""
+    """A sample for the script: s, rad, A and degrees Celsius, the last two NaN where unknown."""
 
     time: float
     position: float
@@ -66,7 +66,7 @@ def time_of_ramp(elapsed: float, slope: float, stops: Sequence[float]) -> float:
 
 
 def level_that_moves(ramp: Ramp, slope: float, resolution: float) -> float | None:
-    """Return the current in A at which the joint goes on although the current rises no further.
+    """Return the current in A at which the joint keeps moving although the current is held.
 
     The first stop at which it does not come to rest; None where it does at each.
     """

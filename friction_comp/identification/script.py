@@ -193,7 +193,7 @@ class Script(FirstMotion):
             self._note_friction()
 
     def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
-        """Drive one cycle of Eq. 3; return the currents either way, None where the speed swung."""
+        """Drive one cycle of Eq. 3; return both directions' currents, None if the speed swung."""
         duration, width = self.goal.cycle(speed)
         yield from self._travel(self.centre - 0.5 * width)
         self.phase = 'velocity'
@@ -209,7 +209,7 @@ class Script(FirstMotion):
 
     def _evaluate(self, columns: np.ndarray, commands: np.ndarray, begin: float, speed: float,
                   duration: float) -> _Cycle | None:
-        """Return the currents at a speed either way, None where the speed was not held."""
+        """Return the currents of both directions at a speed, None if it was not held."""
         good = np.isfinite(columns[2])
         if np.mean(good) < 0.95:
             raise IdentificationError('the measured current is not finite')

@@ -24,7 +24,7 @@ LONGEST_GAP = 0.25      # s without a sample after which the joint is out of con
 
 
 class Steps(Protocol):
-    """What moves the joint: a generator of currents, and what is known of the joint meanwhile."""
+    """A generator of currents that moves the joint, and the current estimates of the joint."""
 
     drive: Drive
     phase: str
@@ -76,7 +76,7 @@ class SupervisedRun:
 
     @property
     def phase(self) -> str:
-        """What the run is doing."""
+        """The run's present step."""
         if self.error:
             return 'failed'
         return 'done' if self.finished else self._steps.phase

@@ -113,7 +113,7 @@ class Supervision:
             self._refuse_gain(answer)
 
     def known(self) -> bool:
-        """Tell whether the measured current is known to be the commanded one by now."""
+        """Return whether the measured current is known to be the commanded one by now."""
         answer = self._currents.answer()
         return (1.0 / _FACTOR <= answer.gain <= _FACTOR
                 and answer.error <= _KNOWN * answer.gain)
@@ -142,7 +142,7 @@ class Supervision:
             f'{self._currents.commanded:.3g} A: {current_fault(gain, self._drive)}')
 
     def warnings(self) -> list[str]:
-        """Return what is doubtful, in words."""
+        """Return warnings, in words."""
         gain = self._currents.gain(self._least, lately=False)
         if not math.isfinite(gain) or abs(gain - 1.0) <= _DOUBTFUL:
             return []
@@ -206,7 +206,7 @@ def _refuse_late(answer: Answer) -> None:
 
 def loaded(points: Sequence[KineticPoint], breakaway: tuple[float, float],
            spread: float) -> tuple[str, str]:
-    """Tell from a finished run whether something other than friction was measured.
+    """Return from a finished run whether something other than friction was measured.
 
     Friction takes as much in both directions, but for a few per cent. What adds to one and takes
     from the other is a load: gravity, a spring, or somebody who leans on the joint. Gravity is

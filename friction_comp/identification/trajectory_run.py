@@ -104,7 +104,7 @@ class TrajectoryGoal:
         return duration, 0.4 * speed * duration
 
     def check(self, drive: Drive) -> None:
-        """Raise InputError where the drive cannot do what is asked."""
+        """Raise InputError if the drive cannot do the goal."""
         if self.ramp_peak > drive.current_limit:
             raise InputError(
                 f'ramp_slope and ramp_period: the ramp would reach {self.ramp_peak:g} A, above '

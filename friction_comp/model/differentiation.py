@@ -154,7 +154,7 @@ def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 def _even(time: np.ndarray) -> bool:
-    """Tell whether all steps are alike."""
+    """Return whether all steps are alike."""
     step = np.diff(time)
     return float(np.ptp(step)) < _EVEN * float(np.median(step))
 

@@ -174,7 +174,7 @@ class FrictionModel:
         return self if len(lasting) == len(self.effects) else replace(self, effects=lasting)
 
     def with_arm(self, samples: Samples) -> Samples:
-        """Return recorded samples with what the rest of the arm asks of the joint."""
+        """Return recorded samples with the torques of the rest of the arm on the joint."""
         known = samples.rigid_body is not None or samples.coupling is not None
         return samples if known or self.arm is None else self.arm.on(samples, self.joint)
 

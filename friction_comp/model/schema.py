@@ -58,7 +58,7 @@ _MISS = 0.5
 
 
 def check_keys(document: dict[str, Any]) -> None:
-    """Refuse a model file's document with entries that nobody reads.
+    """Refuse a model file with unknown entries.
 
     Raises
     ------

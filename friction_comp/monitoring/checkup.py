@@ -34,7 +34,7 @@ _FEWEST, _ALIKE = 5, 1.25
 
 
 def check_system(seen: Observation) -> list[Finding]:
-    """Return what there is to say about a running system.
+    """Return the findings about a running system.
 
     Parameters
     ----------

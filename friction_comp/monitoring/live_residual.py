@@ -23,7 +23,7 @@ SIGNALS = ('load', 'temperature')
 
 
 class LiveResidual:
-    """Compares what one joint's motor was given with what its model asks for.
+    """Compares the measured current of one joint with its model.
 
     The motor and the person move the joint together, J·a = k_t·n·i + τ_b - F, so friction in A is
     i + τ_b/(k_t·n). Without a measured load the current alone is compared; that says nothing while
@@ -110,5 +110,5 @@ class LiveResidual:
         return samples.with_(current=self.model.measured(samples))
 
     def verdict(self) -> ModelFit:
-        """Return what the motion so far tells."""
+        """Return the verdict on the motion so far."""
         return self.watch.verdict()

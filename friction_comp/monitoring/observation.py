@@ -78,7 +78,7 @@ class StatesSeen:
 
 @dataclass
 class Observation:
-    """A running system, as it was seen for some seconds.
+    """A running system, observed for some seconds.
 
     Parameters
     ----------

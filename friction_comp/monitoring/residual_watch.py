@@ -145,7 +145,7 @@ class ResidualWatch:
         return float(np.sqrt(np.mean(_without_inertia(self._blocks[-blocks:]) ** 2)))
 
     def verdict(self) -> ModelFit:
-        """Return what the blocks so far tell."""
+        """Return the verdict on the blocks so far."""
         if len(self._blocks) < self._recent // 2:
             return ModelFit()
         last = self._blocks[-self._recent:]
@@ -164,7 +164,7 @@ class ResidualWatch:
 
 
 def _goes_with(blocks: np.ndarray, throughout: bool) -> tuple[tuple[str, float], ...]:
-    """Return what the residual goes with, in the one of three readings that is clearest.
+    """Return the variables that explain the residual, in the clearest of three readings.
 
     What resists turns round with the motion, what pushes does not, and a wear or a warming
     changes friction by a share of itself, which is the only reading if it does so throughout.
@@ -218,7 +218,7 @@ def _pieces(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
 
 
 def _without_inertia(blocks: np.ndarray) -> np.ndarray:
-    """Return the residual without what goes with acceleration: inertia is no friction."""
+    """Return the residual without its dependence on acceleration: inertia is no friction."""
     residual, acceleration = blocks[:, _RESIDUAL], blocks[:, _ACCELERATION]
     columns = np.column_stack((np.ones(len(blocks)), np.sign(blocks[:, _VELOCITY]), acceleration))
     fit = np.linalg.lstsq(columns, residual, rcond=None)[0]

@@ -91,7 +91,7 @@ class CompensationLoop:
             self.look_around(others)
 
     def changed(self) -> None:
-        """Let the current go on from where it is, since it is computed in another way now."""
+        """Continue from the present current after a change of law or model."""
         if self._first:
             self._fade = 'begin'
 
@@ -205,7 +205,7 @@ class CompensationLoop:
         return currents
 
     def _tell_unusable(self) -> np.ndarray:
-        """Tell why not every joint can be used; return which can, bool, shape (J,)."""
+        """Report why joints cannot be used; return which can, bool, shape (J,)."""
         states, joints = self.states, self._joints
         usable = np.isfinite(states.position)
         if states.velocity is not None:
@@ -289,7 +289,7 @@ class CompensationLoop:
             self.law.reset()
 
     def _tell_doubt(self) -> None:
-        """Tell which joints get no current, or less, because of what the law saw of them."""
+        """Report which joints get no current, or less, and why."""
         guards = self.law.guards
         doubtful = [joint for joint, doubt in zip(self._joints, guards['in doubt']) if doubt]
         if doubtful and self._silent_since is None:

@@ -124,7 +124,7 @@ class CompensatorNode(LifecycleNode):
         return self._load(files)
 
     def _check_parameters(self, parameters):
-        """Refuse what cannot be used; the node then goes on with what it has."""
+        """Refuse unusable values; the node continues with the present ones."""
         models = None
         for parameter in parameters:
             if parameter.name == 'law' and parameter.value not in LAWS:
@@ -276,7 +276,7 @@ class CompensatorNode(LifecycleNode):
         self._loop = None
 
     def let_go(self):
-        """Command zero current at once and for good; may be called from any thread."""
+        """Command zero current permanently; may be called from any thread."""
         loop = self._loop
         if loop is not None:
             loop.port.zero(for_good=True)

@@ -30,7 +30,7 @@ _FAREWELL = 0.5
 
 
 class DemoClient:
-    """A node of its own for a tool; closed with the ``with`` block.
+    """A separate node for a tool; closed with the ``with`` block.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class DemoClient:
         return self._status.get(node, {}).get(key)
 
     def forget(self, node):
-        """Forget what a node has said."""
+        """Discard a node's diagnostics so far."""
         self._status.pop(node, None)
 
     def until(self, condition, what, patience=None):

@@ -57,7 +57,7 @@ def per_joint(joints: Sequence[str], key: str, values: Iterable[float]) -> dict[
 
 
 class Rate:
-    """Counts events and says how many a second there were since it was last asked."""
+    """Counts events and returns their rate since the last call."""
 
     def __init__(self) -> None:
         self.count = 0

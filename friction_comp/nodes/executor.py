@@ -101,7 +101,7 @@ def _add(result: Any, begun: Any) -> None:
 
 
 class _Rest:
-    """What of a node is looked at now and then: services, actions, events, the other timers.
+    """The entities that are polled less often: services, actions, events, other timers.
 
     A wait set that is made once, and again only when the node has got or lost something, tells
     whether there is anything to do. rclpy makes one for every look, which takes milliseconds.
@@ -125,7 +125,7 @@ class _Rest:
         return getattr(self._node, name)
 
     def renew(self) -> None:
-        """Take note of what there is now."""
+        """Update the list of entities."""
         self._held.close()
         node = self._node
         self._slow = [timer for timer in node.timers if timer not in self._fast]
@@ -158,7 +158,7 @@ class _Rest:
         return begun
 
     def is_waiting(self) -> bool:
-        """Tell whether anything waits for rclpy to attend to it."""
+        """Return whether any of them is ready."""
         wait_set = self._wait_set
         wait_set.clear_entities()
         for kind, several in self._entities.items():
@@ -221,7 +221,7 @@ class StreamExecutor(Executor):
         return super().shutdown(timeout_sec)
 
     def spin_once(self, timeout_sec: Any = None) -> None:
-        """Take what has come, and look at the rest when it is time, or when not to wait."""
+        """Process ready messages, and poll the rest when it is due or when not waiting."""
         left = max(0.0, self._due - time.monotonic())
         self._attend(left if timeout_sec is None else min(left, timeout_sec))
         if timeout_sec == 0.0 or time.monotonic() >= self._due:

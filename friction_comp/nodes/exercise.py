@@ -178,7 +178,7 @@ class ExerciseNode(Node):
         self._show((now - self._start) / NANO)
 
     def _listened_to(self) -> bool:
-        """Tell whether all listeners are there, and had a moment to find out about it."""
+        """Return whether all listeners have been connected for a moment."""
         if self._start is not None or not self._listeners:
             return True
         if self._directions.get_subscription_count() < self._listeners:

@@ -69,7 +69,7 @@ class Faults:
         self._log(level, text)
 
     def gone(self, cause: str) -> None:
-        """Tell that a lasting fault has ended."""
+        """Record that a lasting fault has ended."""
         with self._lock:
             fault = self._faults.get(cause)
             if fault is not None and fault.lasting:
@@ -115,7 +115,7 @@ class Faults:
 
     @property
     def worst(self) -> tuple[bytes, str] | None:
-        """Level and words of what is wrong now, the latched first; None where nothing is."""
+        """Level and words of the present fault, latched ones first; None where there is none."""
         with self._lock:
             if self._latched:
                 return ERROR, '; '.join(self._latched.values()) + ' (latched)'

@@ -19,7 +19,7 @@ DEFAULT_SPEEDS = [math.radians(v) for v in (4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80
 
 
 def declare_defaults(node: Any) -> Any:
-    """Declare what a goal's empty or zero fields stand for and return it as a dict."""
+    """Declare the defaults of a goal's empty or zero fields and return them as a dict."""
     speeds = node.declare_parameter(
         'default_speeds', DEFAULT_SPEEDS, ParameterDescriptor(
             description='speeds of a goal that names none [rad/s]', read_only=True)).value

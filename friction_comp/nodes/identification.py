@@ -325,7 +325,7 @@ class IdentificationNode(Node):
         self._silent = True
 
     def _look(self) -> None:
-        """Look who publishes, and end a goal that nobody stands behind."""
+        """Check the publishers, and end a goal whose client is gone."""
         self._states.publishers = rivals(self, 'joint_states')
         if self._run is None:
             return
@@ -360,7 +360,7 @@ class IdentificationNode(Node):
         return OK, 'ready', values
 
     def let_go(self) -> None:
-        """Command zero current at once and for good; may be called from any thread."""
+        """Command zero current permanently; may be called from any thread."""
         self._port.zero(for_good=True)
 
     def leave(self) -> None:

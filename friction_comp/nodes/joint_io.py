@@ -208,7 +208,7 @@ class CommandPort:
         return self._matched
 
     def is_lost(self, sent: int) -> bool:
-        """Tell whether a state that comes again was sent since its answer was lost.
+        """Return whether a state that comes again was sent since its answer was lost.
 
         Parameters
         ----------

@@ -67,7 +67,7 @@ class JointColumns:
                 self._pick(message.effort))
 
     def find(self, names: list[str]) -> None:
-        """Look where the joints stand among the names of a message."""
+        """Find the indices of the joints in the names of a message."""
         index_of = {name: k for k, name in enumerate(names)}
         columns = [index_of.get(name, -1) for name in self._joints]
         # As they stand, the most frequent case, needs no picking.
@@ -244,7 +244,7 @@ class JointStateInput:
         return bool(self.wrong)
 
     def _contested(self, sequence: int, now: int) -> bool:
-        """Tell whether two publishers send a joint of the message now."""
+        """Return whether two publishers send a joint of the message now."""
         known, clashing = self._numbers, []
         for j, joint in enumerate(self._joints):
             if joint not in self._columns.missing:
@@ -269,12 +269,12 @@ class JointStateInput:
 
 
 def are_finite(values: np.ndarray) -> bool:
-    """Tell whether all of a few values are finite; several times as fast as with numpy."""
+    """Return whether all of a few values are finite; several times as fast as with numpy."""
     return all(map(math.isfinite, values.tolist()))
 
 
 def within(values: np.ndarray, limit: float) -> bool:
-    """Tell whether all of a few values are numbers and not beyond a limit; as fast."""
+    """Return whether all of a few values are numbers and not beyond a limit; as fast."""
     return all(-limit <= value <= limit for value in values.tolist())
 
 

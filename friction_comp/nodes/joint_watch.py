@@ -113,7 +113,7 @@ class LiveSignals:
 
 
 class JointWatch:
-    """Watches one joint's model, and a new one beside the old one while it is on trial.
+    """Watches one joint's model, and a new model while it is on trial.
 
     Parameters
     ----------

@@ -150,7 +150,7 @@ class LiveFeed:
                 self._use(joint, path)
 
     def _use(self, joint, path):
-        """Show a joint beside the model that its compensator says it uses."""
+        """Show a joint with the model that its compensator reports."""
         if self._found.get(joint, ('', None))[0] != path:
             model = None
             # A model file on another machine cannot be shown here.

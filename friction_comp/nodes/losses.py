@@ -22,7 +22,7 @@ class _Stream:
 
 
 class Losses:
-    """Tells a loss from another publisher.
+    """Distinguishes lost messages from another publisher's.
 
     Each publisher numbers its messages, but who sent which is not said. Numbers that follow each
     other are one publisher's. Where one breaks off and another begins further on, while nobody

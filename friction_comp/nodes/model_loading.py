@@ -77,7 +77,7 @@ class Loading:
 
 
 def try_model(model: FrictionModel, gravity: str, path: str) -> None:
-    """Let a model run in a law of its own for a movement to and fro.
+    """Run a model in a separate law for a movement to and fro.
 
     Raises
     ------

@@ -43,7 +43,7 @@ class _Parser(argparse.ArgumentParser):
 
 def run(name: str, description: str, make_node: Callable[[], Any],
         argv: Sequence[str] | None = None) -> int:
-    """Start a node, spin it until it is done or told to stop, and let it leave in order.
+    """Start a node, spin it until it is done or stopped, and shut it down in order.
 
     Signals are not left to rclpy: it would tear the context down at once, and then no zero
     current could be sent any more.
@@ -124,7 +124,7 @@ def _compile(logger: Any) -> None:
 
 
 class _Signals:
-    """Catches signals, and reports them at once.
+    """Catches signals.
 
     Python's own handlers wait until the main thread comes back from what it does. A thread hears
     of the signal through a pipe that the interpreter writes to without waiting for anything.

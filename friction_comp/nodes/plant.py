@@ -52,7 +52,7 @@ class Pace:
         self._due = 0.0
 
     def goes_on(self, pace: float, step: int, now: int) -> bool:
-        """Tell whether a step may be taken now; if so, it is taken to be.
+        """Return whether a step may be taken now; if so, it is taken to be.
 
         Parameters
         ----------
@@ -279,7 +279,7 @@ class PlantNode(Node):
     # Lockstep.
 
     def _is_answer(self, message: Any) -> bool:
-        """Tell whether a command answers the present state, as far as it says."""
+        """Return whether a command answers the present state, as far as it says."""
         label = message.layout.dim[0].label if message.layout.dim else ''
         return label != UNASKED and (not label.isdigit() or int(label) == self._stamp)
 
@@ -316,7 +316,7 @@ class PlantNode(Node):
         self._ticks.publish(self._clock_message)
 
     def _look(self) -> None:
-        """Ask again for what does not come: endpoints find each other in their own time."""
+        """Repeat requests without an answer, since discovery takes time."""
         self._advance()
         self._looks += 1
         if self._looks >= 2:

@@ -85,7 +85,7 @@ class RecentPast:
         return (self._newest - self._messages[0].stamp) / NANO
 
     def last(self, seconds: float = 0.0) -> list[Message]:
-        """Return the messages of the last s; all where zero or less is asked for."""
+        """Return the messages of the last s; all of them for zero or less."""
         if seconds <= 0.0:
             return list(self._messages)
         since = self._newest - seconds * NANO

@@ -128,7 +128,7 @@ class RecordedTopic:
         self._received_at.clear()
 
     def offered(self) -> list[dict[str, Any]]:
-        """Return what the publishers offer, as a recording notes it; empty if none is known."""
+        """Return the publishers' quality of service as a recording notes it, if known."""
         offers = {offer for _, offer in self._publishers} or {
             (info.qos_profile.reliability, info.qos_profile.durability)
             for info in self._node.get_publishers_info_by_topic(self.name)}

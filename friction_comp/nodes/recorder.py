@@ -23,7 +23,7 @@ _FLUSH = 0.25
 
 
 class RecorderNode(Node):
-    """Writes every message as it went over the wire, at once, and counts what was lost."""
+    """Writes every serialised message at once, and counts lost ones."""
 
     finished = False
     fast_timers = ()

@@ -44,5 +44,5 @@ def start_ros(name: str, arguments: Sequence[str], context: Context | None = Non
 
 
 def without_places(error: Exception) -> str:
-    """Return the words of an error of rcl without the places in its source, which help nobody."""
+    """Return an error of rcl without its source locations."""
     return re.sub(r',? at \S+:\d+', '', str(error))

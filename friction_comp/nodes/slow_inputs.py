@@ -55,7 +55,7 @@ class Direction:
         self._disputed: list[int | None] = [None] * len(self._zeros)
 
     def begin(self, time: int) -> None:
-        """Joint states begin at a time in ns: what was announced before is no later than that.
+        """Joint states begin at a time in ns; earlier announcements count from then.
 
         Until then only the node's own clock could tell when it came, and a driver's clock that is
         behind would let it outlast the announcements that follow.

@@ -145,7 +145,7 @@ class _Look:
             for info in infos if info.node_name != NAME]
 
     def _parameters(self, name: str) -> Any:
-        """Return a node's parameters; empty where it does not tell them."""
+        """Return a node's parameters; empty where it does not answer."""
         listed = self._call(ListParameters, f'{name}/list_parameters', ListParameters.Request())
         names = list(listed.result.names)[:_MOST] if listed else []
         values = self._call(GetParameters, f'{name}/get_parameters',

@@ -39,7 +39,7 @@ def message_of(trajectory: Trajectory, later: float = 0.0) -> Any:
 
 
 class TrajectoryClient(DemoClient):
-    """A node of its own for a tool that plays trajectories; closed with the ``with`` block."""
+    """A separate node for a tool that plays trajectories; closed with the ``with`` block."""
 
     def play(self, trajectory: Trajectory, report: Callable[[float, str], None],
              ramp_slope: float = 0.0, ramp_period: float = 0.0) -> None:

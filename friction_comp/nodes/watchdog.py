@@ -61,7 +61,7 @@ class Watchdog:
         return self
 
     def feed(self) -> None:
-        """Tell that all is well now."""
+        """Reset the watchdog."""
         with self._lock:
             self._fed = self._clock()
             asleep, self._idle = self._idle, False

@@ -99,7 +99,7 @@ class ExperimentOutcome:
 def run_experiment(experiment: Experiment, table: Callable[[], tuple[IdentificationResult, float]],
                    cycles: int, seed: int, report: Callable[[float, str], None]
                    ) -> ExperimentOutcome:
-    """Run everything but the look-up table, which takes its time and was made beside.
+    """Run everything but the look-up table, which is made in another process.
 
     Parameters
     ----------

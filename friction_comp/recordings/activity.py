@@ -44,7 +44,7 @@ class Activity:
 
     @property
     def models(self) -> dict[str, str]:
-        """Joint to its model file; empty where these are not told."""
+        """Model file of each joint; empty where they are not reported."""
         joints, models = self.joints.split(', '), self.model.split(', ')
         return dict(zip(joints, models)) if self.model and len(joints) == len(models) else {}
 
@@ -95,7 +95,7 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]], begin: int) -> list[
 
 
 def compensator_says(status: Any, time: int = 0) -> Activity | None:
-    """Return what a diagnostic status says of a compensator; None where it is another node's.
+    """Return a compensator's state from a diagnostic status; None for another node's.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ values side by side would fill the memory for the sake of one."""
 
 
 class _Cursor:
-    """Walks through one message and notes where what lies.
+    """Walks through one message and notes the offset of each field.
 
     Attributes
     ----------

@@ -59,7 +59,7 @@ class Remembered:
 
 @dataclass
 class History:
-    """The recordings of a drive, and what was done to it.
+    """The recordings of a drive, and notes of what was done to it.
 
     Parameters
     ----------
@@ -77,12 +77,12 @@ class History:
 
     @staticmethod
     def path_of(model: str | Path) -> Path:
-        """Return where the history of a model file lies: beside it."""
+        """Return the path of a model file's history, in the same folder."""
         return Path(model).with_suffix('.history.npz')
 
     @classmethod
     def beside(cls, model: str | Path, drive: Drive) -> History:
-        """Return the history beside a model file, an empty one where there is none.
+        """Return a model file's history, an empty one where there is none.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class History:
         return self.samples()
 
     def note(self, text: str) -> None:
-        """Keep what was done to the drive today."""
+        """Add a note of what was done to the drive today."""
         self.notes = sorted([*self.notes, (date.today().isoformat(), text)])
 
     def samples(self) -> list[Samples]:

@@ -64,7 +64,7 @@ class SyncedFile:
         return len(data)
 
     def tell(self) -> int:
-        """Return the size with what has not gone out yet."""
+        """Return the size, including what is not yet written."""
         return self._size + len(self._pending)
 
     def flush(self) -> None:
@@ -196,7 +196,7 @@ class McapPart:
         self._writer.flush()
 
     def wait(self) -> None:
-        """Wait until what was flushed is in the system's hands."""
+        """Wait until flushed data are written."""
         self._stream.wait()
 
     def finish(self, metadata: str) -> None:

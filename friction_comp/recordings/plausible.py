@@ -112,7 +112,7 @@ def _check_command(samples: Samples, where: str) -> None:
 
 
 def _check_power(samples: Samples, where: str) -> None:
-    """Refuse an effort that goes with the motion the way only a reversed one does.
+    """Refuse an effort whose power over the motion shows a reversed sign.
 
     At one position, gravity is the same both ways, and friction asks for more torque along the
     motion than against it. Where a command or the person's torque is known, this is no sign of an

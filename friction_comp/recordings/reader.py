@@ -321,7 +321,7 @@ def to_samples(scan: Scan, joint: str | None,
 
 
 def _others_moved(scan: Scan, joint: str) -> bool:
-    """Tell whether another joint of the recording was moved."""
+    """Return whether another joint of the recording was moved."""
     positions = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
               for name, values in track.values.items() if name != joint]
     return any(len(position) > 0 and np.ptp(position) > 0.01 for position in positions)

@@ -24,12 +24,12 @@ _ZSTD = b'\x28\xb5\x2f\xfd'
 
 
 def is_storage(path: Path) -> bool:
-    """Tell whether a file is, by its name, one that holds messages."""
+    """Return whether a file is, by its name, one that holds messages."""
     return path.name.endswith(SUFFIXES)
 
 
 def belongs_to_folder(folder: Path) -> bool:
-    """Tell whether a folder's storage files are parts of one recording that lacks its metadata.
+    """Return whether a folder's storage files are parts of one recording that lacks its metadata.
 
     rosbag2 calls them after the folder, with a number.
     """
@@ -166,7 +166,7 @@ def unreadable(path: Path, reason: str) -> InputError:
 
 
 def unpack(payload: bytes) -> bytes:
-    """Return a message that rosbag2 compressed on its own as it was, others as they are."""
+    """Return a message, decompressed if rosbag2 compressed it."""
     if payload[:4] != _ZSTD:
         return payload
     return zstandard.ZstdDecompressor().decompressobj().decompress(payload)

@@ -105,7 +105,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
 
 
 def _scans(scanner: Scanner | TableScanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
-    """Yield what was read for each stretch, and whether it is the last."""
+    """Yield the scan of each stretch, and whether it is the last."""
     for store in scanner.batches():
         if store.signal != 'joint_states':
             continue

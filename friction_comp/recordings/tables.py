@@ -34,7 +34,7 @@ Columns = dict[str, np.ndarray]
 
 
 def is_table(path: Path) -> bool:
-    """Tell whether a file is, by its name, a table."""
+    """Return whether a file is, by its name, a table."""
     return path.name.lower().endswith(TABLES)
 
 

@@ -249,7 +249,7 @@ class RecordingWriter:
         part.finish(self._metadata([part]))
 
     def _failed(self, error: OSError) -> InputError:
-        """Close what there is and return the error that says so."""
+        """Close the files and return the error."""
         for part in self._finished if self._part is None else [*self._finished, self._part]:
             part.drop()
         self._part = None

@@ -140,7 +140,7 @@ def eq6_alone(question: Question, settings: dict[str, Any]) -> Fit:
 
 
 class Attempt:
-    """A search among all terms that the residual makes worth trying, in one table.
+    """A search among all terms that the residual proposes, in one table.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class Attempt:
         self.offer(given)
 
     def offer(self, keys: Sequence[Key]) -> None:
-        """Make the terms worth trying beside those of a fit the candidates."""
+        """Propose candidate terms beside those of a fit."""
         table = self.table
         wanted = proposals(table, keys)
         self._held.update(keys)
@@ -167,7 +167,7 @@ class Attempt:
             (table.terms[key].kind.variable == 'time') == self._clock)]
 
     def starts(self) -> list[list[Key]]:
-        """Return where to start: from all of plain physics, and with the links beside a joint.
+        """Return the starts of the search: all plain physics, and with the links beside a joint.
 
         Weight, spring and inertia may cancel in a motion, so that each helps with the others alone.
         """
@@ -213,7 +213,7 @@ class Attempt:
 
 def search_at(question: Question, settings: dict[str, Any] | None = None,
               begin: Sequence[Term] | None = None) -> Fit:
-    """Return what is found with one way of computing velocity from position.
+    """Return the fit for one way of computing velocity from position.
 
     Of the ends of several searches the one with the least error counts, a term being worth
     `LEAST_SHARE` of it.
@@ -279,7 +279,7 @@ def searched(question: Question) -> Fit:
 
 
 def _share_of_draws(late: Fit, early: Fit) -> float:
-    """Return in what share of draws of blocks a lag lowers the error as it has to."""
+    """Return the share of resampled block sets in which a lag lowers the error enough."""
     rng = np.random.default_rng(2)
     with_lag, without = (np.bincount(found.table.block, found.errors()) for found in (late, early))
     if len(with_lag) != len(without):

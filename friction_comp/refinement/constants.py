@@ -43,7 +43,7 @@ class Knob(NamedTuple):
 
 
 def at_limit(term: Term, table: Table) -> bool:
-    """Tell whether a constant is where the effect would turn into another one.
+    """Return whether a constant is where the effect would turn into another one.
 
     A warm-up slower than the recording is a drift, a bump as wide as the range a spring.
     """

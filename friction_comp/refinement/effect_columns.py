@@ -51,7 +51,7 @@ class Term:
 
     @property
     def key(self) -> Key:
-        """What tells it from another term: the effect's name, its constants and the group."""
+        """The term's key: the effect's name, its constants and the group."""
         return (self.kind.name, *self.constants.values(), self.group)
 
     def columns(self, rows: Rows) -> np.ndarray:
@@ -66,7 +66,7 @@ class Term:
         return replace(self, constants={**self.constants, **changes})
 
     def same_effect(self, other: Term, span: float) -> bool:
-        """Tell whether another term is the same effect, with constants that differ little.
+        """Return whether another term is the same effect, with constants that differ little.
 
         Parameters
         ----------
@@ -203,7 +203,7 @@ class Table:
         return base + [column for key in keys for column in self._columns_of[key]]
 
     def residual(self, keys: Sequence[Key], derivatives: bool = True) -> np.ndarray:
-        """Return what a fit of some terms to all blocks leaves over, shape (R,)."""
+        """Return the residual of a fit of some terms to all blocks, shape (R,)."""
         indices = self.indices(keys, derivatives)
         return np.asarray(self.target - self.sums.fit(indices) @ self.columns[indices])
 
@@ -234,7 +234,7 @@ class Table:
         return self.sums.left_out(columns, self.block)
 
     def turn(self, keys: Sequence[Key], rounds: int = 4) -> None:
-        """Move the transition of Eq. 6 to where a fit with some terms asks for it.
+        """Move the transition of Eq. 6 to the optimum of a fit with some terms.
 
         By the Gauss-Newton method: the coefficients of the derivatives say how far.
         """
@@ -301,7 +301,7 @@ class Table:
 
 
 def _signs_of(term: Term, count: int) -> list[int]:
-    """Return the sign that physics asks of each of a term's coefficients, 0 where it is free."""
+    """Return the sign that each of a term's coefficients must have, 0 where it is free."""
     wanted = list(term.kind.signs[:count]) if term.group is None else []
     return wanted + [0] * (count - len(wanted))
 
@@ -316,7 +316,7 @@ def kinds_for(rows: Rows) -> list[type[Effect]]:
 
 
 def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
-    """Return the terms worth trying beside those of a fit."""
+    """Return the terms to try beside those of a fit."""
     look, terms = table.look(keys), []
     for kind in kinds_for(table.rows):
         if not kind.uses_inner_load or look.loads:

@@ -87,11 +87,11 @@ class Elsewhere:
             keys = [key for key in keys if key not in out]
 
     def _score(self, keys: Sequence[Key]) -> float:
-        """Return the mean logarithm of these errors: no way to cut decides alone."""
+        """Return the mean logarithm of these errors, so that no single cut decides."""
         return float(np.mean(np.log(list(self.squares(keys).values()))))
 
     def _useless(self, keys: Sequence[Key]) -> bool:
-        """Tell whether zero would predict some third about as well."""
+        """Return whether zero would predict some third about as well."""
         target = self._table.target
         worst = max(self.squares(keys).values())
         return worst > EXPLAINS_NOTHING ** 2 * float(target @ target)

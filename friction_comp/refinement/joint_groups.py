@@ -68,7 +68,7 @@ def neighbourhood(names: Sequence[str], own: str) -> list[Group]:
 
 
 def follows(group: Group, names: Sequence[str]) -> bool:
-    """Tell whether a group is the weight of a link whose angle neighbouring joints add up to."""
+    """Return whether a group is the weight of a link whose angle neighbouring joints add up to."""
     places = sorted(list(names).index(name) for name, _ in group.angles)
     return (group.kind == 'weight' and all(side > 0 for _, side in group.angles)
             and places[-1] - places[0] == len(places) - 1)

@@ -155,7 +155,7 @@ def noise_floor(rows: Rows, residual: np.ndarray) -> float:
 
 
 def experiment(first: str, second: str) -> str:
-    """Return the recording that would tell two variables apart."""
+    """Return the recording that would separate two variables."""
     known = _EXPERIMENTS.get(frozenset((first, second)))
     return known or (f'record motion in which {first} changes while {second} does not, and the '
                      'other way round')
@@ -197,7 +197,7 @@ def ambiguities(fit: Fit, stability: Stability) -> list[dict[str, Any]]:
 
 
 def pushes(rows: Rows) -> bool:
-    """Tell whether friction would have to push for a plain drive to explain the current.
+    """Return whether friction would have to push for a plain drive to explain the current.
 
     Eq. 6, inertia, weight, spring and load, once with the signs that physics asks for and once
     with any. Where the second predicts much better, the current is a controller's answer, the joint
@@ -289,7 +289,7 @@ def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Findin
 
 
 def moves_as_one(rows: Rows) -> bool:
-    """Tell whether a joint's position is a linear function of those of the others."""
+    """Return whether a joint's position is a linear function of those of the others."""
     if rows.motion is None:
         return False
     position = rows.motion[0][rows.start]

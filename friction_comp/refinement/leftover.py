@@ -182,7 +182,7 @@ def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np
 
 
 def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) -> list[Dependence]:
-    """Return the variables that the recording cannot tell from those found."""
+    """Return the variables that the recording cannot separate from those found."""
     known = {item.variable for item in dependences}
     more = []
     for item in dependences:

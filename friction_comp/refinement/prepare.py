@@ -238,7 +238,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
 
 
 def moved_again(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
-    """Return the same rows with motion computed in another way."""
+    """Return the same rows with motion computed with other settings."""
     motion = None
     if rows.joints:
         motion = moving_states(raw, list(rows.joints), for_all(raw, settings))
@@ -317,7 +317,7 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
 
 
 def distinct(position: np.ndarray) -> float:
-    """Return how many positions the encoder tells apart over the range that was moved.
+    """Return how many positions the encoder resolves over the range of motion.
 
     Few samples on a fine encoder have few values too, but hardly any twice: infinite then.
     """

@@ -28,7 +28,7 @@ _START, _SLOW = 0.1, 0.05
 
 
 def differentiations(samples: Samples) -> list[dict[str, Any]]:
-    """Return the ways to differentiate that are compared."""
+    """Return the differentiation settings that are compared."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
     values = [*(value for value in BANDWIDTHS if value <= 0.3 * rate), None]
     sources = ['position']
@@ -162,7 +162,7 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
 
 def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str], load: float
                   ) -> dict[str, Any]:
-    """Return the way to differentiate by which a plain drive predicts other blocks best.
+    """Return the differentiation settings with which a plain drive predicts other blocks best.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def moved_beside(samples: Samples) -> list[str]:
-    """Return all joints that moved, where no links say what they ask of this one; or none."""
+    """Return all joints that moved, where no rigid bodies are known; or none."""
     known = samples.rigid_body is not None or samples.coupling is not None
     if samples.arm is None or known or samples.joint not in samples.arm.joints:
         return []

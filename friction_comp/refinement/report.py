@@ -138,7 +138,7 @@ def written_as_judged(rows: Rows, fit: Fit, after: Errors) -> list[Finding]:
 
 
 def limits(rows: Rows) -> list[Dependence]:
-    """Return on what it depends most whether the current is at a limit; nothing where it is not."""
+    """Return the variable that decides whether the current is at a limit, if it is."""
     if not rows.clipped.any():
         return []
     share = float(rows.clipped.mean())
@@ -170,7 +170,7 @@ def friction_of(o: Outcome) -> dict[str, Any]:
 
 
 def correlations_of(o: Outcome) -> list[dict[str, Any]]:
-    """Return the pairs of numbers of which the recording tells a sum better than each."""
+    """Return the correlated pairs of numbers."""
     table = o.fit.table
     names: dict[Number, str] = {}
     for column, name in zip((0, 1, 2), ('offset', 'Coulomb friction', 'viscous friction')):
@@ -221,7 +221,7 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
 
 
 def known_load(o: Outcome, key: Key) -> bool:
-    """Tell whether a term is the load with the coefficient -1/(k_t·n), beside a model given.
+    """Return whether a term is the load with the coefficient -1/(k_t·n), beside a model given.
 
     `FrictionModel.measured` counts that for every model: it is no lack of this one.
     """

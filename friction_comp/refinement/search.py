@@ -75,7 +75,7 @@ class Split:
 
     def borne_out(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                   share: float = 1.0) -> bool:
-        """Tell whether errors are lower by more than chance makes them.
+        """Return whether errors are lower by more than chance makes them.
 
         Where several joints moved, a term has to help in regions of posture that were not
         fitted, too.
@@ -170,7 +170,7 @@ class Search:
         return total(self.errors(keys))
 
     def complete(self, keys: Sequence[Key]) -> list[Key]:
-        """Return terms with those of the joint itself that groups of other joints stand beside.
+        """Return terms with the joint's own terms that groups of other joints need.
 
         An inertia that other joints change, or a weight that they share, is one of the joint to
         begin with: the group alone would have to stand in for both, and fail in other postures.

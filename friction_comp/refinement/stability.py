@@ -51,7 +51,7 @@ class Stability:
                          {names.get(key, key): value for key, value in self.instead.items()})
 
     def named(self, key: Key) -> bool:
-        """Tell whether a term is chosen often enough to be named."""
+        """Return whether a term is chosen often enough to be named."""
         return self.chosen.get(key, 0.0) >= NAMED
 
 
@@ -121,7 +121,7 @@ class Intervals:
     correlations: dict[tuple[Number, Number], float] = field(default_factory=dict)
 
     def without_zero(self, places: Sequence[int], signs: np.ndarray) -> bool:
-        """Tell whether the interval of any of a term's coefficients leaves zero out.
+        """Return whether the interval of any of a term's coefficients leaves zero out.
 
         Parameters
         ----------
@@ -136,7 +136,7 @@ class Intervals:
 
 
 def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
-    """Return intervals from fits to blocks drawn anew.
+    """Return intervals from fits to resampled blocks.
 
     Constants take part by their derivatives, so that what a coefficient owes to an uncertain
     constant is in its interval.

@@ -20,7 +20,7 @@ class Threshold(float):
     reason: str
 
     def __new__(cls, value: float, unit: str, reason: str) -> Threshold:
-        """Make a number that knows what it is."""
+        """Make a number with a unit and a reason."""
         made = super().__new__(cls, value)
         made.unit, made.reason = unit, reason
         return made

@@ -75,7 +75,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                models: dict[str, FrictionModel] | None = None, declared: bool = False,
                only: Sequence[str] | None = None,
                progress: Callable[[float, str], None] | None = None) -> ArmResult:
-    """Fit an arm's rigid bodies, and find what each joint's model lacks beside them.
+    """Fit an arm's rigid bodies, then refine each joint.
 
     Parameters
     ----------

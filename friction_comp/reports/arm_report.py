@@ -151,7 +151,7 @@ def _within(value: float, bounds: list[float | None]) -> str:
 
 
 def _scale(value: float, bounds: list[float | None]) -> str:
-    """Return a current per torque, or that the recording does not tell it."""
+    """Return a current per torque, or that the recording does not determine it."""
     low, high = bounds
     if low is None or high is None or high > _TELLS * low:
         ends = '' if low is None else f' ({number(low)} to {number(high)})'

@@ -93,7 +93,7 @@ def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list
 
 @styled
 def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
-    """Draw the back-driving torque of all trials, one movement beside the other."""
+    """Draw the back-driving torque of all trials, movements side by side."""
     movements = ('positive', 'negative')
     figure, axes = new_figure(1, 2, width=8.4, height=3.4, sharey='row', squeeze=False)
     for below, movement in zip(axes[0], movements):

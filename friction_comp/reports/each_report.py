@@ -92,7 +92,7 @@ def each_report(content: dict[str, Any]) -> Report:
 
 @styled
 def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
-    """Draw the error before and after, one recording beside the other."""
+    """Draw the error before and after, recordings side by side."""
     rows = sorted(rows, key=lambda row: row['joint'])
     figure, axes = new_figure(width=8.4, height=3.2)
     at = np.arange(len(rows))

@@ -201,7 +201,7 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
 
 
 def add_evaluation(report: Report, evaluation: Evaluation) -> None:
-    """Add an evaluation to a report: what everybody wants to know, then what an engineer does.
+    """Add an evaluation to a report: the main result first, then the details.
 
     Parameters
     ----------

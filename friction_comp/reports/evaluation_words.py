@@ -69,7 +69,7 @@ def peak_text(torque: float, stuck: int, digits: int = 3) -> str:
 
 
 def verdict(evaluation: Evaluation) -> str:
-    """Return in a sentence what the direction announced is worth to the person."""
+    """Return in a sentence how much announcing the direction helps the person."""
     compared, change = evaluation.compared('peak_torque'), evaluation.peak_reduction
     two = evaluation.pair()
     if compared is not None and change is not None and two is not None:
@@ -140,7 +140,7 @@ def heading(name: str) -> str:
 
 
 def with_interval(value: Interval | None) -> str:
-    """Return a mean with half of its interval, in as many digits as that is worth."""
+    """Return a mean with half of its interval, in as many digits as are significant."""
     if value is None:
         return '–'
     if value.low is None or value.high is None:

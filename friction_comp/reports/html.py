@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Link(NamedTuple):
-    """What a table's cell says, and the file, beside the page, that it leads to."""
+    """A table cell's text, and the file that it links to."""
 
     text: str
     target: str

@@ -182,7 +182,7 @@ class _Page:
         return plots
 
     def update(self) -> None:
-        """Show what there is now."""
+        """Show the present state."""
         now = time.monotonic()
         if self._feed.duration:
             if self._play.active:

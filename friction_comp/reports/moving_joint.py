@@ -153,7 +153,7 @@ def _scene(scene: MovingScene, moments: np.ndarray, largest: float, middle: floa
 
 
 def _base(ink: str) -> str:
-    """Return what stands still: the upper arm, and the level of the middle angle."""
+    """Return the fixed parts: the upper arm, and the level of the middle angle."""
     x, y = _PIVOT
     return (f'<line x1="{x}" y1="{y}" x2="{x}" y2="{y - 72}" stroke="{ink}" stroke-opacity="0.3" '
             f'stroke-width="22" stroke-linecap="round"/><line x1="{x}" y1="{y}" '

@@ -171,7 +171,7 @@ def steps_figure(result: RefineResult) -> Figure:
 
 @styled
 def residual_figure(result: RefineResult, name: str, label: str) -> Drawn:
-    """Return the residual over a signal, before beside after."""
+    """Return the residual over a signal, before and after side by side."""
     figure, both = new_figure(columns=2, height=2.8, sharey=True)
     rows = result.usable
     x = getattr(result.samples, name)[rows]

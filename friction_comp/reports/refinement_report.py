@@ -212,7 +212,7 @@ def change_rows(result: RefineResult) -> list[list[Any]]:
 
 
 def wave_words(result: RefineResult) -> str:
-    """Return what the largest wave left over position is, and why it has no name."""
+    """Return the largest wave of the residual over position, and why it has no name."""
     k, size = spectrum(result, result.after)
     left = result.after[result.usable]
     if not len(k) or not np.any(left):
@@ -261,7 +261,7 @@ def formula(model: FrictionModel, unit: str = 'A') -> str:
 
 
 def online_words(model: FrictionModel) -> str:
-    """Return what the compensator does with the effects."""
+    """Return how the compensator uses the effects."""
     lines = []
     for effect in model.effects:
         reason = effect.why_left_out()

@@ -104,7 +104,7 @@ class ArmFit:
     intervals: LinkIntervals
 
     def torque(self, samples: Samples) -> np.ndarray:
-        """Return the torque in N·m that the links ask of a joint, shape (N,).
+        """Return the torque in N·m of the links on a joint, shape (N,).
 
         The torque in each stretch of a recording is that of links fitted without this stretch, so
         that what is predicted with it there was not fitted to it.

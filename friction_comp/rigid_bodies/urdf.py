@@ -181,7 +181,7 @@ def _read(library: Any, path: str | Path) -> Any:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Keep what the XML parser writes to standard error by itself from the user."""
+    """Suppress what the XML parser writes to standard error."""
     sys.stderr.flush()
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)

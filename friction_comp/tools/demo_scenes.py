@@ -153,14 +153,14 @@ class Wear(Stage):
         return str(words)
 
     def _gather(self) -> None:
-        """Move on until there is as much to refine from as is asked for."""
+        """Keep moving until there are enough data to refine from."""
         with progress('moves on, to have enough to refine from') as show:
             while (now := self._now()) < self.past:
                 self._ros.wait(0.1)
                 show(now / self.past)
 
     def _judged(self) -> str:
-        """Move on with the refined model until the watch can tell of it; return its words."""
+        """Keep moving with the refined model until the watch has a verdict; return its words."""
         begin, least = self._now(), self._arguments.repetitions * self.period + 1.0
         words = ''
         with progress('moves on with the refined model') as show:

@@ -114,7 +114,7 @@ class Stage(ABC):
 
 def tell(arguments: Namespace, client: Callable[..., DemoClient],
          scene: Callable[..., Stage]) -> int:
-    """Run a scene in processes of its own and return the exit code.
+    """Run a scene in separate processes and return the exit code.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def _open_page(output: Path) -> subprocess.Popen[str]:
 
 
 def make_room(output: Path) -> None:
-    """Remove an earlier demo's results; what else is in the folder stays."""
+    """Remove an earlier demo's results and nothing else."""
     for name in ('recordings', 'models', 'logs'):
         shutil.rmtree(output / name, ignore_errors=True)
     for name in ('report.html', 'report.json', 'repetitions.csv'):

@@ -47,7 +47,7 @@ TRIALS = (
 
 
 class Demo(Stage):
-    """The story that the demo tells, step by step.
+    """The demo's main scene, step by step.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Demo(Stage):
         self._recorded = name, title
 
     def _evaluate(self) -> None:
-        """Evaluate the last trial, if that has not been done, and tell what it shows."""
+        """Evaluate the last trial, if that has not been done, and print the result."""
         if self._recorded is None:
             return
         (name, title), self._recorded = self._recorded, None

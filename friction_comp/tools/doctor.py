@@ -78,7 +78,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def check_machine() -> Iterator[Finding]:
-    """Give what there is to say about this machine."""
+    """Yield the findings about this machine."""
     from friction_comp.monitoring.network import loopback_fault
     from friction_comp.monitoring.observation import Finding, NOTE, OK, PROBLEM, WARNING
 
@@ -144,7 +144,7 @@ def _version(name: str) -> str:
 
 
 def look(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
-    """Return what there is to say about what runs."""
+    """Return the findings about the running system."""
     from friction_comp.monitoring.checkup import check_system
     from friction_comp.monitoring.observation import Finding, OK
     from friction_comp.nodes.system_probe import middleware, observe

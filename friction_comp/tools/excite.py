@@ -131,7 +131,7 @@ def add_limits(parser: Arguments) -> None:
 
 
 def limits_of(arguments: Namespace) -> list[JointLimits]:
-    """Return what the joints may do, by `add_limits` and --joint.
+    """Return the joints' limits, by `add_limits` and --joint.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def _yaml(value: object) -> str:
 
 
 class Nodes:
-    """Runs nodes of this package, each in a process of its own.
+    """Runs nodes of this package, each in a separate process.
 
     Leaving the ``with`` block ends them all.
 
@@ -86,15 +86,15 @@ class Nodes:
                     f'node {name} ended with status {process.returncode}: {self._last(name)}')
 
     def started(self, name: str) -> bool:
-        """Tell whether a node was started and is not known to have ended."""
+        """Return whether a node was started and is not known to have ended."""
         return name in self._running
 
     def alive(self, name: str) -> bool:
-        """Tell whether a node's process is there."""
+        """Return whether a node's process is there."""
         return self._running[name].poll() is None
 
     def ended(self, name: str) -> bool:
-        """Tell whether a node has ended by itself; a failure raises InputError."""
+        """Return whether a node has ended by itself; a failure raises InputError."""
         self.check()
         if self.alive(name):
             return False

@@ -74,7 +74,7 @@ def layout_of(arguments: Namespace) -> Layout:
 
 def unit_of(arguments: Namespace, model: FrictionModel | None,
             infos: Sequence[RecordingInfo] = ()) -> str:
-    """Return the unit of what is fitted: current where the drive is known, else effort's own.
+    """Return the unit of the fitted signal: current where the drive is known, else effort's own.
 
     Where effort holds something else still (a servo's voltage, a linear axis' force) only the
     user knows: then ``--unit`` says so.

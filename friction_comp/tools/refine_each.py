@@ -108,7 +108,7 @@ def refine_each(arguments: Namespace) -> int:
 
 
 def _parts(arguments: Namespace) -> tuple[list[Part], list[str]]:
-    """Return what is refined by itself, and why some recordings cannot be."""
+    """Return the parts that are refined separately, and why some recordings cannot be."""
     from friction_comp.recordings import find_recordings, recorded_joints
 
     recordings = find_recordings(arguments.recordings)

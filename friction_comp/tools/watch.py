@@ -133,7 +133,7 @@ class RecordedFeed:
         return {name: values[first:last] for name, values in columns.items()}
 
     def status(self) -> list[tuple[str, str, str]]:
-        """Return what there is to know about the recording."""
+        """Return the state of the recording."""
         return [('note', 'recording', note) for note in self._notes] or [
             ('ok', 'recording', 'whole')]
 

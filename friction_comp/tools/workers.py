@@ -73,13 +73,13 @@ def for_workers(arguments: Namespace) -> Namespace:
 
 
 def installed() -> bool:
-    """Tell whether dask.distributed is there."""
+    """Return whether dask.distributed is there."""
     return importlib.util.find_spec('distributed') is not None
 
 
 @contextmanager
 def workers(arguments: Namespace, count: int, share: bool | None = None) -> Iterator[Runner]:
-    """Give what does the work, as the arguments ask for it.
+    """Yield the executor that the arguments select.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
 
 
 def _check_workers(client: Client, scheduler: str) -> None:
-    """Wait until somebody is there who can do the work: a worker without this package dies of it.
+    """Wait for workers that can do the work: one without this package would fail.
 
     Clusters that grow on demand begin with no workers.
     """

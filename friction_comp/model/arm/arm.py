@@ -85,7 +85,7 @@ class Arm:
         return self.joints.index(joint)
 
     def at_rest(self, position: np.ndarray, joint: str) -> float:
-        """Return what the arm asks of a joint at rest: `rigid_body` N·m, or `coupling` A.
+        """Return the arm's torque on a joint at rest: `rigid_body` N·m, or `coupling` A.
 
         Parameters
         ----------

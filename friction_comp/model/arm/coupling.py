@@ -65,7 +65,7 @@ class Group:
 
     def _by_lagrange(self, column: dict[str, int], v: np.ndarray, a: np.ndarray
                      ) -> tuple[np.ndarray, np.ndarray]:
-        """Return by what the energy f(angles)·v_one·v_two asks for f, and for its slope."""
+        """Return the torque of the energy f(angles)·v_one·v_two per f, and per slope of f."""
         own, one, two = (column[name] for name in self.joints)
         turning = sum((side * v[:, column[name]] for name, side in self.angles), np.zeros(len(v)))
         momentum = (own == one) * v[:, two] + (own == two) * v[:, one]

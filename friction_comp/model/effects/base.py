@@ -156,11 +156,11 @@ class Effect(ABC):
     @classmethod
     @abstractmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """Return the constants worth trying in a scene."""
+        """Return the constants to try in a scene."""
 
     @classmethod
     def propose(cls, look: Look) -> list[dict[str, float]]:
-        """Return the constants worth trying for a residual, where that tells more than the scene.
+        """Return the constants to try for a residual, where it shows more than the scene.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class Effect(ABC):
 
     @classmethod
     def holds_offset(cls, scene: Scene) -> bool:
-        """Tell whether the constant of Eq. 6 is this effect's, and no difference of directions."""
+        """Return whether the constant of Eq. 6 belongs to this effect."""
         return False
 
     @classmethod
@@ -201,7 +201,7 @@ class Effect(ABC):
 
     @classmethod
     def by_mechanics(cls, drive: Drive) -> list[float] | None:
-        """Return the coefficients that mechanics asks for, where it does."""
+        """Return the coefficients given by mechanics, if any."""
         return None
 
     @staticmethod

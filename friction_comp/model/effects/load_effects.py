@@ -42,7 +42,7 @@ class LoadTorque(Effect):
 
     @classmethod
     def by_mechanics(cls, drive: Drive) -> list[float] | None:
-        """Return what the motor is spared by 1 N·m of load, -1/(k_t·n)."""
+        """Return the motor current that 1 N·m of load replaces, -1/(k_t·n)."""
         return [-1.0 / drive.torque_per_current]
 
     def describe(self) -> str:

@@ -49,7 +49,7 @@ class RigidBody(Effect):
 
 
 class CarriedLoadFriction(Effect):
-    """``A·tanh(v/v_t)·|τ|^p``: friction that grows with what the links ask of the teeth.
+    """``A·tanh(v/v_t)·|τ|^p``: friction that grows with the links' torque on the teeth.
 
     The same as friction that grows with a measured load, where the load is known of the model.
     """
@@ -88,7 +88,7 @@ class CarriedLoadFriction(Effect):
 
 
 class OtherJoints(Effect):
-    """A current that other joints' motion asks of this one's motor, found without a URDF."""
+    """The current due to the motion of other joints, found without a URDF."""
 
     name = 'other_joints'
     variable = 'other joints'

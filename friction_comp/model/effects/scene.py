@@ -19,7 +19,7 @@ whatever the direction, as gravity does; or is no torque at all."""
 
 
 class Signals(NamedTuple):
-    """What a formula may ask for: arrays over samples, or one sample's numbers.
+    """The signals that a formula may use: arrays over samples, or one sample's numbers.
 
     Parameters
     ----------
