@@ -32,8 +32,8 @@ SCATTER_MARGIN = 3.0
 # presliding; so many where nobody says how sure it is.
 LONGER = 1.5
 # Backlash of the operator as a share of its distance, beyond a count: against the vibration of a
-# joint that is held.
-BACKLASH = 0.05
+# joint that is held. What is known to be as long as presliding needs less.
+BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
 # Presliding is known where it is so many counts long, and surer than this share: then a push shows
 # before the joint slides, and help that nobody announced rises as fast as this, s.
 KNOWN_COUNTS, KNOWN_STD = 10.0, 0.2
@@ -166,14 +166,15 @@ def knows_presliding(model: FrictionModel) -> bool:
 
 def _set_distances(p: Any, model: FrictionModel) -> None:
     count = model.drive.position_resolution or DEFAULT_RESOLUTION
-    distance = LONGER * DEFAULT_PRESLIDING
+    distance, backlash = LONGER * DEFAULT_PRESLIDING, BACKLASH
     if model.presliding is not None:
         distance = LONGER * model.presliding.distance
         if knows_presliding(model):
             distance = min(distance, model.presliding.distance + (model.presliding.std or 0.0))
+            backlash = KNOWN_BACKLASH
     distance += 2.0 * count
     p['resolution'], p['distance'] = count, distance
-    p['backlash'] = BACKLASH * distance + count
+    p['backlash'] = backlash * distance + count
     p['slip'] = 0.75 * distance + 4.0 * count
     p['still_way'] = distance / 16.0 + 1.5 * count
     p['start_way'], p['moved_way'] = START_WAY * distance, max(MOVED, 8.0 * distance)
