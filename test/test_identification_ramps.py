@@ -19,7 +19,7 @@ from friction_comp.identification.friction_peak import (
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.local_parabola import local_parabolas
 from friction_comp.identification.push import acceleration_of_cycle
-from friction_comp.identification.ramp import level_that_moves, Ramp, STOP_TIME, time_of_ramp
+from friction_comp.identification.ramp import moving_level, Ramp, STOP_TIME, time_of_ramp
 from friction_comp.identification.ramp_evaluation import evaluate_ramps
 
 LEVEL, RATE, COUNT = 0.3, 60.0, 1.5e-5  # A, rad/s² per A, rad
@@ -178,10 +178,10 @@ STOPS = tuple(LEVEL * share for share in np.arange(0.8, 1.3, 0.025))
 
 def test_presliding_comes_to_rest_at_a_stop_and_a_slide_does_not():
     for distance in (2e-4, 1e-3, 2e-3):
-        assert level_that_moves(ramp(dahl(distance), stops=STOPS), 0.2, COUNT) == pytest.approx(
+        assert moving_level(ramp(dahl(distance), stops=STOPS), 0.2, COUNT) == pytest.approx(
             LEVEL, rel=0.04)
     sliding = ramp(dahl(2e-4), stops=STOPS, strengthening=0.15 * LEVEL)
-    assert level_that_moves(sliding, 0.2, COUNT) == pytest.approx(LEVEL, rel=0.05)
+    assert moving_level(sliding, 0.2, COUNT) == pytest.approx(LEVEL, rel=0.05)
     assert friction_of(sliding).breakaway > 1.1 * LEVEL
 
 

@@ -237,7 +237,7 @@ def test_noise_that_hides_the_current_is_said_to_do_so():
 
 def test_no_measured_current_changes_what_is_commanded(monkeypatch):
     """Whatever passes the supervision: neither feed-forward nor limits come from it."""
-    monkeypatch.setattr(Supervision, 'look', lambda *_: None)
+    monkeypatch.setattr(Supervision, 'check', lambda *_: None)
     monkeypatch.setattr(Supervision, 'known', lambda _: True)
     commands = []
     for factor in (1.0, 1000.0):
@@ -257,7 +257,7 @@ def look_at_rattle(mean):
     supervision = Supervision(IdentificationGoal(**GOAL), model().drive)
     rattle = 0.4 * np.sign(np.sin(2.0 * math.pi * (np.arange(3000) + 0.5) / 6.0))
     for k, command in enumerate(rattle + mean):
-        supervision.look(1e-3 * k, 0.0, None, 0.4 * command, command, None, math.nan)
+        supervision.check(1e-3 * k, 0.0, None, 0.4 * command, command, None, math.nan)
 
 
 def test_a_controller_that_rattles_is_no_wrong_unit():

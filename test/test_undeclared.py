@@ -11,7 +11,7 @@ import pytest
 
 from friction_comp.errors import InputError
 from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.undeclared import heated, Undeclared, undeclared_torque
+from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
 from simulated_recordings.cases import CASES
 from simulated_recordings.drives import Excitation, random_drive, record, SimulatedDrive
 
@@ -181,9 +181,9 @@ def test_hysteresis_depends_on_the_way_and_not_on_speed_or_sampling():
 
 def test_motor_tends_to_the_temperature_its_current_asks_for():
     thermal = np.array([20.0, 25.0, 60.0, 100.0])
-    assert heated(25.0, 0.5, 1e6, thermal) == pytest.approx(20.0 + 60.0 * 0.25)
-    halves = heated(heated(25.0, 0.5, 50.0, thermal), 0.5, 50.0, thermal)
-    assert halves == pytest.approx(heated(25.0, 0.5, 100.0, thermal), rel=1e-12)
+    assert warmed_up(25.0, 0.5, 1e6, thermal) == pytest.approx(20.0 + 60.0 * 0.25)
+    halves = warmed_up(warmed_up(25.0, 0.5, 50.0, thermal), 0.5, 50.0, thermal)
+    assert halves == pytest.approx(warmed_up(25.0, 0.5, 100.0, thermal), rel=1e-12)
 
 
 def test_friction_never_turns_into_drive():

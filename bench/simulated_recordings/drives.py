@@ -23,7 +23,7 @@ from friction_comp.simulation.joint_kernel import joint_sample, start_joint
 from friction_comp.simulation.joint_parameters import joint_parameters
 from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
 from friction_comp.simulation.random_sequence import random_states
-from friction_comp.simulation.undeclared import heated, Undeclared, undeclared_torque
+from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
 from simulated_recordings.cases import CASES, Scale
 from simulated_recordings.motion import mixed_motion, smooth_noise
 
@@ -303,6 +303,6 @@ def _required_current(x, v, a, load, table, memory, thermal, inertia, ratio, bas
         level = max(level, -0.95 * base_level[k])
         torque = base[k] + side[k] * level - driving - load[k] + inertia * a[k]
         current[k] = torque / ratio
-        warm = heated(warm, current[k], STEP, thermal)
+        warm = warmed_up(warm, current[k], STEP, thermal)
         temperature[k] = warm
     return current, temperature

@@ -202,7 +202,7 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
         before = named
         named = effects_of(result)
         rounds.append(_round(planned.seconds, asked, predicted, result, before))
-        improvement = Improvement(list(rounds), result, _ended(
+        improvement = Improvement(list(rounds), result, _why_ended(
             rounds, result, spent + 2.0 * seconds > budget))
         if done:
             done(improvement)
@@ -237,7 +237,7 @@ def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineRe
     return Round(seconds, asked, predicted, held_out, effects, verdict, reasons)
 
 
-def _ended(rounds: list[Round], result: RefineResult, spent: bool) -> str:
+def _why_ended(rounds: list[Round], result: RefineResult, spent: bool) -> str:
     """Return why there is no further round; empty where there is one."""
     last = rounds[-1]
     if last.verdict == TRUST:

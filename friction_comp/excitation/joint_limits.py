@@ -55,7 +55,7 @@ class JointLimits:
             raise InputError(f'joint {self.joint!r}: the lowest position {self.lowest:g} is not '
                              f'below the highest {self.highest:g}')
 
-    def gentler(self, share: float) -> JointLimits:
+    def slowed(self, share: float) -> JointLimits:
         """Return the limits with only a share of velocity and acceleration."""
         return replace(self, velocity=share * self.velocity,
                        acceleration=share * self.acceleration)

@@ -181,7 +181,7 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         if model is None or effort_of(model, _samples(
                 moves, start, seconds, 200.0, own.joint)) <= MARGIN * limits.effort:
             return JointPlan(limits, start, tuple(moves), seconds, distances)
-        own = own.gentler(_SLOWER)
+        own = own.slowed(_SLOWER)
     raise InputError(
         f'joint {limits.joint!r}: {seconds:g} s are too short for motion within these limits'
         if own is limits else f'joint {limits.joint!r}: by its model even slow motion needs more '

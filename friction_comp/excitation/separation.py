@@ -44,7 +44,7 @@ def pairs_of(names: Iterable[str]) -> list[Pair]:
     """
     names = list(dict.fromkeys(names))
     for name in names:
-        why = _why_not(name)
+        why = _why_refused(name)
         if why:
             raise InputError(f'effect {name!r} {why}')
     if len(names) < 2:
@@ -52,7 +52,7 @@ def pairs_of(names: Iterable[str]) -> list[Pair]:
     return list(combinations(names, 2))
 
 
-def _why_not(name: str) -> str:
+def _why_refused(name: str) -> str:
     if name not in EFFECTS:
         return f'is unknown; there are {", ".join(filter(_of_motion, EFFECTS))}'
     missing = sorted(set(EFFECTS[name].needs) & _NOT_MOVED)

@@ -29,7 +29,7 @@ _COUNTS = 3.0    # the least that an encoder tells
 _PLACES = 60     # of the curve
 
 
-def softer_way(ramp: RampFriction, resolution: float) -> tuple[float, float]:
+def depth_below_hull(ramp: RampFriction, resolution: float) -> tuple[float, float]:
     """Return how far one ramp's curve stays below its concave hull, and over which distance.
 
     Parameters
@@ -85,7 +85,7 @@ def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     resolution : float
         rad of an encoder count.
     """
-    softer = [softer_way(ramp, resolution) for ramp in ramps]
+    softer = [depth_below_hull(ramp, resolution) for ramp in ramps]
     crossed = [way if depth > _DEPTH and way >= _COUNTS * resolution else 0.0
                for depth, way in softer]
     shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])

@@ -79,7 +79,7 @@ class FirstMotion(Motion):
         if not self._supervision.known():
             # Its answer may still be on its way.
             yield from self._standstill(STILL_TIME + LATEST)
-            self._supervision.insist()
+            self._supervision.require_known()
             sample = self.sample
         self._push[sign] = sign * current
         self._note_friction()

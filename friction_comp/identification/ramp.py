@@ -65,7 +65,7 @@ def time_of_ramp(elapsed: float, slope: float, stops: Sequence[float]) -> float:
     return elapsed - late
 
 
-def level_that_moves(ramp: Ramp, slope: float, resolution: float) -> float | None:
+def moving_level(ramp: Ramp, slope: float, resolution: float) -> float | None:
     """Return the current in A at which the joint keeps moving although the current is held.
 
     The first stop at which it does not come to rest; None where it does at each.

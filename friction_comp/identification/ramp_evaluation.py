@@ -21,7 +21,7 @@ from friction_comp.identification.friction_peak import (
     RampFriction,
 )
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.ramp import level_that_moves, Ramp
+from friction_comp.identification.ramp import moving_level, Ramp
 from friction_comp.model.friction_model import Presliding
 
 _MOST_LOST = 0.1   # share of ramps without a breakaway that is borne
@@ -92,22 +92,22 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     warnings = _lost(len(ramps) - len(kept), len(ramps))
     records = BreakawayRecords.join(begins)
     at_peaks = _at_peaks(records, kept, peaks)
-    moved = [(level_that_moves(ramp, slope, resolution), friction_of(ramp)) for ramp in stopping]
+    moved = [(moving_level(ramp, slope, resolution), friction_of(ramp)) for ramp in stopping]
     shares = [level / peak.breakaway for level, peak in moved if level and peak]
     # How much of its peak friction a joint bears at rest, by its stops and by the slides' begins.
     begun = float(np.mean(np.abs(records.current)) / np.mean(np.abs(at_peaks.current)))
-    if not shares or _surely(shares) > 0.5 * (1.0 + begun):
+    if not shares or _lower_bound(shares) > 0.5 * (1.0 + begun):
         records = at_peaks
     sides = [ramp.before == ramp.direction for ramp in kept]
     backlash, crossed = crossed_backlash(peaks, [ramp.direction for ramp in kept], resolution)
     if backlash > 0.0:
-        warnings.append(_said(backlash, records))
+        warnings.append(_backlash_message(backlash, records))
     levels = np.abs(records.current)
     return RampEvaluation(records, _presliding(sides, peaks, levels, crossed, resolution),
                           warnings, backlash or None)
 
 
-def _said(backlash: float, records: BreakawayRecords) -> str:
+def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
     """Return what to say of backlash; refuse a breakaway current that it makes unsure."""
     for sign in (1, -1):
         levels = np.abs(records.current[records.direction == sign])
@@ -121,7 +121,7 @@ def _said(backlash: float, records: BreakawayRecords) -> str:
     return (f'backlash of {backlash:.2g} rad at least; presliding is given without it')
 
 
-def _surely(shares: Sequence[float]) -> float:
+def _lower_bound(shares: Sequence[float]) -> float:
     """Mean less what it may be off, by Student's t, as likely as one standard error.
 
     In doubt the lower breakaway is the safer one. Of one ramp nothing tells how far it is off.

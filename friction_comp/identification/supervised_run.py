@@ -115,7 +115,7 @@ class SupervisedRun:
             self._check(time, position)
             if self._last is not None and time <= self._last:
                 return self._command
-            self._supervision.look(
+            self._supervision.check(
                 float(time), float(position), velocity, float(current), self._command,
                 self._steps.friction, self._steps.acceleration)
             command = self._run.send(Sample(

@@ -63,8 +63,8 @@ class Supervision:
         self._window: deque[tuple[float, float]] = deque(maxlen=10)
         self._begin_answer(0.0, 0.0, 0.0)
 
-    def look(self, time: float, position: float, velocity: float | None, current: float,
-             command: float, friction: Sequence[float] | None, acceleration: float) -> None:
+    def check(self, time: float, position: float, velocity: float | None, current: float,
+              command: float, friction: Sequence[float] | None, acceleration: float) -> None:
         """Take a sample and the current that was applied before it.
 
         Parameters
@@ -118,7 +118,7 @@ class Supervision:
         return (1.0 / _FACTOR <= answer.gain <= _FACTOR
                 and answer.error <= _KNOWN * answer.gain)
 
-    def insist(self) -> None:
+    def require_known(self) -> None:
         """Raise IdentificationError unless the measured current is the commanded one.
 
         To be called when the drive has had the time to answer what was commanded.

@@ -19,7 +19,7 @@ from friction_comp.simulation.geared_joint import move_geared
 from friction_comp.simulation.joint_records import DELAYS, ELEMENTS, Record, RIGID
 from friction_comp.simulation.random_sequence import normal
 from friction_comp.simulation.rigid_joint import move_rigid
-from friction_comp.simulation.undeclared import heated
+from friction_comp.simulation.undeclared import warmed_up
 
 
 @njit(cache=True)
@@ -93,7 +93,7 @@ def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, me
     else:
         move_geared(p, s, random, table, memory, sample_time, command, reference_position,
                     reference_velocity, active)
-    s.temperature = heated(s.temperature, s.current, sample_time, p.thermal)
+    s.temperature = warmed_up(s.temperature, s.current, sample_time, p.thermal)
     s.samples += 1.0
     measure(p, s, random, sample_time, out)
 

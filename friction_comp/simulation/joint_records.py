@@ -46,7 +46,7 @@ JOINT = _record(
     'human_stiffness human_damping human_response human_integral_time',
     'kind delay elements',
     {'thermal': 4, 'share': ELEMENTS, 'distance': ELEMENTS})
-"""Parameters of one joint, all at the joint. `thermal` is that of `undeclared.heated`; `share`
+"""Parameters of one joint, all at the joint. `thermal` is that of `undeclared.warmed_up`; `share`
 (1) and `distance` (rad) are those of the Maxwell-slip elements, of which `elements` count."""
 
 FRICTION = ('upper', 'lower', 'viscous', 'floor_positive', 'floor_negative', 'break_positive',

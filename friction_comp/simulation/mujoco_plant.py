@@ -26,7 +26,7 @@ from friction_comp.simulation.joint_kernel import measure
 from friction_comp.simulation.joint_records import DELAYS, RIGID
 from friction_comp.simulation.person import follow_reference
 from friction_comp.simulation.rigid_joint import RENEWAL, SETTLING, SUBSTEPS
-from friction_comp.simulation.undeclared import heated, Undeclared, undeclared_torque
+from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
 
 
 class MujocoPlant(Plant):
@@ -78,9 +78,9 @@ class MujocoPlant(Plant):
         mujoco.mj_forward(self.body, self.data)
         self._torque, self._inertia = np.zeros((2, self.joints))
         self._product, self._unit = np.zeros((2, self.body.nv))
-        self._weigh()
+        self._update_inertia()
         self._forces(self._zeros, 0, self._zeros, self._zeros, self._nobody)
-        _look(self._parameters, self._states, self._random, self.sample_time, *self._moving(),
+        _measure(self._parameters, self._states, self._random, self.sample_time, *self._moving(),
               self._out)
         # The encoder has not moved yet.
         self._out['velocity'] = 0.0
@@ -92,12 +92,12 @@ class MujocoPlant(Plant):
     def _advance(self, command: np.ndarray, position: np.ndarray, velocity: np.ndarray,
                  active: np.ndarray) -> None:
         """Take the arm through one sample; see `Plant.step`."""
-        self._weigh()
+        self._update_inertia()
         for k in range(SUBSTEPS):
             self._forces(command, k, position, velocity, active)
             self.data.qfrc_applied[self._velocity] = self._torque
             self._step_of_engine(self.body, self.data)
-        _look(self._parameters, self._states, self._random, self.sample_time, *self._moving(),
+        _measure(self._parameters, self._states, self._random, self.sample_time, *self._moving(),
               self._out)
 
     def _forces(self, command: np.ndarray, substep: int, position: np.ndarray,
@@ -106,7 +106,7 @@ class MujocoPlant(Plant):
                  self.sample_time, substep, command, position, velocity, active, *self._moving(),
                  self.data.qfrc_bias[self._velocity], self._inertia, self._torque)
 
-    def _weigh(self) -> None:
+    def _update_inertia(self) -> None:
         """Renew the diagonal of the arm's inertia, kg·m², shape (J,)."""
         for j, own in enumerate(self._velocity):
             self._unit[:] = 0.0
@@ -198,13 +198,13 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
 
 
 @njit(cache=True)
-def _look(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, sample_time: float,
+def _measure(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, sample_time: float,
           position: np.ndarray, velocity: np.ndarray, out: np.ndarray) -> None:
     """Write what the sensors show at the end of a sample."""
     for j in range(parameters.shape[0]):
         p, s = parameters[j], states[j]
         s.rotor = s.link = position[j]
         s.rotor_speed = s.link_speed = velocity[j]
-        s.temperature = heated(s.temperature, s.current, sample_time, p.thermal)
+        s.temperature = warmed_up(s.temperature, s.current, sample_time, p.thermal)
         s.samples += 1.0
         measure(p, s, randoms[j], sample_time, out[j])

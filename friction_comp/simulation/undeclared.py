@@ -103,7 +103,7 @@ class Undeclared:
         True over declared torque constant.
     thermal : ndarray, shape (4,)
         Ambient and initial temperature in degrees Celsius, heating in K/A², time constant in s:
-        see `heated`.
+        see `warmed_up`.
     """
 
     table: np.ndarray = field(default_factory=lambda: np.zeros((0, COLUMNS)))
@@ -282,7 +282,7 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
 
 
 @njit(cache=True)
-def heated(temperature: float, current: float, step: float, thermal: np.ndarray) -> float:
+def warmed_up(temperature: float, current: float, step: float, thermal: np.ndarray) -> float:
     """Return the motor temperature a time step later, degrees Celsius.
 
     First order: the motor tends to ambient + heating·current² with its time constant, as the

@@ -34,7 +34,7 @@ def times(factor: float, a: Vector) -> Vector:
 
 
 @njit(cache=True)
-def along(a: Vector, b: Vector) -> float:
+def dot(a: Vector, b: Vector) -> float:
     """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -46,7 +46,7 @@ def row(values: np.ndarray, k: int) -> Vector:
 
 
 @njit(cache=True)
-def put(values: np.ndarray, k: int, a: Vector) -> None:
+def set_row(values: np.ndarray, k: int, a: Vector) -> None:
     """Write a vector into a row of an array, shape (L, 3)."""
     values[k, 0], values[k, 1], values[k, 2] = a[0], a[1], a[2]
 
@@ -71,7 +71,7 @@ def into(r: np.ndarray, a: Vector) -> Vector:
 def turned(axis: Vector, c: float, s: float, a: Vector) -> Vector:
     """Return a vector turned about a unit axis by an angle of cosine c and sine s (Rodrigues)."""
     side = cross(axis, a)
-    share = along(axis, a) * (1.0 - c)
+    share = dot(axis, a) * (1.0 - c)
     return (c * a[0] + s * side[0] + share * axis[0], c * a[1] + s * side[1] + share * axis[1],
             c * a[2] + s * side[2] + share * axis[2])
 
@@ -92,17 +92,17 @@ def gather(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndarray, pl
         axis, r, parent = row(axes, k), rotations[k], parents[k]
         f, t = row(force, k), row(moment, k)
         if prismatic[k]:
-            torques[k] = along(axis, f)
+            torques[k] = dot(axis, f)
             t = plus(t, cross(times(q[k], axis), f))
         else:
-            torques[k] = along(axis, t)
+            torques[k] = dot(axis, t)
             c, s = np.cos(q[k]), np.sin(q[k])
             f, t = turned(axis, c, s, f), turned(axis, c, s, t)
         if parent >= 0:
             f = out_of(r, f)
             t = plus(out_of(r, t), cross(row(places, k), f))
-            put(force, parent, plus(row(force, parent), f))
-            put(moment, parent, plus(row(moment, parent), t))
+            set_row(force, parent, plus(row(force, parent), f))
+            set_row(moment, parent, plus(row(moment, parent), t))
 
 
 @njit(cache=True)
@@ -159,15 +159,15 @@ def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndar
                 du = plus(du, cross(u, own))
                 dw = plus(plus(dw, times(a[n, k], axis)), cross(w, own))
                 w = plus(w, own)
-            put(spin, k, w)
-            put(turn, k, dw)
-            put(rate, k, u)
-            put(lift, k, du)
+            set_row(spin, k, w)
+            set_row(turn, k, dw)
+            set_row(rate, k, u)
+            set_row(lift, k, du)
             link = parameters[k]
             m, h = link[0], (link[1], link[2], link[3])
             p = plus(times(m, u), cross(w, h))
             angular = plus(inertia_times(link, w), cross(h, u))
-            put(force, k, plus(plus(times(m, du), cross(dw, h)), cross(w, p)))
-            put(moment, k, plus(plus(inertia_times(link, dw), cross(h, du)),
+            set_row(force, k, plus(plus(times(m, du), cross(dw, h)), cross(w, p)))
+            set_row(moment, k, plus(plus(inertia_times(link, dw), cross(h, du)),
                                 plus(cross(w, angular), cross(u, p))))
         gather(parents, prismatic, rotations, places, axes, q[n], force, moment, torques[n])
