@@ -17,7 +17,7 @@ from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.attempt import Fit
-from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.constants import adjust_constants
 from friction_comp.refinement.effect_columns import (
     base_columns,
     DERIVATIVES,
@@ -26,24 +26,24 @@ from friction_comp.refinement.effect_columns import (
     Table,
 )
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.recorded_motion import for_all
+from friction_comp.refinement.recorded_motion import settings_for_arm
 
 # Squared errors in motion that differ by less are as good as each other.
-_AS_GOOD = 1.02
+_EQUIVALENT = 1.02
 _STEEPNESSES = 16
 _MOST_SAMPLES = 30_000
 
 
-def settled(fit: Fit, keys: Sequence[Key]) -> Fit:
+def refit(fit: Fit, keys: Sequence[Key]) -> Fit:
     """Return a fit of the named terms alone, with the transition that suits all samples."""
     table = fit.table
-    keys = adjusted(table, keys, 5)
-    table.turn(keys)
-    table = _turned_for_all(table, keys)
+    keys = adjust_constants(table, keys, 5)
+    table.fit_transition(keys)
+    table = _fit_transition_to_all_samples(table, keys)
     return replace(fit, table=table, keys=keys)
 
 
-def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
+def _fit_transition_to_all_samples(table: Table, keys: Sequence[Key]) -> Table:
     """Return the table with the transition of Eq. 6 that predicts all samples best.
 
     Samples beside standstill do not decide which effects there are, since a joint that sticks
@@ -62,7 +62,7 @@ def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
     trials = []
     for steepness, shift in grid:
         limit = MOST_SHIFT / steepness
-        table.turned(steepness, float(np.clip(shift, -limit, limit)))
+        table.set_transition(steepness, float(np.clip(shift, -limit, limit)))
         inner = table.indices(keys, derivatives=False)
         error = float(table.left_out(inner).sum())
         base = np.delete(base_columns(rows, steepness, table.shift), DERIVATIVES, axis=1)[index]
@@ -71,9 +71,9 @@ def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
         left = np.minimum(left, np.quantile(left, 0.999))
         trials.append((error, float(left @ left), steepness, table.shift))
     least = min(error for error, *_ in trials)
-    *_, steepness, shift = min((trial for trial in trials if trial[0] <= _AS_GOOD * least),
+    *_, steepness, shift = min((trial for trial in trials if trial[0] <= _EQUIVALENT * least),
                                key=lambda trial: trial[1])
-    table.turned(steepness, shift)
+    table.set_transition(steepness, shift)
     return table
 
 
@@ -105,7 +105,7 @@ def model_of(fit: Fit, drive: Drive, before: FrictionModel | None, joint: str
         effects.append(EFFECTS['other_joints']({'coefficients': [1.0]}))
         arm = Arm(coupling=Coupling(tuple(groups), tuple(gains)),
                   # The lag is applied to what they ask, as to all else, by the model.
-                  differentiation=for_all(rows.samples, {**settings, 'lag': 0.0}))
+                  differentiation=settings_for_arm(rows.samples, {**settings, 'lag': 0.0}))
     if rows.load_by_mechanics:
         effects.append(EFFECTS['load_torque']({'coefficients': [rows.load_by_mechanics]}))
     return FrictionModel(

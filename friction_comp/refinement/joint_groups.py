@@ -35,17 +35,17 @@ def groups_for(names: Sequence[str], own: str) -> list[Group]:
              for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
     groups = [Group('weight', angles) for angles in sums if own in (name for name, _ in angles)]
     singles: list[tuple[tuple[str, int], ...]] = [()] + [((name, 1),) for name in names]
-    beside = list(zip(names, names[1:]))
-    sums = singles + [((one, 1), (two, 1)) for one, two in beside]
+    neighbours = list(zip(names, names[1:]))
+    sums = singles + [((one, 1), (two, 1)) for one, two in neighbours]
     pairs = [(own, name) for name in names] + [
-        pair for pair in [(name, name) for name in names] + beside if own not in pair]
+        pair for pair in [(name, name) for name in names] + neighbours if own not in pair]
     for one, two in pairs:
         for angles in sums:
-            turned = {name for name, _ in angles}
+            turning = {name for name, _ in angles}
             # Of two joints' common inertia the angle of the first one makes no difference, and
             # without accelerating itself a joint feels an energy by its own angle alone.
-            if not {one, two} <= turned and (own in (one, two) or own in turned) and (
-                    one != two or turned):
+            if not {one, two} <= turning and (own in (one, two) or own in turning) and (
+                    one != two or turning):
                 groups.append(Group('kinetic', angles, (own, one, two)))
     return groups
 

@@ -24,12 +24,12 @@ from friction_comp.refinement.prepare import blocks_of_samples, Rows
 from friction_comp.refinement.stability import Stability
 from friction_comp.refinement.sums import BlockSums
 from friction_comp.refinement.thresholds import (
-    EXPLAINS,
-    EXPLAINS_NOTHING,
-    FOLLOWS,
-    GROWS,
-    PUSHES,
+    FOLLOWED_VARIANCE,
+    GROWTH,
+    PUSHING_ERROR,
     UNEXPLAINED,
+    UNEXPLAINED_CURRENT,
+    USELESS_ERROR,
 )
 from friction_comp.refinement.verdict import AGAIN, Finding, IN_PART
 from friction_comp.samples import Samples
@@ -38,7 +38,7 @@ from friction_comp.signal_checks import velocity_fault, velocity_ratios
 # Two explanations that go together this closely are one as far as the recording can tell.
 ALIKE = 0.95
 # By which velocity and the rate of position may differ.
-AT_ODDS = 1.2
+LARGEST_VELOCITY_RATIO = 1.2
 
 _EXPERIMENTS = {
     frozenset(('time', 'temperature')):
@@ -174,29 +174,29 @@ def ambiguities(fit: Fit, stability: Stability) -> list[dict[str, Any]]:
                             'experiment': experiment(first, second)})
     terms = fit.table.terms
     for key in fit.keys[fit.given:]:
-        for name, share in stability.instead.get(key, ()):
+        for name, share in stability.alternatives.get(key, ()):
             add(terms[key].kind.variable, EFFECTS[name].variable,
                 f'{100 * share:.0f} % of the searches repeated on parts of the recording have '
                 f"'{name}' in place of '{key[0]}'")
     samples = fit.rows.at_rows
     variables = {terms[key].kind.variable for key in fit.keys}
     if samples.temperature is not None and variables & {'time', 'temperature'}:
-        alike = rank_correlation(samples.time, samples.temperature)
-        if alike > ALIKE:
+        correlation = rank_correlation(samples.time, samples.temperature)
+        if correlation > ALIKE:
             add('time', 'temperature', 'temperature and time rose together in the recordings '
-                f'(rank correlation {alike:.3f})')
+                f'(rank correlation {correlation:.3f})')
     elif 'time' in variables and samples.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
-    alike = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
-    if alike > 0.9 and len(np.unique(samples.recording)) == 1:
-        add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
-            f'correlation {alike:.2f}): drift over time cannot be told from the dependence on '
-            'velocity')
+    correlation = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
+    if correlation > 0.9 and len(np.unique(samples.recording)) == 1:
+        add('velocity', 'time', 'speed rose or fell with time throughout the recording (rank '
+            f'correlation {correlation:.2f}): drift over time cannot be distinguished from '
+            'dependence on velocity')
     return entries
 
 
-def pushes(rows: Rows) -> bool:
+def friction_would_push(rows: Rows) -> bool:
     """Return whether friction would have to push for a plain drive to explain the current.
 
     Eq. 6, inertia, weight, spring and load, once with the signs that physics asks for and once
@@ -209,7 +209,7 @@ def pushes(rows: Rows) -> bool:
     free = BlockSums(table.sums.gram, table.sums.rows, np.zeros_like(table.sums.signs))
     bounded, unbounded = (float(sums.left_out(columns, table.block).sum())
                           for sums in (table.sums, free))
-    return unbounded < PUSHES * bounded
+    return unbounded < PUSHING_ERROR * bounded
 
 
 def seen(samples: Samples, scene: Scene) -> list[Finding]:
@@ -250,19 +250,19 @@ def findings(fit: Fit, raw: Samples, after: Errors, grown: dict[str, float],
     open_questions : sequence of dict
         As of `ambiguities`.
     """
-    return [*of_errors(fit.rows, after, grown), *(Finding(
+    return [*findings_on_errors(fit.rows, after, grown), *(Finding(
         'unexplained', f'The remaining error depends on {entry.variable}: {entry.note}.', IN_PART)
         for entry in left if entry.strength > UNEXPLAINED), *(Finding(
             'ambiguous', f"{' or '.join(question['between'])}: {question['why']}.", IN_PART,
             question['experiment']) for question in open_questions),
-        *of_recording(fit.rows, raw), *seen(fit.rows.samples, fit.rows.scene)]
+        *findings_on_recording(fit.rows, raw), *seen(fit.rows.samples, fit.rows.scene)]
 
 
-def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Finding]:
+def findings_on_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Finding]:
     """Return what the errors of a model say of it; see `findings`."""
     signal = rms(rows.target[rows.usable])
     notes: list[Finding] = []
-    if pushes(rows):
+    if friction_would_push(rows):
         notes.append(Finding(
             'pushes', "Friction would have to push to explain the current: it is a controller's "
             'answer, something that was not recorded moves the joint, or the sign of effort or '
@@ -270,17 +270,17 @@ def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Findin
             'check the signs of effort and position, and that effort is measured; follow a '
             'trajectory with a softer or a position controller'))
     way, most = max(grown.items(), key=lambda entry: entry[1])
-    if max(most, 1.0) * after.held_out > EXPLAINS_NOTHING * signal:
+    if max(most, 1.0) * after.held_out > USELESS_ERROR * signal:
         notes.append(Finding(
             'explains_nothing', f'Where it was not fitted the model may be '
             f'{max(most, 1.0) * after.held_out:.2g} A off in motion, of {signal:.2g} A: what '
             'decides on the current is not in the recording.', AGAIN,
             'record what loads the joint (torque sensor, other joints), or move it without load'))
-    elif after.held_out > EXPLAINS * signal:
+    elif after.held_out > UNEXPLAINED_CURRENT * signal:
         notes.append(Finding(
             'explains_part', f'{after.held_out:.2g} A of {signal:.2g} A are not explained.',
             IN_PART, 'record what loads the joint (torque sensor, other joints)'))
-    if most > GROWS:
+    if most > GROWTH:
         notes.append(Finding(
             'extrapolates', f'A third of {way} that was not fitted is predicted with '
             f'{most:.2g} times the error: there the recording is the only evidence.', IN_PART,
@@ -296,17 +296,17 @@ def moves_as_one(rows: Rows) -> bool:
     own = list(rows.joints).index(rows.samples.joint)
     others = np.column_stack((np.ones(len(position)), np.delete(position, own, axis=1)))
     left = position[:, own] - others @ np.linalg.lstsq(others, position[:, own], rcond=None)[0]
-    return bool(np.var(left) < (1.0 - FOLLOWS) * np.var(position[:, own]))
+    return bool(np.var(left) < (1.0 - FOLLOWED_VARIANCE) * np.var(position[:, own]))
 
 
-def of_recording(rows: Rows, raw: Samples) -> list[Finding]:
+def findings_on_recording(rows: Rows, raw: Samples) -> list[Finding]:
     """Return what is wrong with the recordings themselves."""
     scene = rows.scene
     notes: list[Finding] = []
     if rows.joints:
-        beside = ', '.join(name for name in rows.joints if name != raw.joint)
+        others = ', '.join(name for name in rows.joints if name != raw.joint)
         notes.append(Finding(
-            'other_joints', f'Other joints moved too ({beside}), and no URDF gives the torques of '
+            'other_joints', f'Other joints moved too ({others}), and no URDF gives the torques of '
             'their links: what holds for these postures may not hold for others.', IN_PART,
             'move this joint alone, or give a URDF of the arm (--urdf)'))
         if moves_as_one(rows):
@@ -317,7 +317,7 @@ def of_recording(rows: Rows, raw: Samples) -> list[Finding]:
     fault = ''
     if raw.velocity is not None:
         fault = velocity_fault(velocity_ratios(
-            raw.time, raw.position, raw.velocity, scene.resolution), AT_ODDS)
+            raw.time, raw.position, raw.velocity, scene.resolution), LARGEST_VELOCITY_RATIO)
     if fault:
         notes.append(Finding('velocity', fault[0].upper() + fault[1:] + '.', IN_PART,
                              'let one clock stamp position, velocity and current, and check the '

@@ -15,7 +15,7 @@ from friction_comp.refinement.sums import BlockSums
 from friction_comp.samples import Samples
 
 # Shares of the top speed over which friction may change sign.
-TURNS = (0.3, 0.1, 0.03, 0.01, 0.003)
+TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
 
 
 def plain_columns(samples: Samples, transitions: Sequence[float],

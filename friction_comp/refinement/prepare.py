@@ -23,19 +23,19 @@ from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.differentiation import differentiate, earlier
 from friction_comp.model.effects import Scene
-from friction_comp.refinement.plain_drive import held_out, plain_columns, sums_of, TURNS
+from friction_comp.refinement.plain_drive import held_out, plain_columns, sums_of, TRANSITIONS
 from friction_comp.refinement.recorded_motion import (
     blocks_of,
     choose_motion,
     excerpt,
-    for_all,
     in_motion,
-    moved_beside,
+    moving_joints,
     row_starts,
+    settings_for_arm,
     smooth_motion,
     standstill_speed,
 )
-from friction_comp.refinement.thresholds import FEWEST, ROWS, SAME
+from friction_comp.refinement.thresholds import EQUIVALENT, FEWEST_SAMPLES, ROWS
 from friction_comp.samples import Samples
 
 _SLOWEST_RATE = 100.0
@@ -122,8 +122,8 @@ def join(recordings: Sequence[Samples]) -> Samples:
     if not recordings:
         raise InputError('the recordings hold no samples')
     samples = Samples.concatenate(recordings) if len(recordings) > 1 else recordings[0]
-    fine = np.isfinite(samples.time) & np.isfinite(samples.position)
-    fine &= np.isfinite(samples.current)
+    valid = np.isfinite(samples.time) & np.isfinite(samples.position)
+    valid &= np.isfinite(samples.current)
     for name in _SIGNALS:
         values = getattr(samples, name)
         if values is None:
@@ -131,11 +131,11 @@ def join(recordings: Sequence[Samples]) -> Samples:
         if np.mean(np.isfinite(values)) < 0.5:
             samples = samples.with_(**{name: None})
         else:
-            fine &= np.isfinite(values)
-    samples = samples if fine.all() else samples.take(fine)
-    if len(samples) < FEWEST:
-        raise InputError(f'{len(samples)} usable samples are too few: at least {FEWEST:.0f} are '
-                         'needed')
+            valid &= np.isfinite(values)
+    samples = samples if valid.all() else samples.take(valid)
+    if len(samples) < FEWEST_SAMPLES:
+        raise InputError(f'{len(samples)} usable samples are too few: at least '
+                         f'{FEWEST_SAMPLES:.0f} are needed')
     if np.ptp(samples.position) == 0:
         raise InputError('the joint never moves in the recordings: there is no friction to fit')
     return samples
@@ -152,10 +152,10 @@ def clipped(current: np.ndarray) -> np.ndarray:
     if span == 0:
         return mark
     for extreme in (current.max(), current.min()):
-        at = np.abs(current - extreme) <= 1e-6 * span
-        runs = at[1:] & at[:-1]
-        if at.sum() >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * at.sum():
-            mark |= at
+        at_limit = np.abs(current - extreme) <= 1e-6 * span
+        runs = at_limit[1:] & at_limit[:-1]
+        if at_limit.sum() >= max(20, 1e-3 * len(current)) and runs.sum() >= 0.5 * at_limit.sum():
+            mark |= at_limit
     return mark
 
 
@@ -174,20 +174,20 @@ def regions_of(position: np.ndarray) -> np.ndarray:
     position : ndarray, shape (R, J)
         rad.
     """
-    spread = (position - position.mean(axis=0)) / (position.std(axis=0) + 1e-9)
+    scaled = (position - position.mean(axis=0)) / (position.std(axis=0) + 1e-9)
     with warnings.catch_warnings():
         # A region without a row is none.
         warnings.simplefilter('ignore', UserWarning)
-        return np.asarray(kmeans2(spread, _REGIONS, minit='++', seed=0)[1])
+        return np.asarray(kmeans2(scaled, _REGIONS, minit='++', seed=0)[1])
 
 
-def averaging(samples: Samples, usable: int) -> int:
+def samples_per_row(samples: Samples, usable: int) -> int:
     """Return how many samples make a row: as few as keep rows manageable, at 100 Hz at least."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
     return max(1, min(math.ceil(usable / ROWS), int(rate / _SLOWEST_RATE)))
 
 
-def spread(start: np.ndarray) -> np.ndarray:
+def thin_out(start: np.ndarray) -> np.ndarray:
     """Return the first samples of as many rows as a search can use, in pieces from everywhere.
 
     Parameters
@@ -216,7 +216,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
         Whether the drive's torque constant and gear ratio are known.
     """
     unusable = clipped(samples.current)
-    joints = moved_beside(samples)
+    joints = moving_joints(samples)
     load = load_by_mechanics(samples, unusable, drive) if declared else 0.0
     settings = settings or choose_motion(samples, unusable, joints, load)
     moved = differentiate(samples, settings)
@@ -224,9 +224,9 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
     motion = None
     if joints:
-        motion = moving_states(samples, joints, for_all(samples, settings))
-    length = averaging(moved, int(usable.sum()))
-    start = spread(row_starts(moved, usable, length))
+        motion = moving_states(samples, joints, settings_for_arm(samples, settings))
+    length = samples_per_row(moved, int(usable.sum()))
+    start = thin_out(row_starts(moved, usable, length))
     block = blocks_of(moved, start)
     target = moved.current - load * np.asarray(moved.load) if load else moved.current
     scene = scene_of(moved, usable, drive, slowest)
@@ -237,11 +237,11 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     return replace(rows, scene=replace(scene, transition=transition)), settings
 
 
-def moved_again(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
+def with_settings(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
     """Return the same rows with motion computed with other settings."""
     motion = None
     if rows.joints:
-        motion = moving_states(raw, list(rows.joints), for_all(raw, settings))
+        motion = moving_states(raw, list(rows.joints), settings_for_arm(raw, settings))
     return replace(rows, samples=differentiate(raw, settings), motion=motion)
 
 
@@ -264,7 +264,7 @@ def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> f
     moved, start = smooth_motion(*excerpt(samples, unusable))
     part = moved.take(start)
     top = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
-    columns = plain_columns(part.with_(load=None), [share * top for share in TURNS])
+    columns = plain_columns(part.with_(load=None), [share * top for share in TRANSITIONS])
     columns = np.column_stack((columns, np.asarray(part.load)))
     coefficient = sums_of(columns, part.current, blocks_of(moved, start)).fit(
         range(columns.shape[1]))[-1]
@@ -280,7 +280,7 @@ def choose_transition(rows: Rows) -> float:
     for width in np.geomspace(0.001, 0.25, 12) * speed:
         columns = plain_columns(part.with_(load=None) if rows.load_by_mechanics else part, [width])
         error = held_out(columns, target, rows.block).sum()
-        if error < (1.0 - SAME) * best[0]:
+        if error < (1.0 - EQUIVALENT) * best[0]:
             best = (float(error), float(width))
     return best[1]
 
@@ -309,14 +309,14 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
         slow=float(slow), reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
         rested=float(np.sum(np.abs(np.asarray(samples.velocity)) < slowest))
         * samples.sample_time,
-        positions=distinct(moving.position),
+        positions=count_positions(moving.position),
         usual_speed=float(np.median(moves)),
         speed_spread=float(np.std(moves) / np.mean(moves)),
         temperature_span=(0.0 if moving.temperature is None else
                           float(np.ptp(np.percentile(moving.temperature, (1, 99))))))
 
 
-def distinct(position: np.ndarray) -> float:
+def count_positions(position: np.ndarray) -> float:
     """Return how many positions the encoder resolves over the range of motion.
 
     Few samples on a fine encoder have few values too, but hardly any twice: infinite then.

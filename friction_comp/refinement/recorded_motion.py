@@ -17,8 +17,8 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.differentiation import differentiate, METHOD
-from friction_comp.refinement.plain_drive import held_out, plain_columns, TURNS
-from friction_comp.refinement.thresholds import BLOCKS, FEWEST, SAME
+from friction_comp.refinement.plain_drive import held_out, plain_columns, TRANSITIONS
+from friction_comp.refinement.thresholds import BLOCKS, EQUIVALENT, FEWEST_SAMPLES
 from friction_comp.samples import Samples
 
 BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
@@ -62,7 +62,7 @@ def standstill_speed(samples: Samples) -> float:
     return float(min(max(0.01 * top, noise), 0.05 * top))
 
 
-def beside(mark: np.ndarray, width: int) -> np.ndarray:
+def dilate(mark: np.ndarray, width: int) -> np.ndarray:
     """Return which samples are within so many samples of marked ones, shape (N,)."""
     if width < 1:
         return mark
@@ -72,7 +72,7 @@ def beside(mark: np.ndarray, width: int) -> np.ndarray:
     return sums[high] > sums[low]
 
 
-def rests(still: np.ndarray, length: int) -> np.ndarray:
+def long_rests(still: np.ndarray, length: int) -> np.ndarray:
     """Return which samples are in a run of standstill of at least so many samples, shape (N,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
     result = np.zeros(len(still), dtype=bool)
@@ -102,12 +102,12 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
         ends[[part.start, part.stop - 1]] = True
     blurred = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
     near = round(_START / max(samples.sample_time, 1e-9))
-    starts = beside(rests(still, near), near) & (speed < _SLOW * np.percentile(speed, 95))
-    for mark in (beside(still, blurred), beside(ends, blurred), starts):
+    starts = dilate(long_rests(still, near), near) & (speed < _SLOW * np.percentile(speed, 95))
+    for mark in (dilate(still, blurred), dilate(ends, blurred), starts):
         inner = moving & ~mark
         if inner.sum() > 0.8 * moving.sum():
             moving = inner
-    if moving.sum() < FEWEST:
+    if moving.sum() < FEWEST_SAMPLES:
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(moving.sum())} samples of motion are too few')
     return moving
@@ -154,7 +154,7 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     moved = differentiate(samples, smooth)
     usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
     speed = np.abs(np.asarray(moved.velocity))
-    fast = usable & (speed > TURNS[1] * np.percentile(speed[usable], 95))
+    fast = usable & (speed > TRANSITIONS[1] * np.percentile(speed[usable], 95))
     # Where friction changes its sign a smooth velocity hides what happens.
     usable = fast if fast.sum() > 0.5 * usable.sum() else usable
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
@@ -189,10 +189,10 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
             continue
         motion = None
         if joints:
-            motion = tuple(one[start] for one in moving_states(samples, joints, for_all(
+            motion = tuple(one[start] for one in moving_states(samples, joints, settings_for_arm(
                 samples, choice)))
         part = moved.take(start)
-        columns = plain_columns(part, [share * top for share in TURNS], motion,
+        columns = plain_columns(part, [share * top for share in TRANSITIONS], motion,
                                 list(joints).index(samples.joint) if joints else 0)
         errors.append((float(held_out(columns, part.current, block).sum()), len(errors), choice))
     least = min(error for error, *_ in errors)
@@ -200,17 +200,17 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
     # little of the current says little of a bandwidth.
     open_share = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
     return max(((choice['bandwidth'] or math.inf, order, choice) for error, order, choice in errors
-                if error <= ((1.0 + SAME) ** 2 + 0.4 * open_share) * least))[-1]
+                if error <= ((1.0 + EQUIVALENT) ** 2 + 0.4 * open_share) * least))[-1]
 
 
-def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
+def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
     """Return settings for the motion of all joints, whose velocity may not be recorded."""
     if samples.arm is not None and samples.arm.velocity is None:
         return {**settings, 'source': 'position'}
     return dict(settings)
 
 
-def moved_beside(samples: Samples) -> list[str]:
+def moving_joints(samples: Samples) -> list[str]:
     """Return all joints that moved, where no rigid bodies are known; or none."""
     known = samples.rigid_body is not None or samples.coupling is not None
     if samples.arm is None or known or samples.joint not in samples.arm.joints:

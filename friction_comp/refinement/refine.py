@@ -14,14 +14,14 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import Scene
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.attempt import eq6_alone, Fit, Question, searched
+from friction_comp.refinement.attempt import find_best_fit, Fit, fit_eq6_alone, Question
 from friction_comp.refinement.constants import at_limit
 from friction_comp.refinement.elsewhere import Elsewhere
-from friction_comp.refinement.final import model_of, settled
+from friction_comp.refinement.final import model_of, refit
 from friction_comp.refinement.judge import rms
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.report import Outcome, report_of
-from friction_comp.refinement.stability import intervals, repeated, Stability
+from friction_comp.refinement.stability import intervals, repeat_search, Stability
 from friction_comp.samples import Samples
 
 
@@ -92,13 +92,13 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
     question = Question(join(list(recorded)), drive, declared, model, say)
-    fit = searched(question)
-    fit, stability = named_in(fit, say)
+    fit = find_best_fit(question)
+    fit, stability = select_named(fit, say)
     say(0.9, 'writing')
     return _result(question, fit, stability, unit or ('A' if declared else 'N·m'))
 
 
-def named_in(fit: Fit, say: Callable[[float, str], None]) -> tuple[Fit, Stability]:
+def select_named(fit: Fit, say: Callable[[float, str], None]) -> tuple[Fit, Stability]:
     """Return a fit of the terms that can be named alone, and how often each was chosen.
 
     A term is named where most repeated searches choose it, where it makes no third of the recording
@@ -106,17 +106,17 @@ def named_in(fit: Fit, say: Callable[[float, str], None]) -> tuple[Fit, Stabilit
     out, and where no constant of it is at its limit.
     """
     say(0.6, 'repeating the search on drawn parts')
-    stability = repeated(fit.table, fit.keys, fit.given, fit.candidates)
+    stability = repeat_search(fit.table, fit.keys, fit.given, fit.candidates)
     given = fit.keys[:fit.given]
     keys = [*given, *(key for key in fit.keys[fit.given:] if stability.named(key))]
     keys = Elsewhere(fit.table, keys).helpful(keys, fit.given)
     while True:
-        fitted = settled(fit, keys)
+        fitted = refit(fit, keys)
         # Their constants were adjusted once more.
         stability = stability.renamed(dict(zip(keys, fitted.keys)))
         keys = fitted.keys
         ends = intervals(fitted.table, keys)
-        sure = [*keys[:len(given)], *(key for key in keys[len(given):] if ends.without_zero(
+        sure = [*keys[:len(given)], *(key for key in keys[len(given):] if ends.excludes_zero(
             fitted.table.columns_of(key), fitted.table.sums.signs[fitted.table.columns_of(key)])
             and not at_limit(fitted.table.terms[key], fitted.table))]
         if len(sure) == len(keys):
@@ -132,7 +132,7 @@ def _result(question: Question, fit: Fit, stability: Stability, unit: str) -> Re
         start = given
         before = fit_before = given.measured(raw) - given.predict(raw, same_recording=True)
     else:
-        plain = settled(eq6_alone(question, fit.settings), [])
+        plain = refit(fit_eq6_alone(question, fit.settings), [])
         start = model_of(plain, question.drive, None, joint)
         before = plain.residual()
         fit_before = rows.samples.current - start.current(rows.samples)

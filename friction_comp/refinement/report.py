@@ -26,7 +26,7 @@ from friction_comp.refinement.judge import (
 )
 from friction_comp.refinement.leftover import Dependence, leftover
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.stability import Intervals, Number, Stability
+from friction_comp.refinement.stability import Intervals, Parameter, Stability
 from friction_comp.refinement.thresholds import SAME_LOAD
 from friction_comp.refinement.units import in_unit
 from friction_comp.refinement.verdict import AGAIN, Finding, Verdict
@@ -90,7 +90,7 @@ def report_of(o: Outcome) -> dict[str, Any]:
     else:
         base = 'sigmoid of Eq. 6 fitted to the recording'
     verdict = Verdict(findings(o.fit, raw, after, grown, left, open_questions))
-    verdict.add(written_as_judged(rows, o.fit, after))
+    verdict.add(check_written_model(rows, o.fit, after))
     report = {
         'unit': o.unit, 'joint': o.model.joint, 'samples': len(raw),
         'samples_in_motion': int(rows.usable.sum()),
@@ -121,7 +121,7 @@ def report_of(o: Outcome) -> dict[str, Any]:
     return {**report, **words}
 
 
-def written_as_judged(rows: Rows, fit: Fit, after: Errors) -> list[Finding]:
+def check_written_model(rows: Rows, fit: Fit, after: Errors) -> list[Finding]:
     """Return a finding where the model as it is written predicts worse than its fit.
 
     The fit's own error comes from block sums; that of the written model from its file's formula
@@ -172,7 +172,7 @@ def friction_of(o: Outcome) -> dict[str, Any]:
 def correlations_of(o: Outcome) -> list[dict[str, Any]]:
     """Return the correlated pairs of numbers."""
     table = o.fit.table
-    names: dict[Number, str] = {}
+    names: dict[Parameter, str] = {}
     for column, name in zip((0, 1, 2), ('offset', 'Coulomb friction', 'viscous friction')):
         names[column] = name
     for key in o.fit.keys:
@@ -201,7 +201,7 @@ def effects_of(o: Outcome) -> list[dict[str, Any]]:
         entries.append({
             'name': 'actuation_lag', 'variable': 'history',
             'held_out_rmse': fit.rmse_with(chosen),
-            'chosen': fit.sure_of_lag, 'parameters': {'lag': lag}, 'intervals': {},
+            'chosen': fit.lag_confidence, 'parameters': {'lag': lag}, 'intervals': {},
             'in_words': f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
             'formula': f'i(t + {lag:.4g} s)'})
     while rest:

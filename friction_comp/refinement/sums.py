@@ -14,19 +14,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Of a column's sum of squares over all blocks: keeps a column that another one repeats, or that the
-# fitted blocks hardly show, from being solved for.
+# Share of a column's sum of squares over all blocks; keeps the coefficients of collinear columns,
+# and of those that are nearly zero in the fitted blocks, small.
 _RIDGE = 1e-7
 
 
 @dataclass
 class BlockSums:
-    """Sums over blocks.
+    """Sums of products over blocks.
 
     Parameters
     ----------
     gram : ndarray, shape (K, P + 1, P + 1)
-        Products of all columns, the target last.
+        Sums of products of all columns, the target last.
     rows : ndarray, shape (K,)
         Number of rows in each block.
     signs : ndarray of int, shape (P,)
@@ -43,7 +43,7 @@ class BlockSums:
         return len(self.rows)
 
     def __add__(self, other: BlockSums) -> BlockSums:
-        """Return the sums of the blocks of both."""
+        """Return the sums with the blocks of both."""
         return BlockSums(np.concatenate((self.gram, other.gram)),
                          np.concatenate((self.rows, other.rows)), self.signs)
 
@@ -57,7 +57,7 @@ class BlockSums:
         fold : ndarray of int, shape (K,), optional
             Blocks that are left out together; each by itself when omitted.
         weights : ndarray, shape (K,), optional
-            Of the blocks that are fitted.
+            Weights of the blocks in the fits.
 
         Returns
         -------
@@ -70,7 +70,7 @@ class BlockSums:
         return self.squares(columns, self.fits(columns, train)[own])
 
     def squares(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block by coefficients of its own, shape (K,).
+        """Return the squared error of each block with its own coefficients, shape (K,).
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class BlockSums:
         return np.where(norms > 0.0, norms, 1.0)
 
     def own_share(self, columns: Sequence[int]) -> np.ndarray:
-        """Return the share of each column's size that no combination of the others repeats, (S,).
+        """Return the share of each column's norm that is independent of the others, shape (S,).
 
         Parameters
         ----------
@@ -117,17 +117,17 @@ class BlockSums:
 
 
 def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """Return the solutions of several least squares problems with bounds at zero.
+    """Solve several least squares problems with bounds at zero.
 
-    A coefficient that would have the wrong sign is zero, the worst first, and the others are
-    solved for without it.
+    A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
+    for without it.
 
     Parameters
     ----------
     sums : ndarray, shape (F, S + 1, S + 1)
-        Products of the columns, the target last.
+        Sums of products of the columns, the target last.
     norms : ndarray, shape (S,)
-        Sizes of the columns.
+        Norms of the columns.
     signs : ndarray of int, shape (S,)
 
     Returns

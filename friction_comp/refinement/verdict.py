@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict on a refined model: that of the worst of its findings."""
+"""The verdict on a refined model, which is the grade of its worst finding."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ _ORDER = (TRUST, IN_PART, AGAIN)
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that a reader should know before using the model.
+    """A fact that a reader should know before using the model.
 
     Parameters
     ----------
     code : str
-        For programs; one of the codes of msg_docs/refine_report.md.
+        One of the codes of msg_docs/reports.md, for programs.
     text : str
         One sentence, for people.
     grade : str
-        How good the verdict can be with it: `TRUST` for a mere note.
+        The best verdict that this finding allows: `TRUST` for a mere note.
     record : str
-        What recording would change it; empty where none would.
+        A recording that would settle it; empty where none would.
     """
 
     code: str
@@ -46,7 +46,7 @@ class Verdict:
     findings: list[Finding] = field(default_factory=list)
 
     def add(self, findings: Iterable[Finding]) -> None:
-        """Add findings whose code is not there with the same text."""
+        """Add findings that are not in the list yet."""
         self.findings += [one for one in findings if one not in self.findings]
 
     @property
@@ -59,8 +59,8 @@ class Verdict:
         bad = [one for one in self.findings if one.grade != TRUST]
         bad.sort(key=lambda one: -_ORDER.index(one.grade))
         reasons = [one.text for one in bad] or [
-            'On long parts of the recording that were not fitted the model predicts about as well '
-            'as where it was fitted, and no variable explains a large part of what remains.']
+            'The model predicts long parts of the recording that were not fitted about as well as '
+            'those that were, and no variable explains a large part of the remaining error.']
         return {
             'verdict': self.word, 'reasons': reasons,
             'record_again': list(dict.fromkeys(one.record for one in bad if one.record)),

@@ -115,9 +115,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     scales = None
     if declared:
         scales = np.array([1.0 / drives[name].torque_per_current for name in names])
-    moved = {name: [_with_person(samples, drives[name]) if declared else samples
+    moved = {name: [_add_person_torque(samples, drives[name]) if declared else samples
                     for samples in recorded[name]] for name in names}
-    fit = fit_arm(chain, _together(moved), scales,
+    fit = fit_arm(chain, _at_common_times(moved), scales,
                   lambda share: report(_BODIES * share, 'rigid bodies'))
     if (fit.tree.gravity != chain.tree.gravity).any():
         fall = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
@@ -145,7 +145,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     return ArmResult(fit, results, notes)
 
 
-def _with_person(samples: Samples, drive: Drive) -> Samples:
+def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
     """Return samples with what a person gives added to the current, where the person moves them.
 
     The links are what motor and person carry together; see `load_by_mechanics`.
@@ -161,7 +161,7 @@ def _ends(bounds: np.ndarray) -> list[float | None]:
     return [float(end) if np.isfinite(end) else None for end in bounds]
 
 
-def _together(recorded: dict[str, list[Samples]]) -> list[Samples]:
+def _at_common_times(recorded: dict[str, list[Samples]]) -> list[Samples]:
     """Return the joints' samples at the times at which all of them were recorded."""
     parts: list[list[Samples]] = [[] for _ in recorded]
     for together in zip(*recorded.values()):
