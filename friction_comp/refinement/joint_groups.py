@@ -4,9 +4,9 @@
 
 The potential energy of a serial arm is a sum of harmonics of sums and differences of joint angles,
 its kinetic energy of such harmonics times two velocities; the torque of a joint follows from both
-by Lagrange's equations. Each harmonic is a group of columns. Two laws leave out what would only
-stand in for something else: weight depends on the joint's own angle, and a joint's own angle
-changes nothing of the inertia of the links behind it.
+by Lagrange's equations. Each harmonic is a group of columns. Two facts of mechanics rule out groups
+that could only stand in for something else: a joint's weight torque depends on its own angle, and
+its angle does not change the inertia of the links behind it.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from friction_comp.model.arm.coupling import Group
 
 @functools.lru_cache(maxsize=8)
 def groups_for(names: Sequence[str], own: str) -> list[Group]:
-    """Return the groups of terms that other joints may add to the current of one.
+    """Return the groups of terms through which other joints may affect a joint's current.
 
     Parameters
     ----------
     names : tuple of str
-        In the order of the recording, which mostly is that along the arm.
+        Joints in the order of the recording, usually the order along the arm.
     own : str
-        The joint; what depends on it alone is left to its own effects.
+        The joint; terms that depend on it alone are left to its own effects.
     """
     sums: list[tuple[tuple[str, int], ...]] = [
         ((one, 1), (two, side)) for one, two in combinations(names, 2) for side in (1, -1)]
@@ -42,8 +42,8 @@ def groups_for(names: Sequence[str], own: str) -> list[Group]:
     for one, two in pairs:
         for angles in sums:
             turning = {name for name, _ in angles}
-            # Of two joints' common inertia the angle of the first one makes no difference, and
-            # without accelerating itself a joint feels an energy by its own angle alone.
+            # The coupled inertia of two joints does not depend on the angle of the first, and a
+            # term without the joint's own acceleration has to depend on its angle.
             if not {one, two} <= turning and (own in (one, two) or own in turning) and (
                     one != two or turning):
                 groups.append(Group('kinetic', angles, (own, one, two)))
@@ -51,24 +51,24 @@ def groups_for(names: Sequence[str], own: str) -> list[Group]:
 
 
 def plain_name(group: Group) -> str:
-    """Return the effect by which a joint alone has what a group says of several."""
+    """Return the effect of a single joint that corresponds to a group."""
     return 'gravity' if group.kind == 'weight' else 'inertia'
 
 
 def neighbourhood(names: Sequence[str], own: str) -> list[Group]:
     """Return the groups of a joint and its neighbours, and the weight of the links behind it.
 
-    Where an arm swings freely, weight and inertia cancel, and none of these helps alone: they are
-    tried together.
+    Where an arm swings freely, weight and inertia cancel, and none of these groups helps alone, so
+    they are tried together.
     """
     index = list(names).index(own)
-    near = set(names[max(0, index - 1):index + 2])
+    neighbours = set(names[max(0, index - 1):index + 2])
     return [group for group in groups_for(tuple(names), own)
-            if group.everyone <= near or follows(group, names)]
+            if group.everyone <= neighbours or is_weight_of_link(group, names)]
 
 
-def follows(group: Group, names: Sequence[str]) -> bool:
-    """Return whether a group is the weight of a link whose angle neighbouring joints add up to."""
-    places = sorted(list(names).index(name) for name, _ in group.angles)
+def is_weight_of_link(group: Group, names: Sequence[str]) -> bool:
+    """Return whether a group is the weight of a link at the summed angle of adjacent joints."""
+    indices = sorted(list(names).index(name) for name, _ in group.angles)
     return (group.kind == 'weight' and all(side > 0 for _, side in group.angles)
-            and places[-1] - places[0] == len(places) - 1)
+            and indices[-1] - indices[0] == len(indices) - 1)
