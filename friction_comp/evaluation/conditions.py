@@ -208,53 +208,53 @@ def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> l
     return kept or repetitions
 
 
-def _condition(kept: list[Repetition], averages: Averages, notes: list[str]) -> Condition:
-    first, ensemble = kept[0], Ensemble()
-    for kind in dict.fromkeys(r.kind for r in kept):
+def _condition(repetitions: list[Repetition], averages: Averages, notes: list[str]) -> Condition:
+    first, ensemble = repetitions[0], Ensemble()
+    for kind in dict.fromkeys(r.kind for r in repetitions):
         ensemble.add(averages[kind])
-    duration = float(np.median([r.duration for r in kept]))
-    time, points = ensemble.points(float(np.median([r.shown_time for r in kept])))
+    duration = float(np.median([r.duration for r in repetitions]))
+    time, points = ensemble.points(float(np.median([r.shown_time for r in repetitions])))
     torque, torque_std = ensemble.mean_and_std('load', points)
     position, position_std = ensemble.mean_and_std('position', points)
     has_reference = ensemble.known_by_all('reference_position', points)
-    peak, peak_time, constant = _figures_of_average(kept, time, torque)
-    peaks = [r.figures['peak_torque'] for r in kept if 'peak_torque' in r.figures]
-    restless = sum(r.restless for r in kept)
+    peak, peak_time, constant = _figures_of_average(repetitions, time, torque)
+    peaks = [r.figures['peak_torque'] for r in repetitions if 'peak_torque' in r.figures]
+    restless = sum(r.restless for r in repetitions)
     if restless:
         notes.append(
-            f'the joint did not come to rest before {restless} of {len(kept)} movements with '
-            f'{first.help.label} in the {NAMES[first.movement.sign]} direction')
-    starts = sum(r.false_start for r in kept)
+            f'the joint did not come to rest before {restless} of {len(repetitions)} movements '
+            f'with {first.help.label} in the {NAMES[first.movement.sign]} direction')
+    starts = sum(r.false_start for r in repetitions)
     return Condition(
         help=first.help, direction=first.movement.direction,
-        movement=NAMES[first.movement.sign], repetitions=len(kept),
-        stuck=sum(not r.moved for r in kept), peak_torque=peak,
+        movement=NAMES[first.movement.sign], repetitions=len(repetitions),
+        stuck=sum(not r.moved for r in repetitions), peak_torque=peak,
         peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
             0.0 if peaks else float('nan')),
         peak_time=peak_time,
         rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
         mean_torque_constant_velocity=constant, false_starts=starts,
         figures={name: mean_interval(values) for name in FIGURES if (values := [
-            r.figures[name] for r in kept if name in r.figures])},
-        false_start_share=share_interval(starts, len(kept)),
+            r.figures[name] for r in repetitions if name in r.figures])},
+        false_start_share=share_interval(starts, len(repetitions)),
         time=time, torque=torque, torque_std=torque_std,
         position=position, position_std=position_std,
         reference=ensemble.mean_and_std('reference_position', points)[0] if has_reference else None)
 
 
-def _figures_of_average(kept: list[Repetition], time: np.ndarray,
-                mean: np.ndarray) -> tuple[float, float, float]:
+def _figures_of_average(repetitions: list[Repetition], time: np.ndarray,
+                        mean: np.ndarray) -> tuple[float, float, float]:
     """Return the averaged torque's peak, its time, and the mean at constant velocity."""
-    movement = kept[0].movement
+    movement = repetitions[0].movement
 
     def median_time(name: str) -> float:
-        return float(np.median([getattr(r.movement, name) - r.movement.begin for r in kept]))
+        return float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
     average = replace(
         movement, begin=0.0, end=median_time('end'), constant_begin=median_time('constant_begin'),
         constant_end=median_time('constant_end'), rest_begin=median_time('rest_begin'),
         rest_end=median_time('rest_end'))
-    onset = float(np.median([r.figures.get('onset', math.inf) for r in kept]))
-    has_reference = any('onset' in r.figures or not r.moved for r in kept)
+    onset = float(np.median([r.figures.get('onset', math.inf) for r in repetitions]))
+    has_reference = any('onset' in r.figures or not r.moved for r in repetitions)
     torque = effort(time, mean, average, onset if math.isfinite(onset) else None, has_reference)
     peak = int(np.argmax(torque))
     counted = torque[peak] >= 0.0

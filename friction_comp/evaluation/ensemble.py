@@ -99,7 +99,7 @@ class Ensemble:
         with np.errstate(invalid='ignore', divide='ignore'):
             mean = np.where(known > 0, total / known, np.nan)
             std = np.sqrt(np.maximum(squares - known * mean ** 2, 0.0)
-                             / np.maximum(known - 1, 1))
+                          / np.maximum(known - 1, 1))
         return mean, np.where(known > 0, std, np.nan)
 
     def rms(self, name: str, points: np.ndarray) -> float:

@@ -148,8 +148,8 @@ class Evaluation:
         plain = [c for c in counts if c.announced >= 0 and not c.uses_direction]
         assisted = [c for c in counts if c.announced == 1 and c.uses_direction]
         for matches in (lambda a, b: (a.law, a.model) == (b.law, b.model),
-                      lambda a, b: (a.law, a.model) == ('kinetic', b.model),
-                      lambda a, b: a.law == 'none'):
+                        lambda a, b: (a.law, a.model) == ('kinetic', b.model),
+                        lambda a, b: a.law == 'none'):
             pairs = [(a, b) for a in plain for b in assisted if matches(a, b)]
             if pairs:
                 return max(pairs, key=lambda pair: (min(counts[pair[0]], counts[pair[1]]), pair))

@@ -211,7 +211,7 @@ def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float)
         # comparison with those around them.
         end = buffer.time[-1] - (0.0 if at_end else seconds)
         finished = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)
-                  if at_end or r.movement.end < end]
+                    if at_end or r.movement.end < end]
         sum_up(finished, averages)
         repetitions.extend(finished)
         buffer = buffer.take(buffer.time >= (finished[-1].movement.end if finished else end))

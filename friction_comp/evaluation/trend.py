@@ -78,7 +78,7 @@ def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
     for repetition in repetitions:
         if repetition.day:
             groups.setdefault(repetition.help, []).append(repetition)
-    return [_trend(known, groups[known]) for known in sorted(groups)]
+    return [_trend(condition, groups[condition]) for condition in sorted(groups)]
 
 
 def _trend(condition: Help, repetitions: list[Repetition]) -> Trend:

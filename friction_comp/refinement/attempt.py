@@ -87,7 +87,7 @@ class Fit:
         Differentiation settings.
     candidates : list of Key
         The last candidates.
-    sure_of_lag : float
+    lag_confidence : float
         Share of resampled block sets in which the lag lowers the error enough; 1 without a lag.
     """
 
@@ -248,7 +248,7 @@ def search_with(question: Question, settings: dict[str, Any] | None = None,
     _, _, keys, transition, candidates = min(ends)
     table.set_transition(*transition)
     return Fit(table, keys, len(given), settings,
-                 [key for key in candidates if key in table.terms])
+               [key for key in candidates if key in table.terms])
 
 
 def find_best_fit(question: Question) -> Fit:

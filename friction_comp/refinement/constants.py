@@ -74,7 +74,7 @@ def slopes(table: Table, keys: Sequence[Key], free: Sequence[FreeConstant]) -> n
 
 
 def adjust_constants(table: Table, keys: Sequence[Key], rounds: int = 3,
-             only: Container[Key] | None = None) -> list[Key]:
+                     only: Container[Key] | None = None) -> list[Key]:
     """Adjust the constants of terms together, by the Gauss-Newton method, and return the terms.
 
     Each round solves for the coefficients and for small changes of the constants at once, and

@@ -132,10 +132,11 @@ class Table:
         order = np.argsort(cell, kind='stable')
         self._cells = np.split(order, np.searchsorted(cell[order], np.arange(1, len(cells))))
         self._blocks = [np.nonzero(rows.block == k)[0] for k in range(int(rows.block.max()) + 1)]
-        first = [own[0] for own in self._cells]
+        first = [cell_rows[0] for cell_rows in self._cells]
         self.block, self.region = rows.block[first], rows.region[first]
-        gram = np.array([self.target[own] @ self.target[own] for own in self._cells])
-        self.sums = BlockSums(gram[:, None, None], np.array([len(own) for own in self._cells]),
+        targets = [self.target[cell_rows] for cell_rows in self._cells]
+        gram = np.array([target @ target for target in targets])
+        self.sums = BlockSums(gram[:, None, None], np.array([len(target) for target in targets]),
                               np.empty(0, dtype=int))
         self.columns = np.empty((0, len(self.target)))
         self._append(rows.averaged(base_columns(rows, steepness, shift)).T, [0, 1, 1, 0, 0])
@@ -147,14 +148,14 @@ class Table:
         for term in terms:
             if term.key in self.terms:
                 continue
-            own = self.rows.averaged(term.columns(self.rows)).T
-            if not np.isfinite(own).all():
+            columns = self.rows.averaged(term.columns(self.rows)).T
+            if not np.isfinite(columns).all():
                 continue
             first = len(self.columns) + len(fresh)
-            self._columns_of[term.key] = list(range(first, first + len(own)))
+            self._columns_of[term.key] = list(range(first, first + len(columns)))
             self.terms[term.key] = term
-            fresh += list(own)
-            signs += _signs_of(term, len(own))
+            fresh += list(columns)
+            signs += _signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
         return [term.key for term in terms if term.key in self.terms]
@@ -186,13 +187,13 @@ class Table:
         self.sums = BlockSums(gram, self.sums.rows, np.append(self.sums.signs, signs).astype(int))
         self._update_sums(slice(old, size))
 
-    def _update_sums(self, own: slice) -> None:
+    def _update_sums(self, changed: slice) -> None:
         """Recompute the sums of products of some columns with all others and with the target."""
         for gram, rows in zip(self.sums.gram, self._cells):
-            every, target = self.columns[:, rows], self.target[rows]
-            products = every[own] @ every.T
-            gram[own, :-1], gram[:-1, own] = products, products.T
-            gram[own, -1] = gram[-1, own] = every[own] @ target
+            columns, target = self.columns[:, rows], self.target[rows]
+            products = columns[changed] @ columns.T
+            gram[changed, :-1], gram[:-1, changed] = products, products.T
+            gram[changed, -1] = gram[-1, changed] = columns[changed] @ target
 
     def columns_of(self, key: Key) -> list[int]:
         """Return the column indices of a term."""
@@ -213,13 +214,13 @@ class Table:
         parts, signs = [np.delete(self.columns[:BASE], DERIVATIVES, axis=0)], [0, 1, 1]
         for term in terms:
             if term.key in self.terms:
-                own = self.columns[self._columns_of[term.key]]
+                own_columns = self.columns[self._columns_of[term.key]]
             else:
-                own = self.rows.averaged(term.columns(self.rows)).T
-                if not np.isfinite(own).all():
+                own_columns = self.rows.averaged(term.columns(self.rows)).T
+                if not np.isfinite(own_columns).all():
                     return math.inf
-            parts.append(own)
-            signs += _signs_of(term, len(own))
+            parts.append(own_columns)
+            signs += _signs_of(term, len(own_columns))
         full = np.vstack((*parts, self.target))
         sums = BlockSums((full @ full.T)[None], np.array([full.shape[1]]), np.array(signs))
         columns = range(len(signs))
@@ -244,8 +245,8 @@ class Table:
         def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
             base = self.rows.averaged(base_columns(self.rows, steepness, shift)).T
             full = np.vstack((base, others, self.target))
-            sums = BlockSums(np.array([full[:, own] @ full[:, own].T for own in self._blocks]),
-                             np.array([len(own) for own in self._blocks]), signs)
+            gram = np.array([full[:, rows] @ full[:, rows].T for rows in self._blocks])
+            sums = BlockSums(gram, np.array([len(rows) for rows in self._blocks]), signs)
             return float(sums.left_out(plain).sum()), sums
         current = self.steepness, self.shift
         best, sums = sums_at(*current)
@@ -278,16 +279,16 @@ class Table:
 
     def loads(self, keys: Sequence[Key]) -> list[dict[str, float]]:
         """Return the loads that follow from the terms of a fit; see `Effect.load_share`."""
-        coefficients, shares, given = self.coefficients(keys), [], False
+        coefficients, shares, carries_load = self.coefficients(keys), [], False
         for key in keys:
             term = self.terms[key]
             if term.group is None and not term.kind.uses_inner_load:
-                own = [coefficients[column] for column in self._columns_of[key]]
-                shares.append(term.kind.load_share(own, term.constants))
-                given = given or term.kind.gives_load
+                values = [coefficients[column] for column in self._columns_of[key]]
+                shares.append(term.kind.load_share(values, term.constants))
+                carries_load = carries_load or term.kind.gives_load
                 if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
                     shares.append({'offset': coefficients[0]})
-        return shares if given else []
+        return shares if carries_load else []
 
     def look(self, keys: Sequence[Key]) -> Look:
         """Return the residual of a fit in the form from which effects propose constants."""

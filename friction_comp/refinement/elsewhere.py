@@ -33,12 +33,12 @@ class Elsewhere:
     """
 
     def __init__(self, table: Table, keys: Sequence[Key]) -> None:
-        rows, part = table.rows, table.rows.at_rows
+        rows, averages = table.rows, table.rows.at_rows
         columns = table.indices(keys, derivatives=False)
-        self._table, self._columns_of = table, {column: k for k, column in enumerate(columns)}
-        variables = {'speed': np.abs(np.asarray(part.velocity)), 'position': part.position,
+        self._table, self._column_index = table, {column: k for k, column in enumerate(columns)}
+        variables = {'speed': np.abs(np.asarray(averages.velocity)), 'position': averages.position,
                      'time': np.arange(len(table.target)),
-                     'acceleration': np.abs(np.asarray(part.acceleration))}
+                     'acceleration': np.abs(np.asarray(averages.acceleration))}
         partitions = {name: np.searchsorted(np.quantile(values, (1 / 3, 2 / 3)), values,
                                             side='right')
                       for name, values in variables.items()}
@@ -50,13 +50,14 @@ class Elsewhere:
         for name, part_of_row in partitions.items():
             parts = [full[:, part_of_row == k] for k in range(int(part_of_row.max()) + 1)]
             self._sums[name] = BlockSums(
-                np.array([own @ own.T for own in parts]),
-                np.array([own.shape[1] for own in parts]), table.sums.signs[columns])
+                np.array([part @ part.T for part in parts]),
+                np.array([part.shape[1] for part in parts]), table.sums.signs[columns])
 
     def squares(self, keys: Sequence[Key]) -> dict[str, float]:
         """Return the sum of squared errors of each partition, the blocks of time among them."""
-        own = [self._columns_of[column] for column in self._table.indices(keys, derivatives=False)]
-        return {name: max(float(sums.left_out(own).sum()), 1e-300)
+        columns = [self._column_index[column] for column in self._table.indices(
+            keys, derivatives=False)]
+        return {name: max(float(sums.left_out(columns).sum()), 1e-300)
                 for name, sums in self._sums.items()}
 
     def growth(self, keys: Sequence[Key]) -> dict[str, float]:

@@ -19,34 +19,35 @@ from friction_comp.model.arm.coupling import Group
 
 
 @functools.lru_cache(maxsize=8)
-def groups_for(names: Sequence[str], own: str) -> list[Group]:
+def groups_for(names: Sequence[str], joint: str) -> list[Group]:
     """Return the groups of terms through which other joints may affect a joint's current.
 
     Parameters
     ----------
     names : tuple of str
         Joints in the order of the recording, usually the order along the arm.
-    own : str
+    joint : str
         The joint; terms that depend on it alone are left to its own effects.
     """
     sums: list[tuple[tuple[str, int], ...]] = [
-        ((one, 1), (two, side)) for one, two in combinations(names, 2) for side in (1, -1)]
+        ((first, 1), (second, side)) for first, second in combinations(names, 2)
+        for side in (1, -1)]
     sums += [tuple((name, 1) for name in names[start:stop])
              for start in range(len(names)) for stop in range(start + 3, len(names) + 1)]
-    groups = [Group('weight', angles) for angles in sums if own in (name for name, _ in angles)]
+    groups = [Group('weight', angles) for angles in sums if joint in (name for name, _ in angles)]
     singles: list[tuple[tuple[str, int], ...]] = [()] + [((name, 1),) for name in names]
     neighbours = list(zip(names, names[1:]))
-    sums = singles + [((one, 1), (two, 1)) for one, two in neighbours]
-    pairs = [(own, name) for name in names] + [
-        pair for pair in [(name, name) for name in names] + neighbours if own not in pair]
-    for one, two in pairs:
+    sums = singles + [((first, 1), (second, 1)) for first, second in neighbours]
+    pairs = [(joint, name) for name in names] + [
+        pair for pair in [(name, name) for name in names] + neighbours if joint not in pair]
+    for first, second in pairs:
         for angles in sums:
             turning = {name for name, _ in angles}
             # The coupled inertia of two joints does not depend on the angle of the first, and a
             # term without the joint's own acceleration has to depend on its angle.
-            if not {one, two} <= turning and (own in (one, two) or own in turning) and (
-                    one != two or turning):
-                groups.append(Group('kinetic', angles, (own, one, two)))
+            possible = not {first, second} <= turning and (first != second or turning)
+            if possible and (joint in (first, second) or joint in turning):
+                groups.append(Group('kinetic', angles, (joint, first, second)))
     return groups
 
 
@@ -55,15 +56,15 @@ def plain_name(group: Group) -> str:
     return 'gravity' if group.kind == 'weight' else 'inertia'
 
 
-def neighbourhood(names: Sequence[str], own: str) -> list[Group]:
+def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:
     """Return the groups of a joint and its neighbours, and the weight of the links behind it.
 
     Where an arm swings freely, weight and inertia cancel, and none of these groups helps alone, so
     they are tried together.
     """
-    index = list(names).index(own)
+    index = list(names).index(joint)
     neighbours = set(names[max(0, index - 1):index + 2])
-    return [group for group in groups_for(tuple(names), own)
+    return [group for group in groups_for(tuple(names), joint)
             if group.everyone <= neighbours or is_weight_of_link(group, names)]
 
 

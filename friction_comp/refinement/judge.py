@@ -146,10 +146,10 @@ def noise_floor(rows: Rows, residual: np.ndarray) -> float:
     those of white noise have six times its variance. Slow noise is not included, and a filtered
     signal shows less noise than its sensor has.
     """
-    whole = rows.usable[2:] & rows.usable[1:-1] & rows.usable[:-2]
+    consecutive = rows.usable[2:] & rows.usable[1:-1] & rows.usable[:-2]
     step = np.diff(rows.samples.recording)
-    whole &= (step[1:] == 0) & (step[:-1] == 0)
-    second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[whole]
+    consecutive &= (step[1:] == 0) & (step[:-1] == 0)
+    second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[consecutive]
     if second.size < 50:
         return rms(residual[rows.usable])
     return 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6.0)
@@ -284,7 +284,7 @@ def findings_on_errors(rows: Rows, after: Errors, growth: dict[str, float]) -> l
     if largest > GROWTH:
         notes.append(Finding(
             'extrapolates', f'A third of the {variable} range that was not fitted is predicted '
-            f'with {largest:.2g} times the error: the model holds only where it was recorded.',
+            f'with {largest:.2g} times the error: the model is only supported where it was fitted.',
             IN_PART, f'record more values of {variable}, in another order'))
     return notes
 
@@ -294,10 +294,11 @@ def moves_as_one(rows: Rows) -> bool:
     if rows.motion is None:
         return False
     position = rows.motion[0][rows.start]
-    own = list(rows.joints).index(rows.samples.joint)
-    others = np.column_stack((np.ones(len(position)), np.delete(position, own, axis=1)))
-    left = position[:, own] - others @ np.linalg.lstsq(others, position[:, own], rcond=None)[0]
-    return bool(np.var(left) < (1.0 - FOLLOWED_VARIANCE) * np.var(position[:, own]))
+    index = list(rows.joints).index(rows.samples.joint)
+    others = np.column_stack((np.ones(len(position)), np.delete(position, index, axis=1)))
+    own = position[:, index]
+    residual = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
+    return bool(np.var(residual) < (1.0 - FOLLOWED_VARIANCE) * np.var(own))
 
 
 def findings_on_recording(rows: Rows, raw: Samples) -> list[Finding]:

@@ -28,7 +28,7 @@ _SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'hist
            'load': 12, 'temperature': 10}
 _PAIRED = {'position': 12, 'velocity': 8, 'time': 12, 'acceleration': 6, 'load': 8,
            'temperature': 6}
-# A pair of these variables is named unless another pair explains so many times as much.
+# A pair of these variables is preferred unless another pair explains this many times as much.
 _STATE, _OTHER_PAIR = frozenset(('position', 'velocity', 'load', 'temperature')), 1.5
 _FEWEST_STRETCHES, _MOST_STRETCHES = 20, 400
 # Variables with a larger rank correlation cannot be distinguished.
@@ -95,7 +95,7 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
     if strength * share > 2.0 * LEAST_STRENGTH:
         known = {item.variable for item in dependences}
         dependences += [_entry(name, strength * share, values, ' and '.join(pair))
-                  for name in pair if name not in known]
+                        for name in pair if name not in known]
     dependences.sort(key=lambda item: -item.strength)
     return dependences + _inseparable(dependences, signals)
 
@@ -154,13 +154,13 @@ def _signals(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
 def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.ndarray:
     """Return the cell of each sample, directions apart so that signs do not cancel."""
     tails = (0.003, 0.01, 0.03) if name in ('velocity', 'acceleration') else ()
-    own = _ranges(signals[name], _SINGLE[name], tails)
+    cell = _ranges(signals[name], _SINGLE[name], tails)
     if name == 'velocity':
-        return own
+        return cell
     if name == 'position':
         # A ripple's phase changes with the speed.
-        own = 3 * own + _ranges(np.abs(signals['velocity']), 3)
-    return own if name == 'acceleration' else 2 * own + side
+        cell = 3 * cell + _ranges(np.abs(signals['velocity']), 3)
+    return cell if name == 'acceleration' else 2 * cell + side
 
 
 def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray,

@@ -19,7 +19,7 @@ TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
 
 
 def plain_columns(samples: Samples, transitions: Sequence[float],
-                  motion: tuple[np.ndarray, ...] | None = None, own: int = 0) -> np.ndarray:
+                  motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
     """Return the columns of a plain drive: friction, inertia, weight and load."""
     v, q = np.asarray(samples.velocity), samples.position
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
@@ -32,12 +32,12 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
         columns += [samples.rigid_body, np.abs(samples.rigid_body) * np.tanh(v / transitions[-1])]
     if motion is not None:
         angles, _, accelerations = motion
-        for first in range(own + 1):
-            for last in range(own, angles.shape[1]):
+        for first in range(index + 1):
+            for last in range(index, angles.shape[1]):
                 if first < last:
                     total = angles[:, first:last + 1].sum(axis=1)
                     columns += [np.cos(total), np.sin(total)]
-        columns += [acceleration for k, acceleration in enumerate(accelerations.T) if k != own]
+        columns += [acceleration for k, acceleration in enumerate(accelerations.T) if k != index]
     return np.column_stack(columns)
 
 

@@ -107,8 +107,9 @@ def report_of(result: ReportInput) -> dict[str, Any]:
         'effects': effects,
         'friction': friction_of(result),
         'correlations': [] if result.kept else correlations_of(result),
-        'unexplained': [{'variable': one.variable, 'strength': one.strength,
-                         'note': in_unit(one.note, result.unit)} for one in dependences],
+        'unexplained': [{'variable': dependence.variable, 'strength': dependence.strength,
+                         'note': in_unit(dependence.note, result.unit)}
+                        for dependence in dependences],
         'ambiguous': open_questions,
         'thirds': growth_by_variable,
         'differentiation': dict(result.fit.settings),
@@ -183,8 +184,8 @@ def correlations_of(result: ReportInput) -> list[dict[str, Any]]:
         kind = table.terms[key].kind
         label = kind.name.replace('_', ' ')
         for k, column in enumerate(table.columns_of(key)):
-            own = kind.numbers[k][0] if k < len(kind.numbers) else f'coefficient {k + 1}'
-            names[column] = f'{label}: {own}'
+            coefficient = kind.numbers[k][0] if k < len(kind.numbers) else f'coefficient {k + 1}'
+            names[column] = f'{label}: {coefficient}'
         for name in kind.constants:
             names[key, name] = f'{label}: {name.replace("_", " ")}'
     return [{'between': [names[a], names[b]], 'correlation': value}

@@ -79,7 +79,7 @@ class Split:
         return [blocks, sums.left_out(columns, table.region)]
 
     def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
-                  share: float = 1.0) -> bool:
+                 share: float = 1.0) -> bool:
         """Return whether errors decrease by more than chance explains.
 
         Where several joints moved, they have to decrease in held-out regions of posture, too.
@@ -104,7 +104,7 @@ class Split:
 
 def total(errors: Sequence[np.ndarray]) -> float:
     """Return the sum of all errors."""
-    return float(sum(own.sum() for own in errors))
+    return float(sum(part.sum() for part in errors))
 
 
 def gains(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence[int]],
@@ -127,18 +127,19 @@ def gains(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence
     projection = np.linalg.solve(
         scaled[np.ix_(inner, inner)] + 1e-8 * np.eye(len(inner)), scaled[inner])
     reductions = np.zeros(len(candidates))
-    sizes = np.array([len(own) for own in candidates])
+    sizes = np.array([len(columns) for columns in candidates])
     for size in np.unique(sizes[sizes > 0]):
         indices = np.nonzero(sizes == size)[0]
-        own = np.array([candidates[int(k)] for k in indices])
-        remaining = scaled[own[:, :, None], own[:, None, :]] - np.einsum(
-            'snm,snk->nmk', scaled[inner][:, own], projection[:, own])
-        target = scaled[own, -1] - np.einsum('snm,s->nm', scaled[inner][:, own], projection[:, -1])
+        columns = np.array([candidates[int(k)] for k in indices])
+        remaining = scaled[columns[:, :, None], columns[:, None, :]] - np.einsum(
+            'snm,snk->nmk', scaled[inner][:, columns], projection[:, columns])
+        target = scaled[columns, -1] - np.einsum(
+            'snm,s->nm', scaled[inner][:, columns], projection[:, -1])
         remaining[:, np.arange(size), np.arange(size)] += 1e-6
         step = np.linalg.solve(remaining, target[:, :, None])[:, :, 0]
         gain = np.einsum('nm,nm->n', target, step)
         if size == 1:
-            gain = np.where((signs[own[:, 0]] > 0) & (step[:, 0] < 0.0), 0.0, gain)
+            gain = np.where((signs[columns[:, 0]] > 0) & (step[:, 0] < 0.0), 0.0, gain)
         reductions[indices] = gain
     return reductions * norm[-1] ** 2
 
@@ -180,9 +181,9 @@ class Search:
         An inertia or a weight that depends on other joints also has a part of the joint alone.
         Without that part, the group would have to represent both, and fail in other postures.
         """
-        own = {plain_name(key[-1]) for key in keys if key[-1] is not None}
-        own -= {key[0] for key in keys if key[-1] is None}
-        return [*keys, *(key for key in self.table.terms if key[-1] is None and key[0] in own)]
+        needed = {plain_name(key[-1]) for key in keys if key[-1] is not None}
+        needed -= {key[0] for key in keys if key[-1] is None}
+        return [*keys, *(key for key in self.table.terms if key[-1] is None and key[0] in needed)]
 
     def separable(self, keys: Sequence[Key]) -> list[Key]:
         """Return the terms without collinear ones, the last removed first.
@@ -208,7 +209,7 @@ class Search:
         if not allowed:
             return []
         reductions = gains(self.split.total, self.table.indices(keys),
-                     [self.table.columns_of(key) for key in allowed], self.table.sums.signs)
+                           [self.table.columns_of(key) for key in allowed], self.table.sums.signs)
         best: dict[Key, tuple[float, Key]] = {}
         for gain, key in zip(reductions, allowed):
             kind = (key[0], key[-1])
@@ -248,7 +249,7 @@ class Search:
         keys = self.complete(keys)
         while True:
             full = self.errors(keys)
-            least: tuple[float, Key] | None = None
+            weakest: tuple[float, Key] | None = None
             for key in keys:
                 rest = [other for other in keys if other != key]
                 if key in self.fixed or key in self.complete(rest):
@@ -256,11 +257,11 @@ class Search:
                 without = self.errors(rest)
                 stays = 1.0 if key[-1] is not None else _STAYS
                 if not self.split.improves(without, full, stays) and (
-                        least is None or total(without) < least[0]):
-                    least = (total(without), key)
-            if least is None:
+                        weakest is None or total(without) < weakest[0]):
+                    weakest = (total(without), key)
+            if weakest is None:
                 return keys
-            keys.remove(least[1])
+            keys.remove(weakest[1])
 
     def exchange(self, keys: Sequence[Key]) -> list[Key]:
         """Replace terms by other effects where that lowers the error."""
@@ -269,12 +270,12 @@ class Search:
             if key in self.fixed:
                 continue
             rest = [other for other in keys if other != key]
-            most = self.error(keys) * (1.0 - _STAYS * LEAST_SHARE)
+            limit = self.error(keys) * (1.0 - _STAYS * LEAST_SHARE)
             trials = [(self.error([*rest, other]), other)
                       for other in self.shortlist(rest)
                       if (other[0], other[-1]) != (key[0], key[-1])
                       and len(self.separable([*rest, other])) > len(rest)]
             error, other = min(trials, default=(math.inf, key), key=lambda trial: trial[0])
-            if error < most:
+            if error < limit:
                 keys[keys.index(key)] = other
         return keys

@@ -71,10 +71,10 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
     """
     rng = np.random.default_rng(0)
     fixed, span = list(keys[:given]), table.rows.scene.span
-    own = {key[0] for key in keys if table.terms[key].kind.most == 1 and key[-1] is None}
+    single_kinds = {key[0] for key in keys if table.terms[key].kind.most == 1 and key[-1] is None}
     # With the adjusted constants: a neighbouring grid point is the same effect.
     offered = [*keys[given:], *(key for key in candidates
-                                if key[0] not in own and key not in keys)]
+                                if key[0] not in single_kinds and key not in keys)]
     late = [key for key in offered if table.terms[key].kind.variable == 'time']
     early = [key for key in offered if key not in late]
     physics = [key for key in early if table.terms[key].kind.physics and key[-1] is None]
@@ -92,13 +92,13 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
     chosen = {key: float(np.mean([contains(terms, key) for terms in searches])) for key in keys}
     alternatives: dict[Key, list[tuple[str, float]]] = {}
     for key in keys[given:]:
-        others: Counter[str] = Counter()
+        counts: Counter[str] = Counter()
         for terms in searches:
             if not contains(terms, key):
-                others.update({term.kind.name for term in terms if not any(
+                counts.update({term.kind.name for term in terms if not any(
                     table.terms[other].same_effect(term, span) for other in keys)})
-        alternatives[key] = [(name, count / len(searches)) for name, count in others.most_common()
-                        if count >= _ALTERNATIVE_SHARE * len(searches)]
+        alternatives[key] = [(name, count / len(searches)) for name, count in counts.most_common()
+                             if count >= _ALTERNATIVE_SHARE * len(searches)]
     return Stability(chosen, alternatives)
 
 
@@ -154,14 +154,14 @@ def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
     weights = np.array([np.bincount(rng.integers(0, blocks, blocks), minlength=blocks)
                         for _ in range(_DRAWS)], dtype=float)
     coefficients = sums.fits(range(len(matrix)), weights)
-    whole = sums.fit(range(len(matrix)))
+    estimates = sums.fit(range(len(matrix)))
     quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, blocks - 1))
     # Median absolute deviation: samples that lack a direction of motion give outlying fits.
     scatter = np.abs(coefficients - np.median(coefficients, axis=0))
     half = quantile * 1.4826 * np.median(scatter, axis=0)
     middle = table.coefficients(keys)
     ends = {column: (middle.get(column, value) - h, middle.get(column, value) + h)
-            for column, value, h in zip(indices, whole, half)}
+            for column, value, h in zip(indices, estimates, half)}
     constants = {}
     for constant, h in zip(free, half[len(indices):]):
         term = table.terms[keys[constant.term]]

@@ -63,11 +63,11 @@ class BlockSums:
         -------
         ndarray, shape (K,)
         """
-        own = np.arange(self.blocks) if fold is None else fold
-        train = (own != np.arange(int(own.max()) + 1)[:, None]).astype(float)
+        fold_of_block = np.arange(self.blocks) if fold is None else fold
+        train = (fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]).astype(float)
         if weights is not None:
             train = train * weights
-        return self.squares(columns, self.fits(columns, train)[own])
+        return self.squares(columns, self.fits(columns, train)[fold_of_block])
 
     def squares(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
         """Return the squared error of each block with its own coefficients, shape (K,).
@@ -147,7 +147,8 @@ def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
             if not (values < 0.0).any():
                 break
             free[bounded[int(np.argmin(values))]] = False
-            own = np.nonzero(free)[0]
+            indices = np.nonzero(free)[0]
             solution[case] = 0.0
-            solution[case, own] = np.linalg.solve(scaled[case][own[:, None], own], goal[case, own])
+            solution[case, indices] = np.linalg.solve(
+                scaled[case][indices[:, None], indices], goal[case, indices])
     return np.asarray(solution / norms)

@@ -27,7 +27,7 @@ class Threshold(float):
 
 
 FEWEST_SAMPLES = Threshold(
-    200, 'samples', 'fewer in motion tell Coulomb from viscous friction and little else')
+    200, 'samples', 'fewer in motion distinguish Coulomb from viscous friction and little else')
 ROWS = Threshold(
     16000, 'rows', 'so many averages are searched, taken at 100 Hz or more')
 BLOCKS = Threshold(

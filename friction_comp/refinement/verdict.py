@@ -47,23 +47,24 @@ class Verdict:
 
     def add(self, findings: Iterable[Finding]) -> None:
         """Add findings that are not in the list yet."""
-        self.findings += [one for one in findings if one not in self.findings]
+        self.findings += [finding for finding in findings if finding not in self.findings]
 
     @property
     def word(self) -> str:
         """`TRUST`, `IN_PART` or `AGAIN`: the worst grade."""
-        return max((one.grade for one in self.findings), key=_ORDER.index, default=TRUST)
+        return max((finding.grade for finding in self.findings), key=_ORDER.index, default=TRUST)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entries of report.json."""
-        bad = [one for one in self.findings if one.grade != TRUST]
-        bad.sort(key=lambda one: -_ORDER.index(one.grade))
-        reasons = [one.text for one in bad] or [
+        bad = [finding for finding in self.findings if finding.grade != TRUST]
+        bad.sort(key=lambda finding: -_ORDER.index(finding.grade))
+        reasons = [finding.text for finding in bad] or [
             'The model predicts long parts of the recording that were not fitted about as well as '
             'those that were, and no variable explains a large part of the remaining error.']
         return {
             'verdict': self.word, 'reasons': reasons,
-            'record_again': list(dict.fromkeys(one.record for one in bad if one.record)),
-            'warnings': [one.text for one in self.findings if one not in bad],
-            'findings': [{'code': one.code, 'grade': one.grade, 'text': one.text,
-                          'record': one.record} for one in self.findings]}
+            'record_again': list(dict.fromkeys(
+                finding.record for finding in bad if finding.record)),
+            'warnings': [finding.text for finding in self.findings if finding not in bad],
+            'findings': [{'code': finding.code, 'grade': finding.grade, 'text': finding.text,
+                          'record': finding.record} for finding in self.findings]}

@@ -60,8 +60,8 @@ class ArmResult:
                 'intervals': {
                     'current_per_torque': fit.intervals.scales[k].tolist(),
                     'mass': _ends(fit.intervals.parameters[k, 0]),
-                    'first_moment': [_ends(own) for own in fit.intervals.parameters[k, 1:4]],
-                    'inertia': [_ends(own) for own in fit.intervals.parameters[k, 4:]]},
+                    'first_moment': [_ends(bounds) for bounds in fit.intervals.parameters[k, 1:4]],
+                    'inertia': [_ends(bounds) for bounds in fit.intervals.parameters[k, 4:]]},
                 'told_by_recording': {
                     'mass': fit.intervals.told[k, 0],
                     'first_moment': fit.intervals.told[k, 1:4].tolist(),
@@ -171,6 +171,6 @@ def _at_common_times(recorded: dict[str, list[Samples]]) -> list[Samples]:
         if len(common) < 0.5 * min(map(len, joint_samples)):
             raise InputError('the joints are hardly ever recorded together: '
                              f'{len(common)} joint states hold all of them')
-        for own, samples in zip(parts, joint_samples):
-            own.append(samples.take(np.searchsorted(samples.time, common)))
-    return [replace(Samples.concatenate(own), joint=name) for name, own in zip(recorded, parts)]
+        for part, samples in zip(parts, joint_samples):
+            part.append(samples.take(np.searchsorted(samples.time, common)))
+    return [replace(Samples.concatenate(part), joint=name) for name, part in zip(recorded, parts)]

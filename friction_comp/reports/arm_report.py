@@ -151,7 +151,7 @@ def _with_interval(value: float, bounds: list[float | None]) -> str:
 
 
 def _scale_text(value: float, bounds: list[float | None]) -> str:
-    """Return a current per torque as text, or 'not told' where the recording does not tell."""
+    """Return a current per torque as text, or that the recording does not determine it."""
     low, high = bounds
     if low is None or high is None or high > _LARGEST_RATIO * low:
         ends = '' if low is None else f' ({number(low)} to {number(high)})'

@@ -87,7 +87,7 @@ def _pose_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) ->
         # Poses from the first repetition.
         for k, sample in enumerate(np.linspace(first, count // 2, _POSES).astype(int)):
             _draw(axis, 0.55 * k, {joint: float(samples.position[sample])
-                                    for joint, samples in recorded.items()},
+                                   for joint, samples in recorded.items()},
                   {joint: float(np.asarray(samples.load)[sample])
                    for joint, samples in recorded.items()}, COLOURS[colour])
         axis.set_aspect('equal')
@@ -120,7 +120,7 @@ def _torque_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) 
                                        (helped, 'green', 'with it')):
             samples: Any = recorded[joint]
             axis.plot(*thin(samples.time - samples.time[0], samples.load),
-                       color=COLOURS[colour], label=name)
+                      color=COLOURS[colour], label=name)
         axis.set_ylabel(f'{joint} (N·m)')
     axes[0, 0].legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=2)
     axes[-1, 0].set_xlabel('time (s)')

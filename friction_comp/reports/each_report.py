@@ -70,7 +70,7 @@ def each_report(content: dict[str, Any]) -> Report:
                     'after refinement (filled), and noise from sample to sample (line); ordered '
                     'by joint and recording.')
     page.heading('Effects, and how often they were found')
-    page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'so it comes'],
+    page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'repeatable'],
                _effects(rows, joints))
     page.text('An effect that is found in some recordings of a joint and not in others either '
               'needs a movement that those lack (each report says what hardly varied), or is no '
@@ -127,12 +127,12 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
 def _effects(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
     table: list[list[Any]] = []
     for joint in joints:
-        own = [row for row in rows if row['joint'] == joint]
-        counts = Counter((effect['name'], effect['variable']) for row in own
+        joint_rows = [row for row in rows if row['joint'] == joint]
+        counts = Counter((effect['name'], effect['variable']) for row in joint_rows
                          for effect in {e['name']: e for e in row['effects']}.values())
         table.extend(
-            [joint, name.replace('_', ' '), variable, count, len(own),
-             'again and again' if count > 1 and count >= _REPEATABLE * len(own) else 'seldom']
+            [joint, name.replace('_', ' '), variable, count, len(joint_rows),
+             'yes' if count > 1 and count >= _REPEATABLE * len(joint_rows) else 'no']
             for (name, variable), count in counts.most_common())
     return table or [['', 'none', '', None, len(rows), '']]
 

@@ -43,10 +43,10 @@ _MOST_COMPARISONS = 24
 _MOST_TILES = 5
 # Tables of conditions, and the figures that they list where known.
 _TABLES = (
-    ('What it took', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
-                      'residual_current')),
-    ('How it went', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
-                     'rms_current')),
+    ('Torque and current', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
+                            'residual_current')),
+    ('Timing and smoothness', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
+                               'rms_current')),
 )
 # Largest number of recordings that a page lists.
 _MOST_RECORDINGS = 12
@@ -190,7 +190,7 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     largest = 0.0
     for movement in ('positive', 'negative'):
         conditions = [next((c for c in evaluation.conditions if c.help == compared
-                       and c.movement == movement), None) for compared in pair]
+                            and c.movement == movement), None) for compared in pair]
         if any(c is None or not np.isfinite(c.torque).any() for c in conditions):
             continue
         peaks = [c.peak_torque for c in conditions if c is not None]
@@ -354,7 +354,7 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
         if several:
             report.text(f'## Joint {evaluation.joint}')
         add_evaluation(report, evaluation)
-    report.text('## Where this comes from')
+    report.text('## Sources')
     listed = [f'- recording `{name}`' for name in recordings[:_MOST_RECORDINGS]]
     if len(recordings) > _MOST_RECORDINGS:
         listed.append(f'- and {len(recordings) - _MOST_RECORDINGS} more, all named in '

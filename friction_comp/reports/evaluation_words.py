@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 def summary(evaluation: Evaluation) -> str:
     """Return a summary of the trials in words, the verdict first."""
     words = [verdict(evaluation)]
-    words.extend(_trend_words(trend, evaluation) for trend in evaluation.trends
+    words.extend(_trend_sentence(trend, evaluation) for trend in evaluation.trends
                  if trend.significant)
-    words.extend(_stuck_words(evaluation))
+    words.extend(_stuck_sentences(evaluation))
     starts = sum(c.false_starts for c in evaluation.conditions)
     words.append('The joint never started by itself.' if not starts else
                  f'**In {starts} repetitions the joint started by itself.** Lower '
@@ -108,7 +108,7 @@ def verdict(evaluation: Evaluation) -> str:
             'with it (d = ±1) and without (d = 0, or no compensation). All comparisons are below.')
 
 
-def _stuck_words(evaluation: Evaluation) -> list[str]:
+def _stuck_sentences(evaluation: Evaluation) -> list[str]:
     """Return a sentence for each condition under which the joint was stuck in some movements."""
     lines = []
     for condition in dict.fromkeys(c.help for c in evaluation.conditions):
@@ -125,7 +125,7 @@ def _label_without_direction(evaluation: Evaluation, condition: Help) -> str:
     return ' · '.join(evaluation.words(condition)[1:]) or 'no law that the recording names'
 
 
-def _trend_words(trend: Trend, evaluation: Evaluation) -> str:
+def _trend_sentence(trend: Trend, evaluation: Evaluation) -> str:
     assert trend.per_week is not None
     name, unit = FIGURES[trend.figure]
     rises = trend.per_week.mean > 0

@@ -80,7 +80,7 @@ def _figure(improvement: Improvement, unit: str) -> Figure:
               label='held out, all rounds fitted')
     axes.axhline(improvement.result.report['noise_floor'], color='0.5', linestyle='--')
     largest = max(value for round_ in rounds for value in (round_.predicted, round_.held_out)
-               if value == value)
+                  if value == value)
     axes.set_ylim(0.0, 1.25 * largest)
     axes.set_xticks(list(numbers))
     axes.set_xlabel('round')

@@ -59,10 +59,10 @@ def time_figure(result: RefineResult) -> DrawnFigure:
               ('before', 'orange', measured - result.before[part]),
               ('after', 'blue', measured - result.after[part])]
     model, parts = result.model, []
-    known = model.with_arm(samples)
+    with_arm = model.with_arm(samples)
     parts.append(('Eq. 6', np.asarray(model.sigmoid(np.asarray(samples.velocity)))[part]))
     for effect in model.effects:
-        current = effect.current(known)[part]
+        current = effect.current(with_arm)[part]
         name = effect.name.replace('_', ' ')
         same = [k for k, (other, _) in enumerate(parts) if other == name]
         if same:
@@ -94,9 +94,9 @@ def friction_figure(result: RefineResult) -> DrawnFigure:
     samples, unit = result.samples, result.report['unit']
     velocity = np.asarray(samples.velocity)
     friction = np.array(samples.current, dtype=float)
-    known = result.model.with_arm(samples)
+    with_arm = result.model.with_arm(samples)
     for effect in result.model.effects:
-        friction -= effect.current(known)
+        friction -= effect.current(with_arm)
     v, y = _subsample(velocity[result.usable], friction[result.usable])
     speeds = np.linspace(velocity[result.usable].min(), velocity[result.usable].max(), 801)
     lines = [('before', 'orange', result.start.sigmoid(speeds)),

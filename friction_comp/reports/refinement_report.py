@@ -115,9 +115,9 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
             add_figure(page, residual_figure(result, name, label),
-                 f'Residual over {name}: measured minus predicted current of data not fitted. The '
-                 'lines are averages over ranges, separately for the positive and the negative '
-                 'direction.')
+                       f'Residual over {name}: measured minus predicted current of data not '
+                       'fitted. The lines are averages over ranges, separately for the positive '
+                       'and the negative direction.')
     drawn = spectrum_figure(result)
     if drawn is not None:
         add_figure(page, drawn, 'Spectrum of the residual over position: ripple shows as a '

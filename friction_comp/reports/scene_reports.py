@@ -67,13 +67,13 @@ def exercise_figure(shown: dict[str, Samples], seconds: float = 16.0) -> Figure:
         part = samples.take(samples.time <= samples.time[0] + seconds)
         if part.reference_position is not None:
             axis.plot(*thin(part.time, np.degrees(part.reference_position)), '--',
-                       color=COLOURS['grey'], linewidth=1.0)
+                      color=COLOURS['grey'], linewidth=1.0)
         axis.plot(*thin(part.time, np.degrees(part.position)), color=COLOURS['green'])
         for sign, colour in ((1, 'blue'), (-1, 'orange')):
             if part.direction is not None:
                 axis.fill_between(part.time, 0, 1, where=part.direction == sign, alpha=0.15,
-                                   color=COLOURS[colour], linewidth=0,
-                                   transform=axis.get_xaxis_transform())
+                                  color=COLOURS[colour], linewidth=0,
+                                  transform=axis.get_xaxis_transform())
         axis.set_ylabel(f'{joint} (deg)')
     axes[-1, 0].set_xlabel('time (s)')
     return figure
@@ -183,8 +183,8 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
         part = [r for r in evaluation.repetitions if r.help.model == model
                 and 'rms_torque' in r.figures]
         torque_axis.plot([r.begin for r in part], [r.figures['rms_torque'] for r in part], marker,
-                   color=COLOURS[colour], markersize=4.5,
-                   label=('model at the start' if model == models[0] else 'refined model'))
+                         color=COLOURS[colour], markersize=4.5,
+                         label=('model at the start' if model == models[0] else 'refined model'))
     torque_axis.set_ylim(bottom=0.0)
     torque_axis.set_ylabel('RMS torque (N·m)')
     for axis in axes[:, 0]:
