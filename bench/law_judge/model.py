@@ -58,7 +58,9 @@ def true_models(world, gears, seed, repetitions=48):
         written = document(gear, sigmoid, (measured[::2], measured[1::2]), tables)
         distance, _ = world.presliding_and_stiffness(gear)
         if k % 2 == 1 and np.isfinite(distance):
-            written['presliding'] = {'distance': float(distance), 'std': STD * float(distance)}
+            scatter = getattr(world, 'presliding_scatter', lambda gear: 0.0)(gear)
+            written['presliding'] = {'distance': float(distance),
+                                     'std': math.hypot(STD * float(distance), scatter)}
         documents.append(written)
     return documents
 

@@ -21,6 +21,7 @@ START = 1.5
 WHEN = {'1 s ahead': (0.5, 88.0, 78.0), 'with the push': (START, 86.0, 78.0),
         'not announced': (np.inf, 50.0, None)}
 BAND = 20.0
+LEAST = 0.05     # share of friction in the peak
 COUNTS = 10.0   # of presliding, from which on an unannounced push is to be helped
 
 
@@ -33,13 +34,15 @@ def peak(bank, law, quick=False):
     rows = []
     for when, (at, median, tenth) in WHEN.items():
         with_law = _peaks(joints, persons, seconds, law, joints.gears, at)
-        share = 100.0 * (bare - with_law) / np.maximum(bare - floor, 1e-9)
+        # Where friction has no part in the peak, there is nothing to take away.
+        share = np.where(bare - floor > LEAST * bare, 100.0 * (bare - with_law) / (bare - floor),
+                         np.nan)
         name = f"friction's part of the peak removed, {when}"
         detail = {f'{kind} {g}': round(float(s), 1) for g, (kind, s) in enumerate(
             zip(bank.kinds, share))}
         if tenth is not None:
-            rows += [Row(name, law, float(np.median(share)), median, ' %', True, detail=detail),
-                     Row(f'{name}: worst tenth', law, float(np.percentile(share, 10)), tenth,
+            rows += [Row(name, law, float(np.nanmedian(share)), median, ' %', True, detail=detail),
+                     Row(f'{name}: worst tenth', law, float(np.nanpercentile(share, 10)), tenth,
                          ' %', True)]
             continue
         known = np.array(['presliding' in document and document['presliding']['distance']
@@ -48,9 +51,9 @@ def peak(bank, law, quick=False):
         for which, among, least in (('presliding known, ≥ 10 counts', known, median),
                                     ('otherwise', ~known, None)):
             if among.any():
-                rows.append(Row(f'{name}, {which}', law, float(np.median(share[among])), least,
+                rows.append(Row(f'{name}, {which}', law, float(np.nanmedian(share[among])), least,
                                 ' %', True, detail=detail))
-        rows.append(Row(f'{name}: worst', law, float(share.min()), -2.0, ' %', True))
+        rows.append(Row(f'{name}: worst', law, float(np.nanmin(share)), -2.0, ' %', True))
     return rows
 
 

@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a gear's friction is, from its own numbers and from slow ramps in the engine."""
 
+from functools import cache
+
 import numpy as np
 
 from law_judge.person import nobody
 from mujoco_gear.plant import Plant
 
 GONE, EARLY = 0.95, 1.0 / 3.0
+RAMPS, RAMP_TIME = 8, 1.2   # s to breakaway, as in `law_judge.identification`
 
 
 def steady_friction(gear, speeds, side=0.0):
@@ -24,8 +27,19 @@ def breakaway_currents(gears, seed, repetitions=48):
     """Return the currents at which slow ramps set each joint going, A, shape (J, repetitions).
 
     The even ones in positive direction, the odd ones in negative, as magnitudes. It is the most
-    that friction takes, rotor's and link's together: what the motor gives less what accelerates
-    them, over 20 ms.
+    that friction takes, rotor's and link's together.
+    """
+    _, taken = _ramps(gears, seed, repetitions,
+                      lambda time: 0.4 * min(1.0, time / 0.3) + max(0.0, time - 0.3) / 2.5, 6.0)
+    return (np.nanmax(taken, axis=0) / np.repeat(gears['torque_per_current'], repetitions)
+            ).reshape(len(gears), repetitions)
+
+
+def _ramps(gears, seed, repetitions, share, longest):
+    """Load resting joints and return their ways in rad and what friction takes in N·m, (T, R).
+
+    `share` is that of the level by the time in s. What friction takes is what the motor gives less
+    what accelerates rotor and link, over 20 ms; NaN where a joint is gone.
     """
     bank = np.repeat(gears, repetitions)
     bank['gravity'] = bank['current_noise'] = 0.0
@@ -35,20 +49,20 @@ def breakaway_currents(gears, seed, repetitions=48):
     torque = bank['torque_per_current']
     level = (bank['static'] + bank['link_coulomb']) / torque
     far = 6.0 * bank['presliding'] + bank['backlash'] + 2.0 * bank['resolution']
-    most, gone, given, momenta = np.zeros(len(bank)), np.zeros(len(bank), dtype=bool), [], []
-    while not gone.all() and plant.time < 6.0:
-        share = 0.4 * min(1.0, plant.time / 0.3) + max(0.0, plant.time - 0.3) / 2.5
-        plant.advance(np.where(gone, 0.0, side * share * level))
+    gone = np.zeros(len(bank), dtype=bool)
+    ways, given, momenta, kept = [], [], [], []
+    while not gone.all() and plant.time < longest:
+        plant.advance(np.where(gone, 0.0, side * share(plant.time) * level))
         s = plant.states
-        gone |= side * (s['motor'] - start) > far
-        given.append(torque * s['current'] - bank['viscous'] * s['motor_velocity'])
-        momenta.append(bank['motor_inertia'] * s['motor_velocity']
-                       + bank['link_inertia'] * s['link_velocity'])
-        if len(given) > 20:
-            taken = np.mean(given[-20:], axis=0) - (momenta[-1] - momenta[-21]) / 0.02
-            most = np.where(gone, most, np.maximum(most, side * taken))
-    found = np.where(gone, most, np.nan) / torque
-    return found.reshape(len(gears), repetitions)
+        ways.append(side * (s['motor'] - start))
+        gone |= ways[-1] > far
+        kept.append(~gone)
+        given.append(side * (torque * s['current'] - bank['viscous'] * s['motor_velocity']))
+        momenta.append(side * (bank['motor_inertia'] * s['motor_velocity']
+                               + bank['link_inertia'] * s['link_velocity']))
+    total, momenta = np.cumsum(given, axis=0), np.array(momenta)
+    taken = (total[20:] - total[:-20]) / 20.0 - (momenta[20:] - momenta[:-20]) / 0.02
+    return np.array(ways)[10:-10], np.where(np.array(kept)[20:], taken, np.nan)
 
 
 def first_curve(gear, points=4000):
@@ -67,8 +81,30 @@ def first_curve(gear, points=4000):
 
 
 def presliding_and_stiffness(gear):
-    """Return the way in rad to 95 % of breakaway, and the slope up to a third of it in A/rad."""
+    """Return the way in rad to 95 % of breakaway, and the slope up to a third of it in A/rad.
+
+    The way is that of a ramp as identification asks for, since the engine's friction creeps: its
+    elements alone (`first_curve`) give way by a half less, a ramp of twenty times the length by
+    three times more.
+    """
     way, torque = first_curve(gear)
     early = max(int(np.argmax(torque > EARLY * torque[-1])), 2)
     slope = (torque[early] - torque[1]) / (way[early] - way[1]) / gear['torque_per_current']
-    return way[int(np.argmax(torque >= GONE * torque[-1]))], slope
+    return _way_of_ramps(gear.tobytes(), gear.dtype)[0], slope
+
+
+@cache
+def _way_of_ramps(gear, dtype):
+    gears = np.frombuffer(gear, dtype).copy()
+    gears['backlash'] = 0.0     # its teeth touch
+    ways, taken = _ramps(gears, 0, RAMPS, lambda time: time / RAMP_TIME, 3.0 * RAMP_TIME)
+    reached = taken >= GONE * np.nanmax(taken, axis=0)
+    given = ways[np.argmax(reached, axis=0), np.arange(ways.shape[1])]
+    sides = given[0::2], given[1::2]
+    scatter = np.hypot(*(np.std(side, ddof=1) for side in sides)) / np.sqrt(2.0)
+    return 0.5 * float(np.median(sides[0]) + np.median(sides[1])), float(scatter)
+
+
+def presliding_scatter(gear):
+    """Return by how much the way differs from rest to rest, as a standard deviation in rad."""
+    return _way_of_ramps(gear.tobytes(), gear.dtype)[1]

@@ -128,7 +128,11 @@ def lead(p: Any, s: Any, aim: float) -> None:
             s.mark = s.home
         slipped = s.caution > 0
         s.starting, s.caution, s.creeping = 1, 0, 0.0
-        if slipped or (abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp)):
+        if s.direction == 0.0:
+            # Displacement goes on deciding, for a push may come at any time.
+            s.z = approach(s.z * (1.0 - s.opposed), 0.0, s.step / p.lead_time)
+            s.opposed, s.mode, s.ramp, s.home = 0.0, HELD, 0.0, s.position
+        elif slipped or (abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp)):
             # The level that comes back after a slip is watched as a preload is.
             s.z *= 1.0 - s.opposed
             s.opposed = 0.0

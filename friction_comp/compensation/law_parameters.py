@@ -36,7 +36,7 @@ LONGER = 1.5
 BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
 # Presliding is known where it is so many counts long, and surer than this share: then a push shows
 # before the joint slides, and help that nobody announced rises as fast as this, s.
-KNOWN_COUNTS, KNOWN_STD = 10.0, 0.15
+KNOWN_COUNTS, KNOWN_STD = 10.0, 0.2
 KNOWN_TIME = 0.03
 # rad; where the model has no presliding distance. Geared joints were found to have 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3

@@ -14,7 +14,7 @@ import math
 from typing import NoReturn, TYPE_CHECKING
 
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.movement import MotionGoal, Movement, STILL_TIME
+from friction_comp.identification.motion import Motion, MotionGoal, STILL_TIME
 from friction_comp.identification.push import acceleration_of_push
 from friction_comp.identification.ramp import Sample, speed_over
 from friction_comp.signal_checks import LATEST
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PUSH_SPEED = 0.3        # rad/s that the short push aims at
 
 
-class FirstMotion(Movement):
+class FirstMotion(Motion):
     """A joint that is broken free before it is moved.
 
     Parameters
@@ -42,7 +42,7 @@ class FirstMotion(Movement):
         Largest current in A known to be taken by friction, a direction each; None before.
     warnings : list of str
     ...
-        And those of `Movement`.
+        And those of `Motion`.
     """
 
     def __init__(self, goal: MotionGoal, drive: Drive, supervision: Supervision) -> None:

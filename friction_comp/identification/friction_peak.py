@@ -154,10 +154,10 @@ def combined_presliding(ways: list[tuple[bool, float]]) -> float:
 
 
 def presliding_std(ways: list[tuple[bool, float]], distance: float, resolution: float) -> float:
-    """Return by how much `combined_presliding` may be off, as a standard deviation in rad.
+    """Return by how much presliding of one rest differs from `combined_presliding`, rad.
 
-    The ramps' scatter, the count within which a way begins and ends, and what the method itself
-    is off by on gears that scatter little.
+    A standard deviation: how the ramps scatter, the count within which a way begins and ends, and
+    what the method itself is off by on gears that scatter little.
 
     Parameters
     ----------
@@ -168,12 +168,11 @@ def presliding_std(ways: list[tuple[bool, float]], distance: float, resolution: 
         rad of an encoder count.
     """
     sides = [np.array([way for same, way in ways if same is side]) for side in (True, False)]
-    sides = [side for side in sides if len(side)]
-    # Of a median, by the middle half of the ways; one alone tells nothing.
-    errors = [1.25 * float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
-              / math.sqrt(len(side)) if len(side) > 2 else 0.3 * distance for side in sides]
-    scatter = math.hypot(*errors) / len(sides)
-    return math.hypot(scatter, _SHARE_OF_COUNT * resolution, _METHOD * distance)
+    # By the middle half of the ways, since one may be far off; one alone tells nothing.
+    scatter = [float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
+               if len(side) > 2 else 0.3 * distance for side in sides if len(side)]
+    return math.hypot(float(np.sqrt(np.mean(np.square(scatter)))), _SHARE_OF_COUNT * resolution,
+                      _METHOD * distance)
 
 
 def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,

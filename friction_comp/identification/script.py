@@ -20,7 +20,7 @@ from friction_comp.identification.excitation import at_position, at_ramp, at_tra
 from friction_comp.identification.first_motion import FirstMotion
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import constant_velocity_currents
-from friction_comp.identification.movement import STILL_TIME
+from friction_comp.identification.motion import STILL_TIME
 from friction_comp.identification.ramp import Ramp, Sample, speed_over, STOP_TIME, time_of_ramp
 from friction_comp.identification.velocity_control import (
     velocity_controller_parameters,

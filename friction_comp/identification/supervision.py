@@ -19,7 +19,7 @@ import math
 from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import KineticPoint
-from friction_comp.identification.movement import MotionGoal
+from friction_comp.identification.motion import MotionGoal
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
 # Measured over commanded current, and way by velocity over way by position, that are believed;

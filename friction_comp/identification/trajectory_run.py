@@ -21,7 +21,7 @@ from friction_comp.checks import check_number
 from friction_comp.errors import InputError
 from friction_comp.identification.excitation import ramp_peak
 from friction_comp.identification.first_motion import FirstMotion
-from friction_comp.identification.movement import STILL_TIME
+from friction_comp.identification.motion import STILL_TIME
 from friction_comp.identification.ramp import Sample
 from friction_comp.identification.supervised_run import SupervisedRun
 from friction_comp.identification.supervision import Supervision

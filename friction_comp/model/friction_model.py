@@ -68,7 +68,7 @@ class Presliding:
     stiffness : float, optional
         A/rad, of friction up to a third of breakaway.
     std : float, optional
-        rad by which the distance may be off, a standard deviation. None where nobody knows.
+        rad by which a single rest may differ, a standard deviation. None where nobody knows.
     """
 
     distance: float

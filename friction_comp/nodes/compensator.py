@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import time
 import traceback
+from typing import Any
 
 import numpy as np
 from rcl_interfaces.msg import SetParametersResult
@@ -17,6 +19,7 @@ from std_srvs.srv import Trigger
 
 from friction_comp.compensation.law import CompensationLaw, GRAVITY, LAWS
 from friction_comp.errors import InputError
+from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.compensation_loop import CompensationLoop
 from friction_comp.nodes.diagnostics import Diagnostics, OK, per_joint, Rate, WARN
 from friction_comp.nodes.faults import Faults
@@ -46,13 +49,13 @@ class CompensatorNode(LifecycleNode):
     finished = False
     fast_timers = ()
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('compensator', start_parameter_services=False)
         self._parameter_services = PatientParameterService(self)
         self._state = 'unconfigured'
         self._loop: CompensationLoop | None = None
         self._loading: Loading | None = None
-        self._candidates = None
+        self._candidates: list[FrictionModel] | None = None
         self._failure = ''
         self._rate = Rate()
         self._faults = Faults(self.get_logger())
@@ -68,7 +71,7 @@ class CompensatorNode(LifecycleNode):
                    read_only=True):
             self._start()
 
-    def _declare(self):
+    def _declare(self) -> None:
         declare(self, 'model_files', [],
                 'model file of each joint; a new one is validated, then activated, while the node '
                 'runs')
@@ -91,7 +94,7 @@ class CompensatorNode(LifecycleNode):
             'age or silence of joint_states that gives zero current; silence is measured in real '
             'time [s]', 0.001, 10.0, read_only=True))
 
-    def _start(self):
+    def _start(self) -> None:
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
             raise InputError(self._failure or 'the node could not be configured')
         if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
@@ -99,7 +102,7 @@ class CompensatorNode(LifecycleNode):
 
     # Parameters.
 
-    def prepare(self, parameters: list) -> Loading | None:
+    def prepare(self, parameters: list[Any]) -> Loading | None:
         """Begin to load the models that are about to be set."""
         for parameter in parameters:
             if parameter.name == 'model_files' and self._loop is not None and isinstance(
@@ -108,14 +111,14 @@ class CompensatorNode(LifecycleNode):
                 return self._loading
         return None
 
-    def _load(self, files):
+    def _load(self, files: Sequence[str]) -> list[FrictionModel]:
         """Return models that may be given a motor: checked, and tried in a law of their own."""
         models = load_models(files, self._joints, for_motor=True)
         for model, path in zip(models, files):
             try_model(model, self._of('gravity'), path)
         return models
 
-    def _loaded(self, files):
+    def _loaded(self, files: Sequence[str]) -> list[FrictionModel]:
         """Return the models of files; most often they wait already."""
         files, loading = tuple(names_in(files)), self._loading
         if loading is not None and loading.files == files:
@@ -123,7 +126,7 @@ class CompensatorNode(LifecycleNode):
             return loading.result()
         return self._load(files)
 
-    def _check_parameters(self, parameters):
+    def _check_parameters(self, parameters: list[Any]) -> SetParametersResult:
         """Refuse unusable values; the node continues with the present ones."""
         models = None
         for parameter in parameters:
@@ -138,11 +141,11 @@ class CompensatorNode(LifecycleNode):
         self._candidates = models
         return SetParametersResult(successful=True)
 
-    def _refused(self, reason):
+    def _refused(self, reason: str) -> SetParametersResult:
         self.get_logger().warning(f'parameter refused: {reason}')
         return SetParametersResult(successful=False, reason=reason)
 
-    def _apply_parameters(self, parameters):
+    def _apply_parameters(self, parameters: list[Any]) -> None:
         names = {parameter.name for parameter in parameters}
         if self._loop is None:
             return
@@ -162,19 +165,19 @@ class CompensatorNode(LifecycleNode):
             self.get_logger().info('{}, breakaway_gain {:g}, current_limit {:g} A'.format(
                 *self._tuning()))
 
-    def _of(self, name):
+    def _of(self, name: str) -> Any:
         return self.get_parameter(name).value
 
-    def _tuning(self):
+    def _tuning(self) -> tuple[str, float, float]:
         return self._of('law'), self._of('breakaway_gain'), self._of('current_limit')
 
-    def _set_limits(self):
+    def _set_limits(self) -> None:
         drives = [model.drive for model in self._loop.law.models]
         self._loop.port.limits = [min(drive.current_limit, self._of('current_limit'))
                                   for drive in drives]
         self._loop.port.torques = [drive.torque_per_current for drive in drives]
 
-    def _say_left_out(self):
+    def _say_left_out(self) -> None:
         if self._of('law') == 'paper':
             self.get_logger().warning(
                 "law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
@@ -187,7 +190,7 @@ class CompensatorNode(LifecycleNode):
 
     # Transitions.
 
-    def on_configure(self, state):
+    def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Load the models and connect the topics."""
         self._failure = ''
         try:
@@ -205,12 +208,13 @@ class CompensatorNode(LifecycleNode):
         self._went('inactive', 'configured')
         return super().on_configure(state)
 
-    def _configure(self):
+    def _configure(self) -> None:
         if self._of('law') not in LAWS:
             raise InputError(
                 f'parameter law: must be one of {", ".join(LAWS)}, not {self._of("law")!r}')
         models = self._load(names_in(self._of('model_files')))
-        law = CompensationLaw(models, *self._tuning(), gravity=self._of('gravity'))
+        kind, gain, limit = self._tuning()
+        law = CompensationLaw(models, kind, gain, limit, gravity=self._of('gravity'))
         warm_up(law, len(self._joints))
         simulated = self.get_parameter('use_sim_time').value
         self._loop = CompensationLoop(
@@ -226,47 +230,47 @@ class CompensatorNode(LifecycleNode):
             (Temperature, 'motor_temperature', self._on_temperature),
             (JointState, 'joint_states', self._on_joint_states))]
 
-    def on_activate(self, state):
+    def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Answer joint states from now on."""
         self._loop.activate(self._loop.port.others())
         self._loop.port.open()
         self._went('active', 'active: commands the motor')
         return super().on_activate(state)
 
-    def on_deactivate(self, state):
+    def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
         """Command zero current and fall silent."""
         self._rest()
         self._went('inactive', 'inactive: zero current')
         return super().on_deactivate(state)
 
-    def on_cleanup(self, state):
+    def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
         """Let go of topics and models."""
         self._disconnect()
         self._went('unconfigured', 'cleaned up')
         return super().on_cleanup(state)
 
-    def on_shutdown(self, state):
+    def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
         """Command zero current if the node was active, and let go of everything."""
         self._disconnect()
         self._went('finalized', 'shut down')
         return super().on_shutdown(state)
 
-    def on_error(self, state):
+    def on_error(self, state: Any) -> TransitionCallbackReturn:
         """Command zero current; the node can be configured again."""
         self._disconnect()
         self._went('unconfigured', 'an error in a transition')
         return TransitionCallbackReturn.SUCCESS
 
-    def _went(self, state, words):
+    def _went(self, state: str, words: str) -> None:
         self._state = state
         self.get_logger().info(words)
 
-    def _rest(self):
+    def _rest(self) -> None:
         if self._loop is not None:
             self._loop.leave()
             self._loop.port.close()
 
-    def _disconnect(self):
+    def _disconnect(self) -> None:
         if self._loop is None:
             return
         self._rest()
@@ -275,18 +279,18 @@ class CompensatorNode(LifecycleNode):
             self.destroy_subscription(subscription)
         self._loop = None
 
-    def let_go(self):
+    def let_go(self) -> None:
         """Command zero current permanently; may be called from any thread."""
         loop = self._loop
         if loop is not None:
             loop.port.zero(for_good=True)
 
-    def leave(self):
+    def leave(self) -> None:
         """Command zero current, however the node ends."""
         self._disconnect()
         self._state = 'finalized'
 
-    def _on_reset(self, request, response):
+    def _on_reset(self, request: Any, response: Any) -> Any:
         texts = [] if self._loop is None else self._loop.reset_faults()
         response.success = True
         response.message = '; '.join(texts) or 'nothing was latched'
@@ -294,19 +298,19 @@ class CompensatorNode(LifecycleNode):
 
     # Topics.
 
-    def _on_direction(self, message):
+    def _on_direction(self, message: Any) -> None:
         self._loop.take_direction(message.data, self.get_clock().now().nanoseconds)
 
-    def _on_stamped_direction(self, message):
+    def _on_stamped_direction(self, message: Any) -> None:
         self._loop.take_stamped_direction(
             message.name, message.velocity, nanoseconds(message.header.stamp),
             self.get_clock().now().nanoseconds)
 
-    def _on_temperature(self, message):
+    def _on_temperature(self, message: Any) -> None:
         self._loop.temperature.take(
             message.header.frame_id, message.temperature, nanoseconds(message.header.stamp))
 
-    def _on_joint_states(self, message, info):
+    def _on_joint_states(self, message: Any, info: dict[str, Any]) -> None:
         self._rate.tick()
         if self._state != 'active':
             return
@@ -321,7 +325,7 @@ class CompensatorNode(LifecycleNode):
         self._loop.take(message, now, 0 if self._loop.rests else received,
                         info['source_timestamp'], info['publication_sequence_number'] or 0)
 
-    def _look(self):
+    def _look(self) -> None:
         if self._state == 'active':
             self._loop.states.publishers = rivals(self, 'joint_states')
             self._loop.direction.planners = rivals(self, 'direction', 'direction_stamped')
@@ -336,7 +340,7 @@ class CompensatorNode(LifecycleNode):
 
     # Diagnostics.
 
-    def _report(self):
+    def _report(self) -> tuple[Any, ...]:
         values = {'state': self._state, 'joint_states rate [Hz]': self._rate.per_second()}
         if self._loop is not None:
             values.update(self._values())
@@ -352,7 +356,7 @@ class CompensatorNode(LifecycleNode):
         return OK, ('compensating' if np.any(self._loop.direction.at(self._loop.states.stamp))
                     else 'compensating; no direction'), values
 
-    def _values(self):
+    def _values(self) -> dict[str, Any]:
         loop, joints = self._loop, self._joints
         stamp = loop.states.stamp
         values = {
@@ -376,7 +380,7 @@ class CompensatorNode(LifecycleNode):
                 *self._missing()])})
         return values
 
-    def _missing(self):
+    def _missing(self) -> list[tuple[str, str, str]]:
         """Return joint, effect and reason for what the last joint state could not feed back."""
         missing = []
         for index, effect, signals in self._loop.law.missing:
@@ -389,6 +393,6 @@ class CompensatorNode(LifecycleNode):
         return [(joint, effect, ', '.join(reasons)) for joint, effect, reasons in missing]
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """Start the node and return its exit code."""
     return run('compensator', __doc__, CompensatorNode, argv)

@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import time
+from typing import Any, TypeVar
 
 from action_msgs.msg import GoalStatus
 from diagnostic_msgs.msg import DiagnosticArray
@@ -22,6 +24,8 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Int8MultiArray
 
 from friction_comp.errors import InputError
+
+Client = TypeVar('Client', bound='DemoClient')
 
 # A request that is not answered within this time is sent again, s.
 ANSWER_TIME = 5.0
@@ -40,12 +44,13 @@ class DemoClient:
         s that anything but an identification may take.
     """
 
-    def __init__(self, check=lambda: None, patience=60.0):
+    def __init__(self, check: Callable[[], object] = lambda: None,
+                 patience: float = 60.0) -> None:
         self._check = check
         self._patience = patience
-        self._status = {}
+        self._status: dict[str, dict[str, str]] = {}
 
-    def __enter__(self):
+    def __enter__(self: Client) -> Client:
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node('demo', context=self._context)
@@ -57,28 +62,29 @@ class DemoClient:
         self._refinement = ActionClient(self._node, RefineModel, 'refine_model')
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._executor.shutdown()
         self._action.destroy()
         self._refinement.destroy()
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 
-    def _on_diagnostics(self, message):
+    def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             # diagnostic_updater's form: node: task.
             name = status.name.partition(':')[0]
             self._status[name] = {item.key: item.value for item in status.values}
 
-    def value(self, node, key):
+    def value(self, node: str, key: str) -> str | None:
         """Return what a node last said of a key in its diagnostics, or None."""
         return self._status.get(node, {}).get(key)
 
-    def forget(self, node):
+    def forget(self, node: str) -> None:
         """Discard a node's diagnostics so far."""
         self._status.pop(node, None)
 
-    def until(self, condition, what, patience=None):
+    def until(self, condition: Callable[[], object], what: str,
+              patience: float | None = None) -> None:
         """Wait until a condition holds.
 
         Raises
@@ -93,7 +99,7 @@ class DemoClient:
                 raise InputError(f'{what}: nothing within {patience or self._patience:g} s')
             self._executor.spin_once(timeout_sec=0.05)
 
-    def until_connected(self, topic, publishers, subscriptions):
+    def until_connected(self, topic: str, publishers: int, subscriptions: int) -> None:
         """Wait until a topic has so many publishers and subscriptions."""
         self.until(
             lambda: (self._node.count_publishers(topic) >= publishers
@@ -101,7 +107,7 @@ class DemoClient:
             f'{topic} with {publishers} publishers and {subscriptions} subscriptions')
 
     @contextmanager
-    def hearing_directions(self):
+    def hearing_directions(self) -> Iterator[None]:
         """Listen to the announced directions for the block: the sign that an exercise waits for."""
         subscription = self._node.create_subscription(
             Int8MultiArray, 'direction', lambda _: None, 10)
@@ -110,11 +116,11 @@ class DemoClient:
         finally:
             self._node.destroy_subscription(subscription)
 
-    def subscriptions(self, topic):
+    def subscriptions(self, topic: str) -> int:
         """Return how many subscriptions a topic has."""
         return self._node.count_subscribers(topic)
 
-    def set_parameter(self, node, name, value):
+    def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of a running node.
 
         Raises
@@ -134,7 +140,7 @@ class DemoClient:
         if not result.successful:
             raise InputError(f'{node} refuses {name}: {result.reason}')
 
-    def identify(self, goal, report):
+    def identify(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
         """Send a goal to the identification node and return its result.
 
         Parameters
@@ -153,12 +159,13 @@ class DemoClient:
         return self.reach(self._action, IdentifyFriction.Goal(**goal), nobody, report,
                           'identification')
 
-    def refine(self, goal, report):
+    def refine(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
         """Send a goal to the refinement node, as `identify` does to its own."""
         nobody = RefineModel.Goal(**{**goal, 'joint': 'nobody'})
         return self.reach(self._refinement, RefineModel.Goal(**goal), nobody, report, 'refinement')
 
-    def reach(self, action, goal, refused, report, what):
+    def reach(self, action: ActionClient, goal: Any, refused: Any, report: Callable[[Any], None],
+              what: str) -> Any:
         """Send a goal until it is accepted, and return its result; interrupted, cancel it.
 
         Parameters
@@ -208,7 +215,7 @@ class DemoClient:
                              f"{getattr(said, 'message', '') or getattr(said, 'error_string', '')}")
         return outcome.result
 
-    def _answered(self, send, what):
+    def _answered(self, send: Callable[[], Any], what: str) -> Any:
         """Return the answer to a request that does no harm when it is sent again.
 
         A reply is lost that is sent before the two ends have found each other both ways.
@@ -222,13 +229,13 @@ class DemoClient:
                 return future.result()
         raise InputError(f'{what}: nothing within {self._patience:g} s')
 
-    def spin(self, seconds):
+    def spin(self, seconds: float) -> None:
         """Attend to messages for a while, whatever has become of the nodes."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
 
-    def wait(self, seconds):
+    def wait(self, seconds: float) -> None:
         """Attend to messages for a while."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:

@@ -106,7 +106,7 @@ class _Rest:
     A wait set that is made once, and again only when the node has got or lost something, tells
     whether there is anything to do. rclpy makes one for every look, which takes milliseconds.
 
-    To rclpy's executor this is the node, without what is attended to here.
+    To rclpy's executor this is the node, without the fast streams, which are processed here.
     """
 
     subscriptions = ()

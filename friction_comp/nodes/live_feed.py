@@ -5,10 +5,12 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 import contextlib
 import math
 import threading
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
@@ -52,7 +54,7 @@ class _Listener(Node):
     fast_timers = ()
     nap = 0.01
 
-    def __init__(self, context):
+    def __init__(self, context: Context) -> None:
         super().__init__('friction_comp_watch', context=context)
 
 
@@ -63,14 +65,14 @@ class SentCommands:
     what it missed: the last command heard may be older or younger than the state beside it.
     """
 
-    def __init__(self):
-        self._received = deque(maxlen=_REMEMBERED)
+    def __init__(self) -> None:
+        self._received: deque[tuple[int, bytes]] = deque(maxlen=_REMEMBERED)
 
-    def take(self, cdr, sent):
+    def take(self, cdr: bytes, sent: int) -> None:
         """Remember a serialised command, sent at a system time in ns."""
         self._received.append((sent, cdr))
 
-    def at(self, sent):
+    def at(self, sent: int) -> Any:
         """Return the command that held at a system time in ns; None if unknown."""
         times = [time for time, _ in self._received]
         last = next((k for k in reversed(range(len(times))) if times[k] <= sent), None)
@@ -98,16 +100,20 @@ class LiveFeed:
     title = 'What runs'
     duration = 0.0
 
-    def __init__(self, joints, models, arguments):
+    def __init__(self, joints: Sequence[str], models: Sequence[FrictionModel],
+                 arguments: list[str]) -> None:
         if models and joints and len(models) != len(joints):
             raise InputError(f'--model: one file per joint is needed, {len(joints)} for '
                              f'{", ".join(joints)}')
         self.joints, self._fixed = list(joints), bool(joints)
         self._models, self._given = list(models), bool(models)
-        self._found = {}
-        self._rows, self._lock = {}, threading.Lock()
-        self._held, self._status = {}, {}
-        self._due, self._first, self._received = 0, None, 0.0
+        self._loaded: dict[str, tuple[str, FrictionModel | None]] = {}
+        self._rows: dict[str, deque[tuple[float, ...]]] = {}
+        self._lock = threading.Lock()
+        self._held: dict[Any, Any] = {}
+        self._status: dict[str, tuple[str, str, float]] = {}
+        self._due, self._received = 0, 0.0
+        self._first: int | None = None
         self._context = Context()
         start_ros('watch', arguments, self._context)
         self._node = _Listener(self._context)
@@ -136,12 +142,12 @@ class LiveFeed:
         self._thread = threading.Thread(target=self._spin, name='live feed', daemon=True)
         self._thread.start()
 
-    def _spin(self):
+    def _spin(self) -> None:
         with contextlib.suppress(ExternalShutdownException):
             while not self._over.is_set():
                 self._executor.spin_once(timeout_sec=0.1)
 
-    def _on_diagnostics(self, message):
+    def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             self._status[status.name] = (
                 _LEVELS.get(ord(status.level), 'note'), status.message, time.monotonic())
@@ -149,16 +155,16 @@ class LiveFeed:
             for joint, path in said.models.items() if said else ():
                 self._use(joint, path)
 
-    def _use(self, joint, path):
+    def _use(self, joint: str, path: str) -> None:
         """Show a joint with the model that its compensator reports."""
-        if self._found.get(joint, ('', None))[0] != path:
+        if self._loaded.get(joint, ('', None))[0] != path:
             model = None
             # A model file on another machine cannot be shown here.
             with contextlib.suppress(InputError):
                 model = FrictionModel.load(path, joint)
-            self._found[joint] = path, model
+            self._loaded[joint] = path, model
 
-    def _on_joint_states(self, cdr, info):
+    def _on_joint_states(self, cdr: bytes, info: dict[str, Any]) -> None:
         stamp = stamp_of(cdr) or time.time_ns()
         if self._due - 10 * _STEP < stamp < self._due:
             return
@@ -183,7 +189,7 @@ class LiveFeed:
                            if reference and joint in reference.name else math.nan)
                     self._rows.setdefault(joint, deque(maxlen=_KEPT)).append(row)
 
-    def _directions(self):
+    def _directions(self) -> dict[str, float]:
         kind, cdr = self._held.get('direction', (None, b''))
         if kind is None:
             return {}
@@ -192,7 +198,7 @@ class LiveFeed:
             return dict(zip(self.joints, map(float, message.data)))
         return dict(zip(message.name, np.sign(message.velocity).tolist()))
 
-    def _current(self, command, joint, index):
+    def _current(self, command: Any, joint: str, index: int) -> float:
         """Return a joint's command in A; NaN where it is not known, or a torque without a model."""
         if command is None:
             return math.nan
@@ -202,11 +208,11 @@ class LiveFeed:
         model = self._model(joint)
         return math.nan if model is None else value / model.drive.torque_per_current
 
-    def _load(self, joint):
+    def _load(self, joint: str) -> float:
         cdr = self._held.get(('load', joint))
         return math.nan if cdr is None else deserialize_message(cdr, WrenchStamped).wrench.torque.z
 
-    def window(self, joint, end, length):
+    def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
         """Return the signals of the last s."""
         with self._lock:
             table = np.array(self._rows.get(joint, ())).reshape(-1, len(_COLUMNS))
@@ -220,14 +226,14 @@ class LiveFeed:
             self._compare(data, model)
         return data
 
-    def _model(self, joint):
+    def _model(self, joint: str) -> FrictionModel | None:
         if not self._given:
-            return self._found.get(joint, ('', None))[1]
+            return self._loaded.get(joint, ('', None))[1]
         index = self.joints.index(joint) if joint in self.joints else len(self._models)
         return self._models[index] if index < len(self._models) else None
 
     @staticmethod
-    def _compare(data, model):
+    def _compare(data: dict[str, np.ndarray], model: FrictionModel) -> None:
         gain = model.drive.torque_per_current
         data['current'] = data['torque'] / gain
         velocity = data['velocity'] if np.isfinite(data['velocity']).all() else None
@@ -240,7 +246,7 @@ class LiveFeed:
             data['residual'] = model.measured(
                 samples.with_(load=data['load'])) - data['predicted']
 
-    def status(self):
+    def status(self) -> list[tuple[str, str, str]]:
         """Return what the nodes say of themselves, worst first."""
         now = time.monotonic()
         entries = [(level, name, words) for name, (level, words, since) in sorted(
@@ -251,7 +257,7 @@ class LiveFeed:
         return sorted(entries, key=lambda item: order.index(item[0])) or [
             ('note', 'nodes', 'none of them says anything')]
 
-    def close(self):
+    def close(self) -> None:
         """Stop listening."""
         # The thread must be out of the middleware before that is taken down.
         self._over.set()

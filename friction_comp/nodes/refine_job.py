@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from typing import Any
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
@@ -36,7 +37,7 @@ class JobResult:
     model_file, page : Path
     """
 
-    report: dict
+    report: dict[str, Any]
     model: FrictionModel
     model_file: Path
     page: Path
@@ -104,7 +105,7 @@ class RefineJob:
         self._joint, self._model_file, self._output = joint, model_file, Path(output)
         self._recording, self._messages = recording, messages
         self._error: InputError | None = None
-        self._process: subprocess.Popen | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._log = tempfile.TemporaryFile('w+')
         self._cancelled = False
         self._thread: threading.Thread | None = None
@@ -115,7 +116,7 @@ class RefineJob:
             self._thread = threading.Thread(target=self._write, daemon=True)
             self._thread.start()
 
-    def _write(self):
+    def _write(self) -> None:
         try:
             self._output.mkdir(parents=True, exist_ok=True)
             self._recording = self._output / 'recording'
@@ -124,7 +125,7 @@ class RefineJob:
             self._error = InputError(str(error))
         self._messages = ()
 
-    def _begin(self):
+    def _begin(self) -> None:
         self.share, self.step = 0.05, 'reading'
         # The environment's own Python may have been restarted for ROS: that holds for it too.
         self._process = subprocess.Popen(
@@ -154,7 +155,7 @@ class RefineJob:
                 break
         return self._process.poll() is not None
 
-    def _lines(self):
+    def _lines(self) -> list[str]:
         self._log.seek(0)
         return self._log.read().splitlines()
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 import time
 import traceback
+from typing import Any
 
 from friction_comp_interfaces.action import RefineModel
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -45,7 +46,7 @@ class RefinementNode(Node):
     # Nothing waits for it: messages are taken in handfuls.
     nap = 0.01
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('refinement')
         self._joints = declare_joints(self)
         files = declare(
@@ -81,7 +82,7 @@ class RefinementNode(Node):
         self._connect()
         Diagnostics(self, self._report, ', '.join(self._joints))
 
-    def _connect(self):
+    def _connect(self) -> None:
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_LOOK, self._look, clock=steady)
@@ -94,7 +95,7 @@ class RefinementNode(Node):
 
     # Topics.
 
-    def _keep(self, topic, stamp, cdr):
+    def _keep(self, topic: str, stamp: int, cdr: bytes) -> None:
         cdr = bytes(cdr)
         self._past.add(Message(stamp, self._topics[topic].name, RECORDED[topic], cdr))
         if topic == STATES:
@@ -105,7 +106,7 @@ class RefinementNode(Node):
 
     # Watching.
 
-    async def _watch(self):
+    async def _watch(self) -> None:
         if self._looking:
             return
         self._looking = True
@@ -117,7 +118,7 @@ class RefinementNode(Node):
         finally:
             self._looking = False
 
-    async def _compare(self):
+    async def _compare(self) -> None:
         exchanges = self._compensator.exchanges
         files = await self._compensator.files()
         if exchanges != self._compensator.exchanges:
@@ -139,12 +140,12 @@ class RefinementNode(Node):
             watch.take(rows)
             await self._judge(joint, watch)
 
-    def _compensated(self):
+    def _compensated(self) -> bool:
         name = self._compensator.name.rpartition('/')[2]
         return any(info.node_name == name for info in self.get_publishers_info_by_topic(
             self.resolve_topic_name('current_command')))
 
-    async def _judge(self, joint, watch):
+    async def _judge(self, joint: str, watch: JointWatch) -> None:
         why = watch.worse()
         if why:
             before, _ = watch.before
@@ -162,7 +163,7 @@ class RefinementNode(Node):
 
     # The action.
 
-    def _on_goal(self, request):
+    def _on_goal(self, request: RefineModel.Goal) -> GoalResponse:
         self._refused = ''
         if request.joint and request.joint not in self._joints:
             self._refused = (
@@ -175,19 +176,19 @@ class RefinementNode(Node):
         self._busy = True
         return GoalResponse.ACCEPT
 
-    def _on_cancel(self, goal_handle):
+    def _on_cancel(self, goal_handle: Any) -> CancelResponse:
         if self._job is not None:
             self._job.cancel()
         return CancelResponse.ACCEPT
 
-    def _look(self):
+    def _look(self) -> None:
         """Say how far a refinement is."""
         if self._job is not None and self._goal_handle is not None:
             self._job.poll()
             self._goal_handle.publish_feedback(RefineModel.Feedback(
                 progress=float(self._job.share), step=self._job.step))
 
-    async def _execute(self, goal_handle):
+    async def _execute(self, goal_handle: Any) -> RefineModel.Result:
         result = RefineModel.Result()
         request = goal_handle.request
         joint = request.joint or self._joints[0]
@@ -214,7 +215,7 @@ class RefinementNode(Node):
         self.get_logger().info(self._said)
         return result
 
-    async def _refine(self, joint, request):
+    async def _refine(self, joint: str, request: RefineModel.Goal) -> tuple[JobResult, str]:
         """Return what refinement found and the model file it began with."""
         files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
@@ -237,7 +238,8 @@ class RefinementNode(Node):
                 await turn()
         return job.result(), start
 
-    async def _maybe_load(self, joint, request, refined, start, result):
+    async def _maybe_load(self, joint: str, request: RefineModel.Goal, refined: JobResult,
+                          start: str, result: RefineModel.Result) -> str:
         """Load the refined model if that was asked for and may be, and say what was done."""
         watch = self._watches[joint]
         watch.use(start)
@@ -259,7 +261,7 @@ class RefinementNode(Node):
 
     # Diagnostics.
 
-    def _report(self):
+    def _report(self) -> tuple[Any, ...]:
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'kept [s]': self._past.span, 'kept [MB]': self._past.size / 1e6,
                   'last goal': self._said, 'last refusal': self._refused}
@@ -283,13 +285,13 @@ class RefinementNode(Node):
             return WARN, 'no joint_states yet', values
         return OK, 'watching', values
 
-    def leave(self):
+    def leave(self) -> None:
         """End a running refinement."""
         if self._job is not None:
             self._job.cancel()
 
 
-def _new_folder(parent, joint):
+def _new_folder(parent: Path, joint: str) -> Path:
     """Return a folder that is not there yet."""
     stem = time.strftime(f'{joint}_%Y-%m-%d_%H-%M-%S')
     for attempt in range(1, 1000):
@@ -309,6 +311,6 @@ def _fill(result: RefineModel.Result, refined: JobResult) -> None:
     result.model_file, result.report = str(refined.model_file), str(refined.page)
 
 
-def main(argv=None):
+def main(argv: list[str] | None = None) -> int:
     """Start the node and return its exit code."""
     return run('refinement', __doc__, RefinementNode, argv)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from argparse import Namespace
 from collections.abc import Callable, Sequence
+import math
 import os
 from pathlib import Path
 import shutil
@@ -104,7 +105,7 @@ class Stage(ABC):
                 if at is not None:
                     began = began or (float(at), time.monotonic())
                     last = (float(at), time.monotonic())
-                    show(last[0] / float(self._ros.value('exercise', 'duration [s]')))
+                    show(last[0] / float(self._ros.value('exercise', 'duration [s]') or math.inf))
                     if look:
                         look(last[0])
         if began and last[0] > began[0]:

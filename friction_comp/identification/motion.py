@@ -51,7 +51,7 @@ class MotionGoal(Protocol):
         """Return the time in s and the distance in rad of one cycle."""
 
 
-class Movement:
+class Motion:
     """A joint's movements as generators that yield currents and are handed samples.
 
     Parameters
