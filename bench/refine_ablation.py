@@ -72,9 +72,9 @@ def without_bandwidth(before):
                                     if one['bandwidth'] == found.settings['bandwidth']]
 
 
-def one_candidate(likeliest):
+def one_candidate(shortlist):
     """Compare one candidate only, the one that explains most where it is fitted."""
-    return lambda self, keys, number=1: likeliest(self, keys, 1)
+    return lambda self, keys, count=1: shortlist(self, keys, 1)
 
 
 def offer_all(attempt, keys):
@@ -83,8 +83,8 @@ def offer_all(attempt, keys):
 
     table = attempt.table
     wanted = proposals(table, keys)
-    attempt._held.update(keys)
-    table.keep(attempt._held.union(term.key for term in wanted))
+    attempt._retained.update(keys)
+    table.keep(attempt._retained.union(term.key for term in wanted))
     kinds = {key[0] for key in attempt.given if table.terms[key].kind.most == 1}
     attempt.search.candidates = [key for key in table.add(wanted) if key[0] not in kinds]
 
@@ -105,21 +105,22 @@ def short_list_of_one():
     """Compare one candidate only."""
     from friction_comp.refinement.search import Search
 
-    method('search', 'Search', 'likeliest', one_candidate(Search.likeliest))
+    method('search', 'Search', 'shortlist', one_candidate(Search.shortlist))
 
 
 def constants_of_the_grid():
     """Leave constants where the grid has them."""
-    from friction_comp.refinement.constants import _loaded
+    from friction_comp.refinement.constants import _with_current_loads
 
-    everywhere('adjusted', lambda table, keys, rounds=3, only=None: _loaded(table, list(keys)))
+    everywhere('adjust_constants', lambda table, keys, rounds=3, only=None: _with_current_loads(
+        table, list(keys)))
 
 
 RULES = {
     'nothing': lambda: None,
     'two standard errors': lambda: everywhere('STANDARD_ERRORS', 0.0),
     'a share worth naming': lambda: everywhere('LEAST_SHARE', 0.0),
-    'own share of a column': lambda: everywhere('OWN', 0.0),
+    'own share of a column': lambda: everywhere('OWN_SHARE', 0.0),
     'regions of posture': lambda: everywhere('regions_of', no_regions(1)),
     "own term beside a group's": lambda: method(
         'search', 'Search', 'complete', lambda self, keys: list(keys)),
@@ -129,19 +130,20 @@ RULES = {
     'start from physics': lambda: method('attempt', 'Attempt', 'starts', from_nothing),
     'lag': lambda: other_settings(without_lag),
     'bandwidth again': lambda: other_settings(without_bandwidth),
-    'repeated searches': lambda: everywhere('NAMED', 0.0),
+    'repeated searches': lambda: everywhere('NAMED_SHARE', 0.0),
     'thirds not fitted': lambda: method(
         'elsewhere', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys)),
     'interval without zero': lambda: method(
-        'stability', 'Intervals', 'without_zero', lambda self, places, signs: True),
+        'stability', 'Intervals', 'excludes_zero', lambda self, places, signs: True),
     'constant at its limit': lambda: everywhere('at_limit', lambda term, table: False),
-    'time last': lambda: method('attempt', 'Attempt', 'offer', offer_all),
-    'transition of all samples': lambda: everywhere('_turned_for_all', lambda table, keys: table),
+    'time last': lambda: method('attempt', 'Attempt', 'update_candidates', offer_all),
+    'transition of all samples': lambda: everywhere(
+        '_fit_transition_to_all_samples', lambda table, keys: table),
     'constants adjusted': constants_of_the_grid,
-    'beside standstill': lambda: everywhere('beside', lambda mark, width: np.zeros_like(mark)),
+    'beside standstill': lambda: everywhere('dilate', lambda mark, width: np.zeros_like(mark)),
     'load by mechanics': lambda: everywhere(
         'load_by_mechanics', lambda samples, unusable, drive: 0.0),
-    'fast samples choose motion': lambda: everywhere('TURNS', (0.3, 0.0, 0.03, 0.01, 0.003)),
+    'fast samples choose motion': lambda: everywhere('TRANSITIONS', (0.3, 0.0, 0.03, 0.01, 0.003)),
     'six of a kind compared': short_list_of_one,
     'at most 14': lambda: everywhere('MOST_EFFECTS', 99.0)}
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from friction_comp.drive import Drive
 from friction_comp.model.differentiation import differentiate
-from friction_comp.refinement.judge import pushes
+from friction_comp.refinement.judge import friction_would_push
 from friction_comp.refinement.prepare import prepare
 from friction_comp.samples import Samples
 
@@ -85,7 +85,7 @@ def main():
                     np.tanh(smooth.velocity / 0.005), smooth.velocity, smooth.acceleration,
                     np.sin(60.0 * position), np.cos(60.0 * position)))[rows]
                 found = np.linalg.lstsq(columns, current[rows], rcond=None)[0]
-                said = 'yes' if pushes(prepare(recorded, Drive(1.0, 1.0))[0]) else 'no'
+                said = 'yes' if friction_would_push(prepare(recorded, Drive(1.0, 1.0))[0]) else 'no'
                 print(f'| {motion} | {name} | {counts} | {found[0] / COULOMB:.2f} '
                       f'| {found[1] / VISCOUS:.2f} | {found[2] / INERTIA:.2f} '
                       f'| {np.hypot(*found[3:]) / RIPPLE:.2f} | {said} |')

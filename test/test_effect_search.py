@@ -8,11 +8,11 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.constants import adjust_constants
 from friction_comp.refinement.effect_columns import base_columns, proposals, Table, Term
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import Search, Split, total
-from friction_comp.refinement.stability import intervals, repeated, Stability
+from friction_comp.refinement.stability import intervals, repeat_search, Stability
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
@@ -56,7 +56,7 @@ def test_the_transition_goes_where_friction_changes_its_sign():
     samples = swings(3)
     shifted = 0.5 * np.tanh((samples.velocity - 0.006) / 0.05) + 0.2 * samples.velocity
     found = table_of(samples.with_(current=shifted))
-    found.turn([], rounds=12)
+    found.fit_transition([], rounds=12)
     assert found.shift == pytest.approx(0.006, abs=0.002)
     assert found.steepness == pytest.approx(2.0 / 0.05, rel=0.05)
 
@@ -93,7 +93,7 @@ def test_a_name_is_exchanged_for_one_that_predicts_better(rippled):
 
 
 def test_a_drawn_part_is_judged_by_the_blocks_that_were_not_drawn(plain):
-    split = Split.drawn(plain, np.random.default_rng(4))
+    split = Split.resampled(plain, np.random.default_rng(4))
     weights = np.bincount(np.random.default_rng(4).integers(0, 16, 16), minlength=16)
     columns = plain.indices([])
     fit = plain.sums.fits(columns, weights[None].astype(float))
@@ -112,9 +112,9 @@ def test_a_constant_between_the_points_of_its_grid_is_found(name, constants, sha
     found = table_of(samples.with_(current=samples.current + shape(samples)))
     keys = found.add([Term(EFFECTS[name], {**constants, constant: first})])
     before = np.sum(found.residual(keys) ** 2)
-    keys = adjusted(found, keys, rounds=10)
-    found.turn(keys)
-    keys = adjusted(found, keys, rounds=10)
+    keys = adjust_constants(found, keys, rounds=10)
+    found.fit_transition(keys)
+    keys = adjust_constants(found, keys, rounds=10)
     value = found.terms[keys[0]].constants[constant]
     assert value == pytest.approx(constants[constant], rel=0.01 if name == 'cogging' else 0.15)
     assert np.sum(found.residual(keys) ** 2) < before
@@ -131,20 +131,20 @@ def test_intervals_hold_what_is_true_and_tell_what_is_not_there(rippled):
         assert low <= true <= high
         assert high - low < 0.06
     signs = rippled.sums.signs
-    assert found.without_zero([cosine, sine], signs[[cosine, sine]])
-    assert not found.without_zero([inertia], signs[[inertia]])
+    assert found.excludes_zero([cosine, sine], signs[[cosine, sine]])
+    assert not found.excludes_zero([inertia], signs[[inertia]])
 
 
 def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(rippled, plain):
     candidates = rippled.add(proposals(rippled, []))
     keys = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
-    found = repeated(rippled, keys, 0, candidates)
+    found = repeat_search(rippled, keys, 0, candidates)
     assert found.chosen[keys[0]] > 0.9
     assert found.chosen[keys[1]] < 0.2
     assert found.named(keys[0])
     assert not found.named(keys[1])
     candidates = plain.add(proposals(plain, []))
-    nothing = repeated(plain, candidates, 0, candidates)
+    nothing = repeat_search(plain, candidates, 0, candidates)
     assert max(nothing.chosen.values()) < 0.3
 
 

@@ -277,7 +277,7 @@ def test_a_bound_is_told_as_one_and_a_recording_without_compensation_is_one_cond
     write_samples(tmp_path / 'r', stuck_trial())
     assert run('evaluate', [str(tmp_path / 'r'), '--output', str(tmp_path / 'out')]) == 0
     out = capsys.readouterr().out
-    assert 'in 1 the joint did not set out' in out
+    assert 'in 1 the joint did not move' in out
     assert '>\u00a0' in out
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert '>\u00a01.30' in html.unescape(page)

@@ -126,7 +126,7 @@ def test_a_joint_that_stuck_took_more_than_was_given():
     words = summary(evaluation)
     assert 'instead of more than **' in words
     assert 'at least **' in words
-    assert 'With d = ±1 · kinetic the joint did not set out in 10 of 10 movements.' in words
+    assert 'With d = ±1 · kinetic the joint did not move in 10 of 10 movements.' in words
     for condition in evaluation.conditions:
         assert ('smoothness' in condition.figures) == (condition.help.law != 'kinetic')
     other = evaluate([both([1.0] * 10), stuck], about=[kinetic, law])
@@ -149,7 +149,7 @@ def test_a_difference_is_found_and_chance_is_not_taken_for_one():
     plain, helped = trial([1.2 + 0.05 * k for k in range(10)]), both([0.5] * 10)
     evaluation = evaluate([plain, helped])
     comparison = next(c for c in evaluation.comparisons if c.figure == 'peak_torque')
-    assert comparison.sure
+    assert comparison.significant
     assert comparison.difference.high < -0.5
     assert comparison.pairs == 10
     wrong = 0
@@ -157,7 +157,7 @@ def test_a_difference_is_found_and_chance_is_not_taken_for_one():
         random = np.random.default_rng(seed)
         first = trial(1.0 + 0.1 * random.normal(size=8))
         second = trial(1.0 + 0.1 * random.normal(size=8), directions=[1, -1] * 4)
-        wrong += any(c.sure for c in evaluate([first, second]).comparisons
+        wrong += any(c.significant for c in evaluate([first, second]).comparisons
                      if c.figure == 'peak_torque')
     # At most one in twenty by design; twelve would be one in 5,000 runs.
     assert wrong <= 8

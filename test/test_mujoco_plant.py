@@ -129,4 +129,4 @@ def test_a_guided_arm_is_learnt_and_carried(tmp_path, capsys):
     masses = {body['joint']: body['mass'] for body in report['arm']['rigid_bodies']}
     # The cuff's 0.6 kg, which the URDF does not know of, beside the forearm's 0.7.
     assert masses['bend'] == pytest.approx(1.3, abs=0.15)
-    assert 'Discs at shoulder and elbow' in (tmp_path / 'report.html').read_text(encoding='utf-8')
+    assert 'discs at shoulder and elbow' in (tmp_path / 'report.html').read_text(encoding='utf-8')

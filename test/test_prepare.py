@@ -10,13 +10,13 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.prepare import (
-    averaging,
     blocks_of,
     clipped,
     join,
     load_by_mechanics,
     prepare,
     row_starts,
+    samples_per_row,
     scene_of,
     shifted,
 )
@@ -112,7 +112,7 @@ def test_edges_of_blocks_are_where_recordings_end():
 def test_rows_are_averages_of_samples_that_belong_together():
     samples = swings(3, duration=400.0, step=0.001)
     usable = np.abs(samples.velocity) > 0.02
-    length = averaging(samples, int(usable.sum()))
+    length = samples_per_row(samples, int(usable.sum()))
     # At 1 kHz about so many as leave 100 Hz.
     assert 8 <= length <= 10
     samples = swings(3)

@@ -25,7 +25,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import recorded_joints, RecordingInfo, write_samples
 from friction_comp.recordings.activity import Activity
-from friction_comp.reports.live_page import drawn, live_page, SIGNALS
+from friction_comp.reports.live_page import live_page, SIGNALS, with_gaps
 from friction_comp.samples import Samples
 from friction_comp.tools import watch
 from friction_comp.topics import TOPICS
@@ -141,7 +141,7 @@ def test_the_page_seeks_plays_and_changes_the_joint(feed):
 def test_no_line_across_a_gap_and_no_residual_at_rest(feed):
     data = feed.window('elbow', 12.0, 12.0)
     cut = {name: np.delete(values, slice(300, 400)) for name, values in data.items()}
-    shown = drawn(cut)
+    shown = with_gaps(cut)
     assert len(shown['time']) == len(cut['time']) + 1
     assert (np.diff(shown['time']) > 0).all()
     assert np.isnan(shown['position'][300])

@@ -16,11 +16,11 @@ from friction_comp.evaluation.intervals import Interval, mean_interval
 from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
 from friction_comp.statistics import holm
 
-# What is compared, as far as known. The first two need a torque sensor; smoothness is compared
-# wherever there is motion.
+# The figures that are compared where they are known. The first two need a torque sensor;
+# smoothness needs only motion.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
-# Below this probability a difference is not put down to chance.
+# A difference with a smaller p-value is significant.
 SIGNIFICANT = 0.05
 
 
@@ -31,18 +31,18 @@ class Comparison:
     Attributes
     ----------
     figure : str
-        By its name in `FIGURES`.
+        A name in `FIGURES`.
     first, second : Help
     pairs : int
-        The n-th repetition of the one with the n-th of the other, in the same movement.
+        Number of pairs: the n-th repetition under one condition with the n-th under the other, in
+        the same movement.
     before, after : float
         Means over the pairs.
     difference : Interval
         Second minus first.
     probability : float or None
-        That differences of this kind come by chance: Wilcoxon's signed-rank test, two-sided,
-        after Holm's correction for the number of comparisons of this figure; None below five
-        pairs.
+        p-value of Wilcoxon's two-sided signed-rank test, with Holm's correction for the number of
+        comparisons of this figure; None for fewer than five pairs.
     """
 
     figure: str
@@ -55,12 +55,12 @@ class Comparison:
     probability: float | None
 
     @property
-    def sure(self) -> bool:
-        """Whether the difference is more than chance."""
+    def significant(self) -> bool:
+        """Whether the difference is statistically significant."""
         return self.probability is not None and self.probability < SIGNIFICANT
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what report.json holds."""
+        """Return the entry of report.json."""
         return {
             'figure': self.figure, 'unit': FIGURES[self.figure][1],
             'first': self.first.as_dict(), 'second': self.second.as_dict(), 'pairs': self.pairs,
@@ -68,14 +68,14 @@ class Comparison:
             'difference': self.difference.as_dict(), 'p_value': self.probability}
 
 
-def asked(first: Help, second: Help, plainest: Help) -> bool:
+def is_informative(first: Help, second: Help, baseline: Help) -> bool:
     """Return whether comparing two conditions answers a question.
 
-    What does any help bring, against the plainest without a direction; what does the direction
-    bring after kinetic compensation with the same model; what does law, model or direction bring,
-    where the other two are the same. Differences in several respects at once answer none.
+    These are: what any condition changes against the baseline, if that has no direction; what any
+    condition changes against kinetic compensation with the same model; and what law, model or
+    direction alone changes. Other differences in several respects answer no question.
     """
-    if first == plainest and not first.led:
+    if first == baseline and not first.uses_direction:
         return True
     if first.law == 'kinetic' and first.model == second.model:
         return True
@@ -84,7 +84,7 @@ def asked(first: Help, second: Help, plainest: Help) -> bool:
 
 
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
-    """Compare conditions that have the same movements, where the comparison is `asked`.
+    """Compare conditions with the same movements, where the comparison `is_informative`.
 
     Parameters
     ----------
@@ -94,31 +94,32 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     Returns
     -------
     list of Comparison
-        No help, then help without a direction, then help with one: each is the first against those
-        that follow.
+        Conditions are ordered from no compensation over compensation without a direction to
+        compensation with one; each is `first` against those that follow.
     """
     groups: dict[Help, dict[int, list[Repetition]]] = {}
     for repetition in repetitions:
         groups.setdefault(repetition.help, {}).setdefault(
             repetition.movement.sign, []).append(repetition)
     comparisons = []
-    ordered = sorted(groups, key=lambda one: (one.led, one.law != 'none', one))
+    ordered = sorted(groups, key=lambda condition: (
+        condition.uses_direction, condition.law != 'none', condition))
     for first, second in combinations(ordered, 2):
-        if not asked(first, second, ordered[0]):
+        if not is_informative(first, second, ordered[0]):
             continue
-        two = [(a, b) for sign in (1, -1) for a, b in zip(
+        pairs = [(a, b) for sign in (1, -1) for a, b in zip(
             groups[first].get(sign, []), groups[second].get(sign, []))]
         for figure in COMPARED:
-            values = np.array([(a.figures[figure], b.figures[figure]) for a, b in two
+            values = np.array([(a.figures[figure], b.figures[figure]) for a, b in pairs
                                if figure in a.figures and figure in b.figures])
             if len(values):
-                comparisons.append(_compared(figure, first, second, values))
+                comparisons.append(_compare_values(figure, first, second, values))
     for figure in COMPARED:
         _correct([comparison for comparison in comparisons if comparison.figure == figure])
     return comparisons
 
 
-def _compared(figure: str, first: Help, second: Help, values: np.ndarray) -> Comparison:
+def _compare_values(figure: str, first: Help, second: Help, values: np.ndarray) -> Comparison:
     difference = values[:, 1] - values[:, 0]
     probability = None
     if len(values) >= 5:
@@ -129,7 +130,8 @@ def _compared(figure: str, first: Help, second: Help, values: np.ndarray) -> Com
 
 
 def _correct(comparisons: list[Comparison]) -> None:
-    """Correct probabilities for their number, by Holm's step-down method."""
-    tested = [one for one in comparisons if one.probability is not None]
-    for one, probability in zip(tested, holm([one.probability or 0.0 for one in tested])):
-        one.probability = float(probability)
+    """Correct p-values for their number by Holm's step-down method."""
+    tested = [comparison for comparison in comparisons if comparison.probability is not None]
+    corrected = holm([comparison.probability or 0.0 for comparison in tested])
+    for comparison, probability in zip(tested, corrected):
+        comparison.probability = float(probability)

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Evaluates recorded trials by condition (note, section 2.6).
 
-Repetitions are synchronised at the start of the movement, and averaged over each condition: what
-was active (law, model), the announced direction d, and the way the movement goes.
+Repetitions are synchronised at the start of the movement and averaged for each condition: the
+active law and model, the announced direction d, and the direction of the movement.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 __all__ = ['Averages', 'Condition', 'Evaluation', 'evaluate', 'evaluate_repetitions',
            'repetitions_of', 'sum_up']
 
-# The curves of movements of one kind.
+# The averaged curves of each kind of movement.
 Averages = dict[tuple[Help, int, int, int], Ensemble]
-# Repetitions that last much longer or shorter than the usual one, by this share, are odd.
+# Repetitions whose duration differs from the median by more than this share are left out.
 _ODD = 0.25
 
 
@@ -55,14 +55,14 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     recordings : list of Samples
         One or more recordings; repetitions under the same condition are averaged.
     names : list of str, optional
-        What to call the recordings in messages.
+        Names of the recordings in messages.
     model : str, optional
         The model file that was active.
     about : list of RecordingInfo, optional
-        What `read_recording_with_info` says of each recording: what was active, and when.
+        The info of each recording from `read_recording_with_info`, with what was active when.
     friction : FrictionModel, optional
-        With it, the current is known that a movement asks for beyond what was commanded, also
-        without a torque sensor.
+        A model from which the current that a movement needs beyond the commanded one is computed,
+        also without a torque sensor.
 
     Returns
     -------
@@ -80,17 +80,17 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     repetitions: list[Repetition] = []
     for k, (samples, name) in enumerate(zip(recordings, names)):
         info = about[k] if about else None
-        repeated = repetitions_of(samples, name, info, friction, notes)
-        if not repeated:
+        found = repetitions_of(samples, name, info, friction, notes)
+        if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
-        repetitions.extend(repeated)
+        repetitions.extend(found)
     averages: Averages = {}
     sum_up(repetitions, averages)
     return evaluate_repetitions(recordings[0].joint, repetitions, averages, model, notes)
 
 
 def sum_up(repetitions: Sequence[Repetition], averages: Averages) -> None:
-    """Take the curves of movements into the averages; they are not kept."""
+    """Add the curves of movements to the averages and discard the curves."""
     for repetition in repetitions:
         averages.setdefault(repetition.kind, Ensemble()).add(Ensemble.of(repetition.curves))
         repetition.curves = {}
@@ -98,7 +98,7 @@ def sum_up(repetitions: Sequence[Repetition], averages: Averages) -> None:
 
 def evaluate_repetitions(joint: str, repetitions: list[Repetition], averages: Averages,
                          model: str | None = None, notes: list[str] | None = None) -> Evaluation:
-    """Evaluate movements that were measured one by one.
+    """Evaluate measured repetitions.
 
     Parameters
     ----------
@@ -106,39 +106,40 @@ def evaluate_repetitions(joint: str, repetitions: list[Repetition], averages: Av
     repetitions : list of Repetition
         At least one.
     averages : dict
-        What `sum_up` made of their curves.
+        The averages of their curves from `sum_up`.
     model : str, optional
         The model file that was active.
     notes : list of str, optional
-        What is to be known of them already.
+        Notes so far, to which more are added.
 
     Returns
     -------
     Evaluation
     """
     notes = [] if notes is None else notes
-    evaluation = Evaluation(joint, [], model, _by_persons(repetitions, notes), notes=notes)
+    evaluation = Evaluation(
+        joint, [], model, _without_identification(repetitions, notes), notes=notes)
     groups: dict[tuple[Any, ...], list[Repetition]] = {}
-    # From no help to most, and what was active first before what came later.
-    first = {known: index for index, known in enumerate(dict.fromkeys(
-        r.help for r in evaluation.repetitions))}
+    # Conditions without a direction and without a law come first, others in order of time.
+    order = {condition: index for index, condition in enumerate(
+        dict.fromkeys(r.help for r in evaluation.repetitions))}
     for repetition in evaluation.repetitions:
         movement = repetition.movement
         groups.setdefault((
-            abs(movement.direction), repetition.help.law != 'none', first[repetition.help],
+            abs(movement.direction), repetition.help.law != 'none', order[repetition.help],
             -movement.sign, movement.direction), []).append(repetition)
     kept = []
     for key in sorted(groups):
-        usual = _usual(groups[key], evaluation.notes)
-        kept.extend(usual)
-        evaluation.conditions.append(_condition(usual, averages, evaluation.notes))
+        group = _without_odd_durations(groups[key], evaluation.notes)
+        kept.extend(group)
+        evaluation.conditions.append(_condition(group, averages, evaluation.notes))
     evaluation.comparisons = compare(kept)
     evaluation.trends = trends(kept)
     return evaluation
 
 
-def _by_persons(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
-    """Return the movements without those that identification made, unless there are no others."""
+def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
+    """Return the repetitions without those of identification, unless there are no others."""
     kept = [r for r in repetitions if r.help.law != 'identification']
     if not kept or len(kept) == len(repetitions):
         return repetitions
@@ -156,29 +157,30 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
     ----------
     samples : Samples
     name : str
-        What to call the recording.
+        The recording's name in messages.
     info : RecordingInfo, optional
     friction : FrictionModel, optional
         As for `evaluate`.
     notes : list of str
-        Gets what a reader of the results should know, each line once.
+        Notes for the reader are added to it, each line once.
     whole : bool
-        Whether the recording ends with the samples.
+        Whether the recording ends with these samples.
 
     Returns
     -------
     list of Repetition
-        None that reaches the end, unless it is the only one of a whole recording.
+        Without a movement that reaches the end, unless it is the only one of a whole recording.
     """
     movements = find_movements(samples)
-    said = []
+    new_notes = []
     if samples.load is None:
-        said.append(f'{name}: no interaction_wrench of joint {samples.joint!r}: the back-driving '
-                    'torque is not known, only what position and current tell')
+        new_notes.append(f'{name}: no interaction_wrench of joint {samples.joint!r}: the '
+                         'back-driving torque is not known, only what position and current show')
     if samples.direction is None:
-        said.append(f'{name}: no direction was recorded, d = 0 is assumed')
+        new_notes.append(f'{name}: no direction was recorded, d = 0 is assumed')
     if samples.reference_position is None and samples.reference_velocity is None:
-        said.append(f'{name}: no reference was recorded, repetitions begin with the motion itself')
+        new_notes.append(f'{name}: no reference was recorded, repetitions begin with the motion '
+                         'itself')
     residual = None
     if friction is not None and movements:
         applied = samples.current if samples.command is None else samples.command
@@ -188,73 +190,75 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
         if movement.end > samples.time[-1] - samples.sample_time and (
                 len(movements) > 1 or not whole):
             if whole:
-                said.append(f'{name}: the last movement is cut off and left out')
+                new_notes.append(f'{name}: the last movement is cut off and left out')
             continue
         measured.append(measure(samples, movement, name, info, residual))
-    notes.extend(note for note in said if note not in notes)
+    notes.extend(note for note in new_notes if note not in notes)
     return measured
 
 
-def _usual(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
-    usual = float(np.median([r.usual_duration for r in repetitions]))
-    kept = [r for r in repetitions if abs(r.usual_duration - usual) <= _ODD * usual]
+def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
+    median = float(np.median([r.usual_duration for r in repetitions]))
+    kept = [r for r in repetitions if abs(r.usual_duration - median) <= _ODD * median]
     if len(kept) < len(repetitions):
         notes.append(
             f'{len(repetitions) - len(kept)} repetitions with {repetitions[0].help.label} lasted '
             'much longer or shorter than the others and are left out')
-    # With an even number, the median itself may be far from all.
+    # With an even number, the median may be far from all of them.
     return kept or repetitions
 
 
-def _condition(kept: list[Repetition], averages: Averages, notes: list[str]) -> Condition:
-    first, ensemble = kept[0], Ensemble()
-    for kind in dict.fromkeys(r.kind for r in kept):
+def _condition(repetitions: list[Repetition], averages: Averages, notes: list[str]) -> Condition:
+    first, ensemble = repetitions[0], Ensemble()
+    for kind in dict.fromkeys(r.kind for r in repetitions):
         ensemble.add(averages[kind])
-    usual = float(np.median([r.duration for r in kept]))
-    time, points = ensemble.points(float(np.median([r.shown_time for r in kept])))
-    mean, spread = ensemble.mean_and_std('load', points)
-    middle, deviation = ensemble.mean_and_std('position', points)
-    shown = ensemble.known_by_all('reference_position', points)
-    peak, peak_time, constant = _of_average(kept, time, mean)
-    peaks = [r.figures['peak_torque'] for r in kept if 'peak_torque' in r.figures]
-    restless = sum(r.restless for r in kept)
+    duration = float(np.median([r.duration for r in repetitions]))
+    time, points = ensemble.points(float(np.median([r.shown_time for r in repetitions])))
+    torque, torque_std = ensemble.mean_and_std('load', points)
+    position, position_std = ensemble.mean_and_std('position', points)
+    has_reference = ensemble.known_by_all('reference_position', points)
+    peak, peak_time, constant = _figures_of_average(repetitions, time, torque)
+    peaks = [r.figures['peak_torque'] for r in repetitions if 'peak_torque' in r.figures]
+    restless = sum(r.restless for r in repetitions)
     if restless:
         notes.append(
-            f'the joint did not come to rest before {restless} of {len(kept)} movements with '
-            f'{first.help.label} in the {NAMES[first.movement.sign]} direction')
-    starts = sum(r.false_start for r in kept)
+            f'the joint did not come to rest before {restless} of {len(repetitions)} movements '
+            f'with {first.help.label} in the {NAMES[first.movement.sign]} direction')
+    starts = sum(r.false_start for r in repetitions)
     return Condition(
         help=first.help, direction=first.movement.direction,
-        movement=NAMES[first.movement.sign], repetitions=len(kept),
-        stuck=sum(not r.moved for r in kept), peak_torque=peak,
+        movement=NAMES[first.movement.sign], repetitions=len(repetitions),
+        stuck=sum(not r.moved for r in repetitions), peak_torque=peak,
         peak_torque_std=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else (
             0.0 if peaks else float('nan')),
         peak_time=peak_time,
-        rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= usual)]),
+        rms_torque=ensemble.rms('load', points[(time >= 0.0) & (time <= duration)]),
         mean_torque_constant_velocity=constant, false_starts=starts,
         figures={name: mean_interval(values) for name in FIGURES if (values := [
-            r.figures[name] for r in kept if name in r.figures])},
-        false_start_share=share_interval(starts, len(kept)),
-        time=time, torque=mean, torque_std=spread, position=middle, position_std=deviation,
-        reference=ensemble.mean_and_std('reference_position', points)[0] if shown else None)
+            r.figures[name] for r in repetitions if name in r.figures])},
+        false_start_share=share_interval(starts, len(repetitions)),
+        time=time, torque=torque, torque_std=torque_std,
+        position=position, position_std=position_std,
+        reference=ensemble.mean_and_std('reference_position', points)[0] if has_reference else None)
 
 
-def _of_average(kept: list[Repetition], time: np.ndarray,
-                mean: np.ndarray) -> tuple[float, float, float]:
-    """Return peak and its time of the averaged torque, and its mean at constant velocity."""
-    movement = kept[0].movement
+def _figures_of_average(repetitions: list[Repetition], time: np.ndarray,
+                        mean: np.ndarray) -> tuple[float, float, float]:
+    """Return the averaged torque's peak, its time, and the mean at constant velocity."""
+    movement = repetitions[0].movement
 
-    def usual(name: str) -> float:
-        return float(np.median([getattr(r.movement, name) - r.movement.begin for r in kept]))
+    def median_time(name: str) -> float:
+        return float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
     average = replace(
-        movement, begin=0.0, end=usual('end'), constant_begin=usual('constant_begin'),
-        constant_end=usual('constant_end'), rest_begin=usual('rest_begin'),
-        rest_end=usual('rest_end'))
-    onset = float(np.median([r.figures.get('onset', math.inf) for r in kept]))
-    shown = any('onset' in r.figures or not r.moved for r in kept)
-    given = effort(time, mean, average, onset if math.isfinite(onset) else None, shown)
-    peak = int(np.argmax(given))
-    known = given[peak] >= 0.0
+        movement, begin=0.0, end=median_time('end'), constant_begin=median_time('constant_begin'),
+        constant_end=median_time('constant_end'), rest_begin=median_time('rest_begin'),
+        rest_end=median_time('rest_end'))
+    onset = float(np.median([r.figures.get('onset', math.inf) for r in repetitions]))
+    has_reference = any('onset' in r.figures or not r.moved for r in repetitions)
+    torque = effort(time, mean, average, onset if math.isfinite(onset) else None, has_reference)
+    peak = int(np.argmax(torque))
+    counted = torque[peak] >= 0.0
     constant = (time <= average.constant_end) & (time >= average.constant_begin)
-    return (float(given[peak]) if known else math.nan, float(time[peak]) if known else math.nan,
+    return (float(torque[peak]) if counted else math.nan,
+            float(time[peak]) if counted else math.nan,
             float(movement.sign * np.mean(mean[constant])) if constant.any() else math.nan)

@@ -15,7 +15,7 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate with the ends of its 95 % interval, None where one value gives none."""
+    """An estimate with the ends of its 95 % interval, None for a single value."""
 
     mean: float
     low: float | None
@@ -23,12 +23,12 @@ class Interval:
     count: int
 
     def as_dict(self) -> dict[str, float | int | None]:
-        """Return what report.json holds."""
+        """Return the entry of report.json."""
         return {'mean': self.mean, 'low': self.low, 'high': self.high, 'count': self.count}
 
 
 def mean_interval(values: Sequence[float]) -> Interval:
-    """Return the mean with its interval by Student's t; values must not be empty."""
+    """Return the mean of one or more values with its interval from Student's t."""
     count, mean = len(values), float(np.mean(values))
     if count < 2:
         return Interval(mean, None, None, count)
@@ -38,6 +38,6 @@ def mean_interval(values: Sequence[float]) -> Interval:
 
 
 def share_interval(hits: int, count: int) -> Interval:
-    """Return a share of `count` with its interval after Wilson."""
+    """Return the share of hits in `count` with Wilson's interval."""
     ends = stats.binomtest(hits, count).proportion_ci(CONFIDENCE, method='wilson')
     return Interval(hits / count, float(ends.low), float(ends.high), count)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the movements in a recording and the direction announced for each."""
+"""Finds the movements in a recording and the announced direction of each."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SMOOTHING = 0.05
 _SHORTEST = 0.1
 # Movements that cover less than this share of the longest are corrections, not repetitions.
 _SHORTEST_TRAVEL = 0.3
-# Encoder steps that a joint must move to have moved at all, where there is no reference.
+# Least number of encoder steps of a movement, where there is no reference.
 _LEAST_STEPS = 20
 
 
@@ -37,12 +37,12 @@ class Movement:
     constant_begin, constant_end : float
         The phase of constant velocity.
     rest_begin, rest_end : float
-        Since when the standstill before the movement lasts, and until when the one after it does:
-        a joint that stays behind what is shown may set out as late as that.
+        Start of the standstill before the movement, and end of the one after it: a joint that lags
+        behind the reference may start moving as late as that.
     sign : int
         +1 for the positive direction, -1 for the negative.
     direction : int
-        Direction d that was announced as the movement began.
+        Announced direction d at the begin of the movement.
     travel : float
         Angle covered in rad.
     """
@@ -59,22 +59,23 @@ class Movement:
 
 
 def find_movements(samples: Samples) -> list[Movement]:
-    """Return the movements of one recording in their order.
+    """Return the movements of one recording in order of time.
 
     Parameters
     ----------
     samples : Samples
-        The reference shown to the person decides where it is there, else the measured position.
+        Movements are those of the reference shown to the person, or, without one, of the joint.
 
     Returns
     -------
     list of Movement
     """
-    velocity, moving, constant, least = _shown(samples), _MOVING, _CONSTANT, 0.0
+    velocity = _reference_velocity(samples)
+    moving, constant, shortest_travel = _MOVING, _CONSTANT, 0.0
     if velocity is None:
         velocity = measured_velocity(samples)
         moving, constant = _MOVING_MEASURED, _CONSTANT_MEASURED
-        least = _LEAST_STEPS * samples.position_step
+        shortest_travel = _LEAST_STEPS * samples.position_step
     top = np.quantile(np.abs(velocity), 0.99) if len(velocity) else 0.0
     if not top > 0:
         return []
@@ -84,7 +85,7 @@ def find_movements(samples: Samples) -> list[Movement]:
             runs.append((start, stop, float(abs(np.sum(
                 velocity[start:stop - 1] * np.diff(samples.time[start:stop]))))))
     longest = max((travel for *_, travel in runs), default=0.0)
-    runs = [run for run in runs if run[2] >= max(_SHORTEST_TRAVEL * longest, least)]
+    runs = [run for run in runs if run[2] >= max(_SHORTEST_TRAVEL * longest, shortest_travel)]
     begins = [float(samples.time[start]) for start, _, _ in runs]
     ends = [float(samples.time[stop - 1]) for _, stop, _ in runs]
     movements = []
@@ -95,12 +96,12 @@ def find_movements(samples: Samples) -> list[Movement]:
         fast = start + np.nonzero(speed >= constant * speed.max())[0]
         movements.append(Movement(
             begin, end, float(samples.time[fast[0]]), float(samples.time[fast[-1]]), rest_begin,
-            rest_end, int(np.sign(velocity[start])), _announced(samples, start, fast[0] + 1),
-            travel))
+            rest_end, int(np.sign(velocity[start])),
+            _announced_direction(samples, start, fast[0] + 1), travel))
     return movements
 
 
-def _shown(samples: Samples) -> np.ndarray | None:
+def _reference_velocity(samples: Samples) -> np.ndarray | None:
     """Return the velocity of the reference, or None where none was recorded."""
     if samples.reference_velocity is not None:
         return samples.reference_velocity
@@ -110,7 +111,7 @@ def _shown(samples: Samples) -> np.ndarray | None:
 
 
 def measured_velocity(samples: Samples) -> np.ndarray:
-    """Return velocity in rad/s by a zero-phase mean over a short window, shape (N,)."""
+    """Return the velocity from a zero-phase moving average of position, rad/s, shape (N,)."""
     width = max(round(_SMOOTHING / max(samples.sample_time, 1e-6)), 1)
     kernel = np.ones(width) / width
     time = samples.time
@@ -120,15 +121,15 @@ def measured_velocity(samples: Samples) -> np.ndarray:
 
 
 def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Yield (start, stop) of the stretches over which non-zero values stay the same."""
+    """Yield (start, stop) of each run of equal non-zero values."""
     edges = np.concatenate(([0], np.nonzero(np.diff(values))[0] + 1, [len(values)]))
     for start, stop in pairwise(edges):
         if values[start] != 0:
             yield int(start), int(stop)
 
 
-def _announced(samples: Samples, start: int, stop: int) -> int:
-    """Return the direction that stood for most of the acceleration."""
+def _announced_direction(samples: Samples, start: int, stop: int) -> int:
+    """Return the direction that was announced during most of the acceleration."""
     if samples.direction is None:
         return 0
     counts = np.bincount(samples.direction[start:stop].astype(int) + 1, minlength=3)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The result of an evaluation: its conditions and their comparisons."""
+"""The result of an evaluation: conditions and their comparisons."""
 
 from __future__ import annotations
 
@@ -17,43 +17,43 @@ from friction_comp.evaluation.trend import Trend
 
 @dataclass
 class Condition:
-    """Ensemble of the repetitions under one condition; torques are NaN where none was measured.
+    """The repetitions under one condition; torques are NaN where none was measured.
 
     Attributes
     ----------
     help : Help
-        What was active.
+        Law, model and announcement.
     direction : int
         Announced direction d.
     movement : str
         'positive' or 'negative'.
     repetitions : int
+        Number of repetitions.
     stuck : int
-        Those in which the joint did not set out; then the peak torque is a bound, for nobody gave
-        what it takes.
+        Number of repetitions in which the joint did not start moving; the peak torque then is a
+        lower bound of the torque that was needed.
     peak_torque : float
-        Largest magnitude of the ensemble average of τ_b in N·m, from the movement's begin until it
-        slows down, or until the joint sets out where that comes later: what it takes to set the
-        joint in motion and keep it there (`friction_comp.evaluation.repetitions.effort`).
+        Largest magnitude of the mean of τ_b in N·m, from the begin of the movement to its
+        deceleration, or until the joint starts moving where that is later: the torque needed to
+        set the joint in motion and keep it moving (`friction_comp.evaluation.repetitions.effort`).
     peak_torque_std : float
-        Standard deviation over repetitions of each one's own peak in N·m.
+        Standard deviation of the repetitions' peaks, N·m.
     peak_time : float
-        When the average peaks, s after the start of the movement.
+        Time of the peak of the mean torque, s after the start of the movement.
     rms_torque : float
         Root mean square of τ_b over all repetitions, from start to end of the movement, N·m.
     mean_torque_constant_velocity : float
         Mean of τ_b along the movement in the phase of constant velocity, N·m; negative where the
-        joint pulls ahead of the person.
+        joint pulls the person along.
     false_starts : int
-        Repetitions in which the joint set out before the movement and nobody pushed.
+        Number of repetitions in which the joint started before the movement without being pushed.
     figures : dict of str to Interval
-        Mean over repetitions of each one's own figures, by the names in `FIGURES`, with its
-        95 % confidence interval.
+        Mean of the repetitions' figures, by the names in `FIGURES`, with 95 % intervals.
     false_start_share : Interval
     time : ndarray
-        s since the start of the movement, shape (N,).
+        Time since the start of the movement, s, shape (N,).
     torque, torque_std, position, position_std, reference : ndarray
-        Average and standard deviation over repetitions, shape (N,), in N·m and rad; reference is
+        Mean and standard deviation over repetitions, shape (N,), in N·m and rad; reference is
         None where it was not recorded.
     """
 
@@ -79,7 +79,7 @@ class Condition:
 
     @property
     def assisted(self) -> bool:
-        """True where the direction announced is that of the movement."""
+        """Whether the announced direction is that of the movement."""
         return self.direction == (1 if self.movement == 'positive' else -1)
 
     def as_dict(self) -> dict[str, Any]:
@@ -95,7 +95,7 @@ class Condition:
 
 @dataclass
 class Evaluation:
-    """All conditions of one joint and what the announced direction achieved.
+    """All conditions of one joint and their comparisons.
 
     Attributes
     ----------
@@ -105,9 +105,9 @@ class Evaluation:
         Model files that were active.
     repetitions : list of Repetition
     comparisons : list of Comparison
-        Paired tests between all conditions that share a movement.
+        Paired tests between conditions with the same movements.
     trends : list of Trend
-        Where repetitions are of several days.
+        Empty where all repetitions are of one day.
     notes : list of str
     """
 
@@ -124,47 +124,47 @@ class Evaluation:
         """Whether the back-driving torque was measured."""
         return any('peak_torque' in r.figures for r in self.repetitions)
 
-    def words(self, known: Help) -> tuple[str, ...]:
-        """Return direction, law and, where there are several, model of a condition."""
+    def words(self, condition: Help) -> tuple[str, ...]:
+        """Return the direction, the law and, where there are several, the model of a condition."""
         models = {c.help.model for c in self.conditions if c.help.model}
-        words = known.words if len(models) > 1 else known.words[:2]
-        return tuple(filter(None, words))
+        parts = condition.words if len(models) > 1 else condition.words[:2]
+        return tuple(filter(None, parts))
 
-    def label(self, known: Help) -> str:
-        """Return the same in one line."""
-        return ' · '.join(self.words(known))
+    def label(self, condition: Help) -> str:
+        """Return these words in one line."""
+        return ' · '.join(self.words(condition))
 
     def pair(self) -> tuple[Help, Help] | None:
-        """Return the condition that d = ±1 is compared with: d = 0 under the same law and model.
+        """Return the conditions d = 0 and d = ±1 whose comparison is reported first.
 
-        Where that is nowhere: kinetic compensation alone with the same model, which is what any
-        law is without a direction, then no compensation; else, where there is but one of either,
-        these two. None where several could be meant. Of several laws or models, the one with the
-        most repetitions counts.
+        The first of these that is available: d = 0 with the same law and model; kinetic
+        compensation with the same model, to which every law reduces without a direction; no
+        compensation; the only two conditions, one of either. None where the choice is ambiguous. Of
+        several laws or models, the one with the most repetitions is used.
         """
         counts: dict[Help, int] = {}
         for condition in self.conditions:
             counts[condition.help] = counts.get(condition.help, 0) + condition.repetitions
-        plain = [known for known in counts if known.announced >= 0 and not known.led]
-        assisted = [known for known in counts if known.announced == 1 and known.led]
-        for alike in (lambda a, b: (a.law, a.model) == (b.law, b.model),
-                      lambda a, b: (a.law, a.model) == ('kinetic', b.model),
-                      lambda a, b: a.law == 'none'):
-            two = [(a, b) for a in plain for b in assisted if alike(a, b)]
-            if two:
-                return max(two, key=lambda pair: (min(counts[pair[0]], counts[pair[1]]), pair))
+        plain = [c for c in counts if c.announced >= 0 and not c.uses_direction]
+        assisted = [c for c in counts if c.announced == 1 and c.uses_direction]
+        for matches in (lambda a, b: (a.law, a.model) == (b.law, b.model),
+                        lambda a, b: (a.law, a.model) == ('kinetic', b.model),
+                        lambda a, b: a.law == 'none'):
+            pairs = [(a, b) for a in plain for b in assisted if matches(a, b)]
+            if pairs:
+                return max(pairs, key=lambda pair: (min(counts[pair[0]], counts[pair[1]]), pair))
         return (plain[0], assisted[0]) if len(plain) == len(assisted) == 1 else None
 
-    def stuck(self, known: Help) -> int:
-        """Return in how many movements under a condition the joint did not set out."""
-        return sum(r.help == known and not r.moved for r in self.repetitions)
+    def stuck(self, condition: Help) -> int:
+        """Return the number of movements under a condition in which the joint did not move."""
+        return sum(r.help == condition and not r.moved for r in self.repetitions)
 
-    def peak_of(self, known: Help) -> float:
-        """Return the mean over both movements of a condition's peak torque, N·m."""
-        return float(np.mean([c.peak_torque for c in self.conditions if c.help == known]))
+    def peak_of(self, condition: Help) -> float:
+        """Return a condition's peak torque, averaged over both movements, N·m."""
+        return float(np.mean([c.peak_torque for c in self.conditions if c.help == condition]))
 
     def compared(self, name: str) -> tuple[float, float] | None:
-        """Return a figure with d = 0 and with d = ±1, or None where nothing can be compared.
+        """Return a figure with d = 0 and with d = ±1, or None where there is no such pair.
 
         Parameters
         ----------
@@ -174,29 +174,30 @@ class Evaluation:
         Returns
         -------
         tuple of float, or None
-            Means over the movements for which both conditions are there, N·m.
+            Means over the movements that both conditions have, N·m.
         """
-        two = self.pair()
-        if two is None:
+        pair = self.pair()
+        if pair is None:
             return None
+        first, second = pair
         values = {(c.help, c.movement): getattr(c, name) for c in self.conditions}
-        pairs = [(values[two[0], m], values[two[1], m]) for m in NAMES.values()
-                 if (two[0], m) in values and (two[1], m) in values]
-        pairs = [pair for pair in pairs if np.isfinite(pair).all()]
-        if not pairs:
+        both = [(values[first, m], values[second, m]) for m in NAMES.values()
+                if (first, m) in values and (second, m) in values]
+        both = [entry for entry in both if np.isfinite(entry).all()]
+        if not both:
             return None
-        plain_mean, assisted_mean = np.mean(pairs, axis=0)
+        plain_mean, assisted_mean = np.mean(both, axis=0)
         return float(plain_mean), float(assisted_mean)
 
     @property
     def is_bound(self) -> bool:
         """Whether the measured reduction of the peak is only a lower bound.
 
-        Where the joint did not set out without a direction, nobody gave what it takes.
+        Where the joint did not start moving without a direction, the torque needed is unknown.
         """
-        two, change = self.pair(), self.peak_reduction
-        return (two is not None and change is not None and change >= 0.0
-                and bool(self.stuck(two[0])) and not self.stuck(two[1]))
+        conditions, change = self.pair(), self.peak_reduction
+        return (conditions is not None and change is not None and change >= 0.0
+                and bool(self.stuck(conditions[0])) and not self.stuck(conditions[1]))
 
     def _reduction(self, name: str) -> float | None:
         pair = self.compared(name)
@@ -204,12 +205,12 @@ class Evaluation:
 
     @property
     def peak_reduction(self) -> float | None:
-        """Share by which the peak torque is smaller with d = ±1."""
+        """Relative reduction of the peak torque with d = ±1."""
         return self._reduction('peak_torque')
 
     @property
     def rms_reduction(self) -> float | None:
-        """Share by which the RMS torque is smaller with d = ±1."""
+        """Relative reduction of the RMS torque with d = ±1."""
         return self._reduction('rms_torque')
 
     def as_dict(self) -> dict[str, Any]:
@@ -224,7 +225,7 @@ class Evaluation:
         }
 
     def table(self) -> list[list[Any]]:
-        """Return one row per repetition, after a row of names."""
+        """Return a header and one row for each repetition."""
         rows: list[list[Any]] = [[
             'joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law',
             'model', *FIGURES, 'moved', 'false_start']]

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One movement of a trial: its condition and its measures."""
+"""Measures a repetition: one movement of a trial, its condition and its figures."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-# s by which a joint may set out ahead of the movement shown.
+# Time by which a joint may start before the movement of the reference, s.
 EARLY = 0.5
-# s after a joint has set out late for which its curves are still shown.
+# Time after a late onset for which curves are shown, s.
 _AFTER_ONSET = 0.25
-# A joint has started by itself when it covers this share of the movement while the person does
-# not push that way, by this share of the torque's peak.
-STARTED, _PUSHED = 0.01, 0.1
-# s for which the joint must have been still before; an oscillation is no start.
+# A joint has started by itself when it covers this share of the movement while the person pushes
+# that way with less than this share of the peak torque.
+_START_SHARE, _PUSH_SHARE = 0.01, 0.1
+# Time for which the joint must be still before a false start, s: an oscillation is none.
 _STILL = 0.2
-# s by which sums of sample times may be off.
+# Rounding error of sums of sample times, s.
 _ROUNDING = 1e-9
-# Movements whose durations differ by no more than this share are of one pace: whether they are
-# averaged is decided for all of a pace together. Finer classes take more memory where people move
-# as they like; coarser ones blur the quarter by which a duration may differ from the usual one.
+# Movements whose durations differ by no more than this share have the same pace, and are averaged
+# or left out together. Finer classes take more memory where people move as they like; coarser ones
+# blur the limit of 25 % by which a duration may differ from the median.
 _PACE = 0.05
-# Encoder steps that a joint moves when it has set out.
+# Least number of encoder steps of a joint that has started moving.
 _LEAST_STEPS = 3
 NAMES = {1: 'positive', -1: 'negative'}
-# What each repetition is measured by, with its unit; the first that is known leads.
+# The figures of a repetition with label and unit; the first one known is the leading figure.
 FIGURES = {
     'peak_torque': ('peak torque', 'N·m'), 'peak_time': ('time of the peak', 's'),
     'rms_torque': ('RMS torque', 'N·m'),
@@ -54,18 +54,18 @@ FIGURES = {
 
 @dataclass(frozen=True, order=True)
 class Help:
-    """What was active during a movement.
+    """The compensation that was active during a movement.
 
     Attributes
     ----------
     law : str
-        Compensation law; 'none' where no current was commanded, 'other' where another than the
-        compensator commanded, 'identification' where that node did, '' where the recording does
-        not say.
+        Compensation law; 'none' where no current was commanded, 'other' where another node than the
+        compensator commanded it, 'identification' where that node did, '' where unknown.
     model : str
-        Model file; '' where there was none or the recording does not say.
+        Model file; '' where there was none or it is unknown.
     announced : int
-        0 where no direction was announced, 1 where that of the movement was, -1 the other one.
+        1 where the direction of the movement was announced, -1 where the opposite one was, 0 where
+        none was.
     """
 
     law: str
@@ -73,53 +73,54 @@ class Help:
     announced: int
 
     @property
-    def led(self) -> bool:
-        """Whether a direction was announced to a law that has a use for one."""
+    def uses_direction(self) -> bool:
+        """Whether a direction was announced to a law that uses it."""
         return self.announced != 0 and self.law not in ('none', 'kinetic')
 
     @property
     def words(self) -> tuple[str, str, str]:
-        """Direction, law and model in a word or two each; '' for what is not known."""
+        """Direction, law and model in one or two words each, '' where unknown."""
         announced = {0: 'd = 0', 1: 'd = ±1', -1: 'd = ±1 (against)'}[self.announced]
         law = {'none': 'no compensation', 'other': 'another commander'}.get(self.law, self.law)
         return announced, law, Path(self.model).name
 
     @property
     def label(self) -> str:
-        """The same in one line."""
+        """The known words in one line."""
         return ' · '.join(filter(None, self.words))
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what report.json holds."""
+        """Return the entry of report.json."""
         return {'law': self.law or None, 'model': self.model or None, 'announced': self.announced}
 
 
 @dataclass
 class Repetition:
-    """One movement and what was measured of it.
+    """One movement and its figures.
 
     Attributes
     ----------
     recording : str
     day : str
-        ISO date; '' where nothing tells it.
+        ISO date; '' where unknown.
     begin : float
-        s since the recording's first joint state.
+        Time since the recording's first joint state, s.
     movement : Movement
     help : Help
     figures : dict of str to float
-        By the names in `FIGURES`; those that cannot be known are missing.
+        Values by the names in `FIGURES`, without those that are unknown.
     moved : bool
-        The joint set out; False where what was shown to the person moved and the joint did not
-        before the next movement began. The peak torque then is what did not suffice.
+        Whether the joint moved before the next movement of the reference began. Where it did not,
+        the peak torque was not sufficient.
     false_start : bool
-        The joint set out during the standstill and, as far as torque was measured, unpushed.
+        Whether the joint started during the standstill without being pushed, as far as torque was
+        measured.
     restless : bool
-        The joint kept moving to and fro before the movement.
+        Whether the joint oscillated before the movement.
     curves : dict of str to ndarray
-        'load', 'position' and 'reference_position', as far as recorded, at the times of
-        `friction_comp.evaluation.ensemble.grid`, NaN beyond the recording and before the
-        standstill; empty once they are summed up.
+        'load', 'position' and 'reference_position', where recorded, at the times of
+        `friction_comp.evaluation.ensemble.grid`; NaN beyond the recording and before the
+        standstill; empty after they were added to an average.
     """
 
     recording: str
@@ -135,27 +136,27 @@ class Repetition:
 
     @property
     def duration(self) -> float:
-        """Time in s from begin to end of the movement."""
+        """Duration of the movement, s."""
         return self.movement.end - self.movement.begin
 
     @property
     def shown_time(self) -> float:
-        """Time in s from the movement's begin until it is over and the joint has set out."""
+        """Time from the movement's begin until it is over and the joint has started moving, s."""
         return max(self.duration, self.figures.get('onset', -math.inf) + _AFTER_ONSET)
 
     @property
     def pace(self) -> int:
-        """Which durations it is alike to."""
+        """Index of the class of similar durations."""
         return round(math.log(self.duration) / _PACE)
 
     @property
     def usual_duration(self) -> float:
-        """Duration in s in the middle of its pace."""
+        """Duration in the middle of the pace, s."""
         return math.exp(_PACE * self.pace)
 
     @property
     def kind(self) -> tuple[Help, int, int, int]:
-        """The key of movements whose curves are averaged together."""
+        """Key of the movements whose curves are averaged together."""
         return self.help, self.movement.sign, self.movement.direction, self.pace
 
 
@@ -167,25 +168,25 @@ def measure(samples: Samples, movement: Movement, name: str = '',
     Parameters
     ----------
     samples : Samples
-        The recording that it is in.
+        The recording.
     movement : Movement
     name : str
         The recording's name.
     info : RecordingInfo, optional
-        Says what was active, and when it was recorded.
+        With what was active when, and the date.
     residual : ndarray, optional
-        Current in A that the joint asks for by a model beyond what was commanded, shape (N,).
+        Current by a model minus commanded current, A, shape (N,).
 
     Returns
     -------
     Repetition
     """
-    part = _between(samples, movement.begin, movement.end)
-    shown = samples.reference_position is not None or samples.reference_velocity is not None
-    onset = _onset(samples, movement) if shown else None
+    part = _slice_between(samples, movement.begin, movement.end)
+    has_reference = samples.reference_position is not None or samples.reference_velocity is not None
+    onset = _onset(samples, movement) if has_reference else None
     figures = {'rms_current': _rms(samples.current[part])}
     if samples.load is not None:
-        figures.update(_torque_figures(samples, samples.load, movement, onset, shown))
+        figures.update(_torque_figures(samples, samples.load, movement, onset, has_reference))
     if residual is not None:
         figures['residual_current'] = _rms(residual[part])
     if onset is not None:
@@ -193,8 +194,8 @@ def measure(samples: Samples, movement: Movement, name: str = '',
         announced = _announcement(samples, movement)
         if announced is not None and onset > announced:
             figures['announcement_to_motion'] = onset - announced
-    moved = onset is not None or not shown
-    # A joint that set out after the movement shown made another one, of which this says nothing.
+    moved = onset is not None or not has_reference
+    # A joint that starts after the movement of the reference makes a movement of its own.
     if moved and (onset is None or onset <= movement.end) and part.stop - part.start > 10:
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
@@ -205,13 +206,13 @@ def measure(samples: Samples, movement: Movement, name: str = '',
         name, _day(info, movement), movement.begin, movement,
         _help(samples, movement, info, moved),
         {key: value for key, value in figures.items() if np.isfinite(value)},
-        moved, _started_by_itself(samples, movement, figures.get('peak_torque')),
-        _restless(samples, movement))
+        moved, _is_false_start(samples, movement, figures.get('peak_torque')),
+        _is_restless(samples, movement))
     repetition.curves = _curves(samples, movement, repetition.shown_time)
     return repetition
 
 
-def _between(samples: Samples, begin: float, end: float) -> slice:
+def _slice_between(samples: Samples, begin: float, end: float) -> slice:
     first, last = np.searchsorted(samples.time, [begin, end])
     return slice(int(first), max(int(last), int(first) + 1))
 
@@ -221,70 +222,70 @@ def _rms(values: np.ndarray) -> float:
 
 
 def effort(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float | None,
-           shown: bool) -> np.ndarray:
-    """Return what of the torque counts for a movement's peak: what it took to move the joint.
+           has_reference: bool) -> np.ndarray:
+    """Return the torque that counts for a movement's peak: the torque needed to move the joint.
 
-    It counts from the movement's begin until it slows down, or until the joint sets out where that
-    comes later. What is before the begin is left from the movement before, unless the joint set
-    out early; where no movement was shown, the begin is that of the joint itself, and what set it
-    in motion comes before. Until the joint sets out only a push along the movement counts, and
-    afterwards also what holds it back.
+    Torque counts from the begin of the movement to its deceleration, or until the joint starts
+    moving where that is later. Earlier torque belongs to the previous movement, unless the joint
+    started early. Without a reference the movement begins with the joint's motion, so the torque
+    before it counts too. Before the joint moves only torque along the movement counts, and then
+    torque in either direction.
 
     Parameters
     ----------
     time : ndarray, shape (N,)
-        s on the clock of `movement`.
+        Time on the clock of `movement`, s.
     load : ndarray, shape (N,)
         τ_b in N·m.
     movement : Movement
     onset : float or None
-        When the joint set out, s; None if it did not, or no movement was shown.
-    shown : bool
-        Whether a reference says when the movement was to begin.
+        Time at which the joint started moving, s; None if it did not, or without a reference.
+    has_reference : bool
+        Whether the movement is that of a reference.
 
     Returns
     -------
     ndarray, shape (N,)
-        N·m; -1 where nothing counts.
+        Torque in N·m; -1 where it does not count.
     """
     first, last = movement.begin, movement.constant_end
-    if shown and onset is None:
+    if has_reference and onset is None:
         set_out, last = np.inf, movement.end
     else:
         set_out = movement.begin if onset is None else onset
         last = max(last, set_out)
-        if not shown or set_out < first:
+        if not has_reference or set_out < first:
             first = max(first - EARLY, movement.rest_begin)
-    given = np.where(time >= set_out, np.abs(load), np.maximum(movement.sign * load, 0.0))
-    counted = (time >= first - _ROUNDING) & (time <= last + _ROUNDING) & np.isfinite(load)
-    return np.where(counted, given, -1.0)
+    torque = np.where(time >= set_out, np.abs(load), np.maximum(movement.sign * load, 0.0))
+    counts = (time >= first - _ROUNDING) & (time <= last + _ROUNDING) & np.isfinite(load)
+    return np.where(counts, torque, -1.0)
 
 
 def _torque_figures(samples: Samples, load: np.ndarray, movement: Movement,
-                    onset: float | None, shown: bool) -> dict[str, float]:
-    whole = _between(samples, movement.begin - EARLY, movement.rest_end)
-    given = effort(samples.time[whole], load[whole], movement, onset, shown)
-    peak = int(np.argmax(given))
-    constant = _between(samples, movement.constant_begin, movement.constant_end)
+                    onset: float | None, has_reference: bool) -> dict[str, float]:
+    whole = _slice_between(samples, movement.begin - EARLY, movement.rest_end)
+    torque = effort(samples.time[whole], load[whole], movement, onset, has_reference)
+    peak = int(np.argmax(torque))
+    constant = _slice_between(samples, movement.constant_begin, movement.constant_end)
     return {
-        'peak_torque': float(given[peak]),
+        'peak_torque': float(torque[peak]),
         'peak_time': float(samples.time[whole.start + peak] - movement.begin),
-        'rms_torque': _rms(load[_between(samples, movement.begin, movement.end)]),
+        'rms_torque': _rms(load[_slice_between(samples, movement.begin, movement.end)]),
         'constant_velocity_torque': float(movement.sign * np.mean(load[constant]))}
 
 
 def _onset(samples: Samples, movement: Movement) -> float | None:
-    """Return when the joint set out, s; None if it did not before the next movement began."""
-    part = _between(
+    """Return the time at which the joint started, s; None if not before the next movement."""
+    part = _slice_between(
         samples, max(movement.begin - EARLY, movement.rest_begin), movement.rest_end)
-    way = movement.sign * (samples.position[part] - samples.position[part.start])
-    gone = np.nonzero(way > max(
-        STARTED * movement.travel, _LEAST_STEPS * samples.position_step))[0]
-    return float(samples.time[part.start + gone[0]]) if len(gone) else None
+    displacement = movement.sign * (samples.position[part] - samples.position[part.start])
+    beyond = np.nonzero(displacement > max(
+        _START_SHARE * movement.travel, _LEAST_STEPS * samples.position_step))[0]
+    return float(samples.time[part.start + beyond[0]]) if len(beyond) else None
 
 
 def _announcement(samples: Samples, movement: Movement) -> float | None:
-    """Return when the movement's direction was announced, s; None if it was not."""
+    """Return the time at which the movement's direction was announced, s; None if it was not."""
     if samples.direction is None or movement.direction != movement.sign:
         return None
     last = int(np.searchsorted(samples.time, movement.constant_begin))
@@ -305,22 +306,22 @@ def _help(samples: Samples, movement: Movement, info: RecordingInfo | None,
         active = known[-1].state in ('', 'active')
         law, model = known[-1].law, known[-1].model or model
     if samples.command is not None:
-        idle = not samples.command[_between(samples, movement.begin, movement.end)].any()
-        # A law may well leave a joint alone that stands still.
+        idle = not samples.command[_slice_between(samples, movement.begin, movement.end)].any()
+        # A law may command no current while the joint stands still.
         if (idle and (moved or not law)) or not active:
             law = 'none' if idle else 'other'
     elif not active:
         law = 'none'
-    # Without a law no model has any part in it, whichever was loaded.
+    # Without a law, a loaded model is not in use.
     return Help(law, '' if law in ('none', 'other') else model, announced)
 
 
 def _day(info: RecordingInfo | None, movement: Movement) -> str:
-    """Return the date by the stamps or, where these are a simulation's, by the name; '' without."""
+    """Return the date from the stamps or, for simulated time, from the name; '' where unknown."""
     if info is None:
         return ''
     moment = info.start + movement.begin
-    # Stamps before 2000 count from the start of something else than the calendar.
+    # Stamps before 2000 are not wall-clock time.
     if moment > 946_684_800:
         return datetime.fromtimestamp(moment, timezone.utc).date().isoformat()
     dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
@@ -333,41 +334,41 @@ def _day(info: RecordingInfo | None, movement: Movement) -> str:
 
 
 def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:
-    at = movement.begin + grid(shown_time)
+    time = movement.begin + grid(shown_time)
     curves = {}
     for name in ('load', 'position', 'reference_position'):
         values = getattr(samples, name)
         if values is not None:
-            curve = np.interp(at, samples.time, values, left=np.nan, right=np.nan)
-            curves[name] = np.where(at >= movement.rest_begin, curve, np.nan)
+            curve = np.interp(time, samples.time, values, left=np.nan, right=np.nan)
+            curves[name] = np.where(time >= movement.rest_begin, curve, np.nan)
     return curves
 
 
-def _restless(samples: Samples, movement: Movement) -> bool:
-    """Return whether the joint kept moving to and fro right before the movement."""
+def _is_restless(samples: Samples, movement: Movement) -> bool:
+    """Return whether the joint oscillated right before the movement."""
     first, last = np.searchsorted(
         samples.time, [max(movement.begin - EARLY, movement.rest_begin), movement.begin])
     travelled = np.abs(np.diff(samples.position[first:last])).sum()
-    return bool(travelled > 2.0 * STARTED * movement.travel)
+    return bool(travelled > 2.0 * _START_SHARE * movement.travel)
 
 
-def _started_by_itself(samples: Samples, movement: Movement, peak: float | None) -> bool:
-    """Return whether the joint set out during the standstill although nobody pushed it."""
-    settled = 0.5 * (movement.rest_begin + movement.begin)
-    begin = max(settled, movement.begin - LEAD)
+def _is_false_start(samples: Samples, movement: Movement, peak: float | None) -> bool:
+    """Return whether the joint started during the standstill without being pushed."""
+    middle_of_rest = 0.5 * (movement.rest_begin + movement.begin)
+    begin = max(middle_of_rest, movement.begin - LEAD)
     first, last = np.searchsorted(samples.time, [begin, movement.begin])
     still = np.searchsorted(samples.time, begin + _STILL)
     if not first < still < last:
         return False
-    way = samples.position[first:last] - samples.position[first]
-    if np.abs(way[:still - first]).max() > 0.2 * STARTED * movement.travel:
+    displacement = samples.position[first:last] - samples.position[first]
+    if np.abs(displacement[:still - first]).max() > 0.2 * _START_SHARE * movement.travel:
         return False
-    gone = np.nonzero(np.abs(way) > STARTED * movement.travel)[0]
-    if not len(gone):
+    beyond = np.nonzero(np.abs(displacement) > _START_SHARE * movement.travel)[0]
+    if not len(beyond):
         return False
     if samples.load is None or peak is None:
         return True
-    onset = first + gone[0]
+    onset = first + beyond[0]
     before = np.searchsorted(samples.time, samples.time[onset] - 0.1)
-    push = np.mean(samples.load[before:onset + 1]) * np.sign(way[gone[0]])
-    return bool(push < _PUSHED * peak)
+    push = np.mean(samples.load[before:onset + 1]) * np.sign(displacement[beyond[0]])
+    return bool(push < _PUSH_SHARE * peak)

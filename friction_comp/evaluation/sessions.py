@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluates any number of recordings of any length and any joints, stretch by stretch."""
+"""Evaluates any number of recordings of any length and any joints, in bounded memory."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from friction_comp.samples import Samples
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
 
-# s; recordings shorter than two of these are looked at as a whole, of others so much is in memory.
+# Length of the stretches in which recordings are read, s; those shorter than two are read whole.
 _STRETCH = 300.0
 
 
@@ -49,8 +49,8 @@ class Piece:
 
 
 @dataclass
-class Measured:
-    """What was measured of a piece."""
+class MeasuredPiece:
+    """The repetitions of one or more pieces of the same joint."""
 
     joint: str
     repetitions: list[Repetition] = field(default_factory=list)
@@ -58,8 +58,8 @@ class Measured:
     notes: list[str] = field(default_factory=list)
     models: list[str] = field(default_factory=list)
 
-    def add(self, other: Measured) -> None:
-        """Take in what was measured of another piece of the same joint."""
+    def add(self, other: MeasuredPiece) -> None:
+        """Add another piece of the same joint."""
         self.repetitions += other.repetitions
         for kind, ensemble in other.averages.items():
             self.averages.setdefault(kind, Ensemble()).add(ensemble)
@@ -69,16 +69,16 @@ class Measured:
 
 def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
               layout: Layout | None = None) -> tuple[list[Piece], list[Failure]]:
-    """Return the pieces that can be evaluated, and why some recordings cannot.
+    """Return the pieces that can be evaluated, and the reasons why other recordings cannot.
 
     Parameters
     ----------
     paths : sequence of path-like
         Recordings, or folders of them.
     joint : str, optional
-        This joint only.
+        Only this joint.
     layout : Layout, optional
-        What is known of a table's columns.
+        The columns of tables.
 
     Raises
     ------
@@ -107,23 +107,23 @@ def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
     ----------
     paths : sequence of path-like
     joint : str, optional
-        This joint only; all that are recorded, and move, when omitted.
+        Only this joint; all recorded joints that move when omitted.
     friction : FrictionModel, optional
         As for `friction_comp.evaluation.conditions.evaluate`.
     seconds : float
-        Length of the stretches that are in memory at once.
+        Length of the stretches in which recordings are read.
     progress : callable, optional
         Called with the share 0..1 that is done.
 
     Returns
     -------
     list of Evaluation
-        One a joint. Of several recordings, those that cannot be used are named in the notes.
+        One for each joint. Recordings that cannot be used are named in the notes.
 
     Raises
     ------
     InputError
-        If none can be used; the first one's reason.
+        If no recording can be used, with the first one's reason.
     """
     pieces, failures = pieces_of(paths, joint)
     return evaluate_pieces(pieces, failures, friction, seconds, progress)
@@ -143,7 +143,7 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     friction, seconds, progress
         As for `evaluate_recordings`.
     run : callable
-        Does the work: here, or in many processes.
+        Runs the work, in this process or in several.
 
     Returns
     -------
@@ -152,44 +152,44 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     Raises
     ------
     InputError
-        If nothing can be used; the first reason.
+        If no recording can be used, with the first one's reason.
     """
-    joints: dict[str, Measured] = {}
+    joints: dict[str, MeasuredPiece] = {}
     left_out = list(failures)
-    work = partial(_measured, friction=friction, seconds=seconds)
+    work = partial(_measure_piece, friction=friction, seconds=seconds)
     for outcome in _in_order(run(work, pieces) if pieces else (), len(pieces), progress):
         if isinstance(outcome, Failure):
             left_out.append(outcome)
         else:
-            joints.setdefault(outcome.joint, Measured(outcome.joint)).add(outcome)
+            joints.setdefault(outcome.joint, MeasuredPiece(outcome.joint)).add(outcome)
     if not joints:
         raise InputError(left_out[0].reason)
-    said = [f'left out: {failure.reason}' for failure in left_out]
+    left_out_notes = [f'left out: {failure.reason}' for failure in left_out]
     active = ', '.join(dict.fromkeys(
-        model for found in joints.values() for model in found.models)) or None
+        model for measured in joints.values() for model in measured.models)) or None
     return [evaluate_repetitions(
-        name, found.repetitions, found.averages, active, found.notes + said)
-        for name, found in joints.items()]
+        name, measured.repetitions, measured.averages, active, measured.notes + left_out_notes)
+        for name, measured in joints.items()]
 
 
-def _in_order(outcomes: Iterable[tuple[int, Measured | Failure]], count: int,
-              progress: Callable[[float], None] | None) -> Iterator[Measured | Failure]:
-    """Yield outcomes in the order of the pieces: sums are the same however the work is shared."""
-    waiting: dict[int, Measured | Failure] = {}
-    done = due = 0
+def _in_order(outcomes: Iterable[tuple[int, MeasuredPiece | Failure]], count: int,
+              progress: Callable[[float], None] | None) -> Iterator[MeasuredPiece | Failure]:
+    """Yield outcomes in the order of the pieces, so that sums do not depend on the processes."""
+    waiting: dict[int, MeasuredPiece | Failure] = {}
+    done = following = 0
     for index, outcome in outcomes:
         waiting[index], done = outcome, done + 1
         if progress:
             progress(done / count)
-        while due in waiting:
-            yield waiting.pop(due)
-            due += 1
-    # Behind one that never came, where the work was broken off.
+        while following in waiting:
+            yield waiting.pop(following)
+            following += 1
+    # The rest, where an earlier outcome is missing because the work was interrupted.
     for index in sorted(waiting):
         yield waiting[index]
 
 
-def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> Measured:
+def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float) -> MeasuredPiece:
     """Measure the repetitions of a piece."""
     path, joint = piece.path, piece.joint
     drive = friction.drive if friction is not None else None
@@ -197,31 +197,32 @@ def _measured(piece: Piece, friction: FrictionModel | None, seconds: float) -> M
     repetitions: list[Repetition] = []
     averages: Averages = {}
     notes: list[str] = []
-    held: Samples | None = None
+    buffer: Samples | None = None
     info = None
     for part, info in stream_recording_with_info(
             path, joint, *constants, seconds=seconds, layout=piece.layout):
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
         if len(part):
-            held = part if held is None else _joined(held, part)
-        whole = not len(part)
-        if held is None or not (whole or held.time[-1] - held.time[0] >= 2.0 * seconds):
+            buffer = part if buffer is None else _concatenate(buffer, part)
+        at_end = not len(part)
+        if buffer is None or not (at_end or buffer.time[-1] - buffer.time[0] >= 2.0 * seconds):
             continue
-        # The last stretch stays to be looked at with what follows: what a movement is, is judged
-        # by those around it.
-        end = held.time[-1] - (0.0 if whole else seconds)
-        closed = [r for r in repetitions_of(held, str(path), info, friction, notes, whole)
-                  if whole or r.movement.end < end]
-        sum_up(closed, averages)
-        repetitions.extend(closed)
-        held = held.take(held.time >= (closed[-1].movement.end if closed else end))
+        # The last stretch is evaluated again with the next one, since movements are recognised by
+        # comparison with those around them.
+        end = buffer.time[-1] - (0.0 if at_end else seconds)
+        finished = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)
+                    if at_end or r.movement.end < end]
+        sum_up(finished, averages)
+        repetitions.extend(finished)
+        buffer = buffer.take(buffer.time >= (finished[-1].movement.end if finished else end))
     assert info is not None
     if not repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
-    return Measured(info.joint, repetitions, averages, notes, [info.model] if info.model else [])
+    models = [info.model] if info.model else []
+    return MeasuredPiece(info.joint, repetitions, averages, notes, models)
 
 
-def _joined(first: Samples, second: Samples) -> Samples:
-    """Return two stretches as one; a signal that only one has is dropped."""
+def _concatenate(first: Samples, second: Samples) -> Samples:
+    """Concatenate two stretches, without signals that only one of them has."""
     joined = Samples.concatenate([first, second])
     return joined.with_(recording=0 * joined.recording)

@@ -1,18 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""How smooth a movement is, from its velocity alone."""
+"""Measures of a movement's smoothness, from its velocity."""
 
 from __future__ import annotations
 
 import numpy as np
 
-# Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): Hz that count, share of
-# the largest amplitude below which nothing does, and zero padding as a power of two.
+# Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): highest frequency, Hz,
+# amplitude threshold as a share of the largest, and zero padding as a power of two.
 _HIGHEST, _FAINTEST, _PADDING = 10.0, 0.05, 4
 
 
 def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
-    """Return how smooth a movement is: the spectral arc length of its speed, dimensionless.
+    """Return the spectral arc length of a movement's speed, dimensionless.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
     Returns
     -------
     float
-        Negative; a single bell-shaped movement has about -1.4, each hesitation takes it down.
+        Negative: about -1.4 for a single bell-shaped movement, and lower with each hesitation.
     """
     speed = np.abs(velocity)
     size = 2 ** (int(np.ceil(np.log2(len(speed)))) + _PADDING)
@@ -32,8 +32,8 @@ def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
     frequency = np.fft.rfftfreq(size, sample_time)
     if not amplitude.max() > 0:
         return float('nan')
-    chosen = frequency <= _HIGHEST
-    amplitude, frequency = amplitude[chosen] / amplitude.max(), frequency[chosen]
+    in_band = frequency <= _HIGHEST
+    amplitude, frequency = amplitude[in_band] / amplitude.max(), frequency[in_band]
     last = int(np.nonzero(amplitude >= _FAINTEST)[0][-1]) + 1
     if last < 2:
         return float('nan')
@@ -42,7 +42,7 @@ def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
 
 
 def log_dimensionless_jerk(velocity: np.ndarray, sample_time: float) -> float:
-    """Return minus the logarithm of the jerk, made free of duration and speed.
+    """Return minus the logarithm of the dimensionless squared jerk.
 
     Parameters
     ----------
@@ -54,9 +54,11 @@ def log_dimensionless_jerk(velocity: np.ndarray, sample_time: float) -> float:
     Returns
     -------
     float
-        The larger, the smoother.
+        Larger for smoother movements.
     """
-    top, duration = float(np.abs(velocity).max()), len(velocity) * sample_time
+    top_speed, duration = float(np.abs(velocity).max()), len(velocity) * sample_time
     jerk = np.gradient(np.gradient(velocity, sample_time), sample_time)
     total = float(np.sum(jerk ** 2)) * sample_time
-    return float(-np.log(duration ** 3 / top ** 2 * total)) if top > 0 < total else float('nan')
+    if not top_speed > 0 < total:
+        return float('nan')
+    return float(-np.log(duration ** 3 / top_speed ** 2 * total))

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trend of the measures over sessions of many days."""
+"""Computes the trend of figures over sessions on several days."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from friction_comp.evaluation.intervals import CONFIDENCE, Interval, mean_interv
 from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
 
 _WEEK = 7.0
-# Of these, the first that a condition has is followed.
+# The trend is that of the first of these figures that a condition has.
 _FOLLOWED = ('peak_torque', 'residual_current', 'announcement_to_motion', 'onset', 'smoothness')
 
 
 @dataclass
 class Trend:
-    """One figure under one condition, day by day.
+    """One figure under one condition by day.
 
     Attributes
     ----------
     figure : str
-        By its name in `FIGURES`.
+        A name in `FIGURES`.
     help : Help
     days : dict of str to Interval
-        ISO date to mean and 95 % interval over the day's repetitions.
+        Mean and 95 % interval over the day's repetitions, by ISO date.
     per_week : Interval or None
-        Slope of a straight line through the days' means, with its 95 % interval; None below
-        three days. Repetitions of one day have that day's mood in common, so days are counted.
+        Slope of a straight line through the daily means, with its 95 % interval; None for fewer
+        than three days. Repetitions of one day are not independent, so days are counted.
     probability : float or None
-        Of such a slope by chance.
+        p-value of the slope.
     """
 
     figure: str
@@ -46,12 +46,12 @@ class Trend:
     probability: float | None
 
     @property
-    def sure(self) -> bool:
-        """Whether the slope is more than chance."""
+    def significant(self) -> bool:
+        """Whether the slope is statistically significant."""
         return self.probability is not None and self.probability < SIGNIFICANT
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what report.json holds."""
+        """Return the entry of report.json."""
         return {
             'figure': self.figure, 'unit': FIGURES[self.figure][1], **self.help.as_dict(),
             'days': {day: value.as_dict() for day, value in self.days.items()},
@@ -70,7 +70,7 @@ def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
     Returns
     -------
     list of Trend
-        Empty unless repetitions are of at least two days.
+        Empty where all repetitions are of one day.
     """
     if len({r.day for r in repetitions if r.day}) < 2:
         return []
@@ -78,10 +78,10 @@ def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
     for repetition in repetitions:
         if repetition.day:
             groups.setdefault(repetition.help, []).append(repetition)
-    return [_trend(known, groups[known]) for known in sorted(groups)]
+    return [_trend(condition, groups[condition]) for condition in sorted(groups)]
 
 
-def _trend(known: Help, repetitions: list[Repetition]) -> Trend:
+def _trend(condition: Help, repetitions: list[Repetition]) -> Trend:
     figure = next((name for name in _FOLLOWED if any(name in r.figures for r in repetitions)),
                   'smoothness')
     values: dict[str, list[float]] = {}
@@ -90,10 +90,10 @@ def _trend(known: Help, repetitions: list[Repetition]) -> Trend:
             values.setdefault(repetition.day, []).append(repetition.figures[figure])
     days = {day: mean_interval(values[day]) for day in sorted(values)}
     if len(days) < 3:
-        return Trend(figure, known, days, None, None)
+        return Trend(figure, condition, days, None, None)
     weeks = np.array([date.fromisoformat(day).toordinal() for day in days]) / _WEEK
     line = stats.linregress(weeks, [value.mean for value in days.values()])
     half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, len(days) - 2) * line.stderr)
     slope = float(line.slope)
-    return Trend(figure, known, days, Interval(slope, slope - half, slope + half, len(days)),
+    return Trend(figure, condition, days, Interval(slope, slope - half, slope + half, len(days)),
                  float(line.pvalue))

@@ -27,7 +27,7 @@ from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import refine, RefineResult
 from friction_comp.refinement.recorded_motion import in_motion, standstill_speed
-from friction_comp.refinement.thresholds import GROWS
+from friction_comp.refinement.thresholds import GROWTH
 from friction_comp.refinement.verdict import AGAIN, IN_PART, TRUST
 from friction_comp.samples import Samples
 
@@ -221,7 +221,7 @@ def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineRe
     report = result.report
     held_out, effects = report['after']['held_out_rmse'], effects_of(result)
     same = effects == before
-    tested = same and predicted <= GROWS * held_out
+    tested = same and predicted <= GROWTH * held_out
     left = [one for one in report['findings'] if one['grade'] != TRUST
             and not (tested and one['code'] in _REFUTED)]
     reasons = [one['text'] for one in left]

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Searches the effects for each way of preparing the recordings, and chooses between these ways."""
+"""Searches for effects at several bandwidths and lags, and chooses among these settings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.constants import adjust_constants
 from friction_comp.refinement.effect_columns import (
     base_columns,
     DERIVATIVES,
@@ -29,28 +29,28 @@ from friction_comp.refinement.joint_groups import neighbourhood
 from friction_comp.refinement.plain_drive import held_out, plain_columns
 from friction_comp.refinement.prepare import (
     blocks_of_samples,
-    moved_again,
     prepare,
     Rows,
     shifted,
+    with_settings,
 )
 from friction_comp.refinement.recorded_motion import differentiations
 from friction_comp.refinement.search import Search, Split
-from friction_comp.refinement.thresholds import LAG, LEAST_SHARE, NAMED, SAME
+from friction_comp.refinement.thresholds import EQUIVALENT, LAG_ERROR, LEAST_SHARE, NAMED_SHARE
 from friction_comp.samples import Samples
 
-# A plain drive turns round within this share of its top speed.
-_TURN = 0.1
-# Another bandwidth is tried where the terms found predict so much better at it.
-_BETTER = 0.97
-# Steps of a lag, in samples, and the longest tried, s.
+# Share of the top speed over which the friction of a plain drive changes sign.
+_PLAIN_TRANSITION = 0.1
+# Another bandwidth is tried where the terms found have at most this share of the error at it.
+_CLEARLY_LOWER = 0.97
+# Lags that are tried, in samples, and the longest, s.
 _LAGS = (0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 _LONGEST_LAG = 0.15
 
 
 @dataclass(frozen=True)
 class Question:
-    """What refinement was given.
+    """The input of refinement.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ class Question:
     declared : bool
         Whether the drive's torque constant and gear ratio are known.
     model : FrictionModel, optional
-        Where to start.
+        The initial model.
     progress : callable
-        Called with a share of the work done and a word on it.
+        Called with the share of the work done and the name of the step.
     """
 
     raw: Samples
@@ -74,21 +74,21 @@ class Question:
 
 @dataclass(frozen=True)
 class Fit:
-    """What a search found.
+    """The result of a search.
 
     Parameters
     ----------
     table : Table
     keys : list of Key
-        The terms, those of the model before first.
+        The terms, those of the initial model first.
     given : int
-        How many of them are of the model before.
+        Number of terms of the initial model.
     settings : dict
-        How velocity was computed from position.
+        Differentiation settings.
     candidates : list of Key
-        What was tried last.
-    sure_of_lag : float
-        Share of draws of blocks in which the lag lowers the error as it has to, where there is one.
+        The last candidates.
+    lag_confidence : float
+        Share of resampled block sets in which the lag lowers the error enough; 1 without a lag.
     """
 
     table: Table
@@ -96,15 +96,15 @@ class Fit:
     given: int
     settings: dict[str, Any]
     candidates: list[Key]
-    sure_of_lag: float = 1.0
+    lag_confidence: float = 1.0
 
     @property
     def rows(self) -> Rows:
-        """The rows that were fitted."""
+        """The fitted rows."""
         return self.table.rows
 
     def errors(self) -> np.ndarray:
-        """Return the squared error of each block by a fit to all others, shape (K,)."""
+        """Return the squared error of each cell by a fit to all other blocks, shape (K,)."""
         return self.table.left_out(self.table.indices(self.keys))
 
     def rmse(self) -> float:
@@ -112,13 +112,13 @@ class Fit:
         return math.sqrt(float(self.errors().sum()) / float(self.table.sums.rows.sum()))
 
     def rmse_with(self, keys: Sequence[Key]) -> float:
-        """Return the same of some of the terms, Eq. 6 keeping its transition."""
+        """Return the held-out RMS error of some of the terms, at the present transition, A."""
         table = self.table
         errors = table.left_out(table.indices(keys, derivatives=False))
         return math.sqrt(float(errors.sum()) / float(table.sums.rows.sum()))
 
     def residual(self) -> np.ndarray:
-        """Return the residual in A of all samples by fits to all blocks but their own, (N,)."""
+        """Return the residual of each sample by a fit to all other blocks, A, shape (N,)."""
         table, rows = self.table, self.table.rows
         columns = np.column_stack([
             np.delete(base_columns(rows, table.steepness, table.shift), DERIVATIVES, axis=1),
@@ -130,46 +130,46 @@ class Fit:
             'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
 
 
-def eq6_alone(question: Question, settings: dict[str, Any]) -> Fit:
-    """Return Eq. 6 without any effect and without a lag, fitted to the recordings."""
+def fit_eq6_alone(question: Question, settings: dict[str, Any]) -> Fit:
+    """Fit Eq. 6 to the recordings, without effects and without a lag."""
     settings = {name: value for name, value in settings.items() if name != 'lag'}
     rows, settings = prepare(question.raw, question.drive, settings, question.declared)
     table = Table(rows, 2.0 / rows.scene.transition)
-    table.turn([])
+    table.fit_transition([])
     return Fit(table, [], 0, settings, [])
 
 
 class Attempt:
-    """A search among all terms that the residual proposes, in one table.
+    """A search among all terms that the effects propose for the residual, in one table.
 
     Parameters
     ----------
     table : Table
     given : list of Key
-        Terms that stay.
+        Terms that are always kept.
     """
 
     def __init__(self, table: Table, given: list[Key]) -> None:
         self.table, self.given = table, given
         self.search = Search(table, Split(table), [], given, self._improve)
-        self._held = set(given)
-        self._clock = False
-        self.offer(given)
+        self._retained = set(given)
+        self._time_effects = False
+        self.update_candidates(given)
 
-    def offer(self, keys: Sequence[Key]) -> None:
-        """Propose candidate terms beside those of a fit."""
+    def update_candidates(self, keys: Sequence[Key]) -> None:
+        """Replace the candidates by those that suit the residual of a fit."""
         table = self.table
-        wanted = proposals(table, keys)
-        self._held.update(keys)
-        table.keep(self._held.union(term.key for term in wanted))
+        proposed = proposals(table, keys)
+        self._retained.update(keys)
+        table.keep(self._retained.union(term.key for term in proposed))
         kinds = {key[0] for key in self.given if table.terms[key].kind.most == 1}
-        self.search.candidates = [key for key in table.add(wanted) if key[0] not in kinds and (
-            (table.terms[key].kind.variable == 'time') == self._clock)]
+        self.search.candidates = [key for key in table.add(proposed) if key[0] not in kinds and (
+            (table.terms[key].kind.variable == 'time') == self._time_effects)]
 
     def starts(self) -> list[list[Key]]:
-        """Return the starts of the search: all plain physics, and with the links beside a joint.
+        """Return the starts of the search: plain physics, without and with neighbouring links.
 
-        Weight, spring and inertia may cancel in a motion, so that each helps with the others alone.
+        Weight, spring and inertia may cancel in a motion, so that each helps only with the others.
         """
         table, rows = self.table, self.table.rows
         plain = [key for key in self.search.candidates if table.terms[key].kind.physics]
@@ -178,86 +178,86 @@ class Attempt:
             kind = EFFECTS['other_joints']
             starts.append([*plain, *table.add([Term(kind, {}, group) for group in neighbourhood(
                 rows.joints, rows.samples.joint)])])
-        for some in starts:
-            self._held.update(some)
+        for start in starts:
+            self._retained.update(start)
         return starts
 
-    def from_start(self, some: Sequence[Key]) -> list[Key]:
-        """Return what a search from some terms ends with.
+    def search_from(self, start: Sequence[Key]) -> list[Key]:
+        """Search from some terms; return the terms at its end.
 
-        Time comes last: what a cause that was recorded explains is not left to the clock.
+        Effects of time are tried last, so that they do not replace a recorded cause.
         """
         search = self.search
-        self._clock = False
-        keys = search.backward(search.told_apart(list(dict.fromkeys([*self.given, *some]))))
-        self.table.turn(keys)
-        self.offer(keys)
+        self._time_effects = False
+        keys = search.backward(search.separable(list(dict.fromkeys([*self.given, *start]))))
+        self.table.fit_transition(keys)
+        self.update_candidates(keys)
         keys = search.forward(search.backward(keys))
-        for self._clock in (False, True):
-            if self._clock:
-                self.offer(keys)
+        for self._time_effects in (False, True):
+            if self._time_effects:
+                self.update_candidates(keys)
                 keys = search.forward(keys)
-            keys = adjusted(self.table, keys, 5)
-            self.table.turn(keys)
-            self.offer(keys)
-            keys = search.backward(keys if self._clock else search.exchange(keys))
-        self._held.update(keys)
+            keys = adjust_constants(self.table, keys, 5)
+            self.table.fit_transition(keys)
+            self.update_candidates(keys)
+            keys = search.backward(keys if self._time_effects else search.exchange(keys))
+        self._retained.update(keys)
         return keys
 
     def _improve(self, keys: list[Key]) -> list[Key]:
-        keys = adjusted(self.table, keys, only=keys[-1:])
-        self.table.turn(keys)
-        self.offer(keys)
+        keys = adjust_constants(self.table, keys, only=keys[-1:])
+        self.table.fit_transition(keys)
+        self.update_candidates(keys)
         return keys
 
 
-def search_at(question: Question, settings: dict[str, Any] | None = None,
-              begin: Sequence[Term] | None = None) -> Fit:
-    """Return the fit for one way of computing velocity from position.
+def search_with(question: Question, settings: dict[str, Any] | None = None,
+                begin: Sequence[Term] | None = None) -> Fit:
+    """Search with given differentiation settings and return the best fit.
 
-    Of the ends of several searches the one with the least error counts, a term being worth
-    `LEAST_SHARE` of it.
+    Of several searches the one with the lowest error is taken, where each term costs
+    `LEAST_SHARE` of the error.
 
     Parameters
     ----------
     question : Question
     settings : dict, optional
-        How to differentiate; chosen when omitted.
+        Differentiation settings; chosen when omitted.
     begin : sequence of Term, optional
-        The only start, beside the terms that were given.
+        The only start, beside the given terms.
     """
     rows, settings = prepare(question.raw, question.drive, settings, question.declared)
     model = question.model
     start = model.sigmoid if model else Sigmoid(1.0, -1.0, 2.0 / rows.scene.transition)
     table = Table(rows, start.steepness, start.shift)
-    # A load that is part of the target already is no effect beside it.
+    # A load that is already part of the target cannot be an effect as well.
     given = table.add([Term(type(effect), dict(effect.values)) for effect in model.effects
                        if not (rows.load_by_mechanics and 'load' in effect.needs)
                        ] if model else [])
     if not model:
-        table.turn([])
+        table.fit_transition([])
     attempt = Attempt(table, given)
     starts = attempt.starts() if begin is None else [table.add(begin)]
     transition = table.steepness, table.shift
     ends: list[tuple[float, int, list[Key], tuple[float, float], list[Key]]] = []
-    for some in starts:
-        table.turned(*transition)
-        keys = attempt.from_start(some)
+    for first_keys in starts:
+        table.set_transition(*transition)
+        keys = attempt.search_from(first_keys)
         ends.append((attempt.search.error(keys) * (1.0 + LEAST_SHARE) ** len(keys), len(ends),
                      keys, (table.steepness, table.shift), attempt.search.candidates))
     _, _, keys, transition, candidates = min(ends)
-    table.turned(*transition)
+    table.set_transition(*transition)
     return Fit(table, keys, len(given), settings,
-                 [key for key in candidates if key in table.terms])
+               [key for key in candidates if key in table.terms])
 
 
-def searched(question: Question) -> Fit:
-    """Return what is found, with the lag and the bandwidth that suit it.
+def find_best_fit(question: Question) -> Fit:
+    """Return the best fit over lags and bandwidths.
 
     Both are chosen like everything else: by the error of blocks that were not fitted, after a
     whole search with each.
     """
-    best = search_at(question)
+    best = search_with(question)
     tried = [best.settings]
     for _ in range(2):
         before = best
@@ -265,31 +265,34 @@ def searched(question: Question) -> Fit:
             if settings in tried:
                 continue
             tried.append(settings)
-            fresh = bool(settings.get('lag')) and not best.settings.get('lag')
-            # What a lag was blurred into makes a poor start; another bandwidth changes little.
-            other = search_at(question, settings, None if fresh else [
+            first_lag = bool(settings.get('lag')) and not best.settings.get('lag')
+            # Terms that stood in for a lag are a poor start; another bandwidth changes little.
+            other = search_with(question, settings, None if first_lag else [
                 best.table.terms[key] for key in best.keys[best.given:]])
-            if other.rmse() ** 2 < (LAG if fresh else 1.0 - SAME) * best.rmse() ** 2:
-                sure = _share_of_draws(other, best) if fresh else best.sure_of_lag
-                if sure >= NAMED:
-                    best = replace(other, sure_of_lag=sure)
+            share = LAG_ERROR if first_lag else 1.0 - EQUIVALENT
+            if other.rmse() ** 2 < share * best.rmse() ** 2:
+                confidence = _lag_confidence(other, best) if first_lag else best.lag_confidence
+                if confidence >= NAMED_SHARE:
+                    best = replace(other, lag_confidence=confidence)
         if best is before:
             break
     return best
 
 
-def _share_of_draws(late: Fit, early: Fit) -> float:
+def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
     """Return the share of resampled block sets in which a lag lowers the error enough."""
     rng = np.random.default_rng(2)
-    with_lag, without = (np.bincount(found.table.block, found.errors()) for found in (late, early))
-    if len(with_lag) != len(without):
+    lagged_errors, unlagged_errors = (
+        np.bincount(fit.table.block, fit.errors()) for fit in (lagged, unlagged))
+    if len(lagged_errors) != len(unlagged_errors):
         return 1.0
-    drawn = rng.integers(0, len(without), (200, len(without)))
-    return float(np.mean(with_lag[drawn].sum(axis=1) < LAG * without[drawn].sum(axis=1)))
+    drawn = rng.integers(0, len(unlagged_errors), (200, len(unlagged_errors)))
+    lower = lagged_errors[drawn].sum(axis=1) < LAG_ERROR * unlagged_errors[drawn].sum(axis=1)
+    return float(np.mean(lower))
 
 
 def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
-    """Return settings with which the terms found, or a plain drive, predict better."""
+    """Return settings with which the fitted terms, or a plain drive, predict better."""
     rows, others, settings = fit.rows, [], fit.settings
     target = rows.averaged(rows.target)
     terms = [fit.table.terms[key] for key in fit.keys]
@@ -298,30 +301,30 @@ def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
         return np.column_stack([base_columns(other, fit.table.steepness, fit.table.shift),
                                 *(term.columns(other) for term in terms)])
     samples = rows.samples.with_(load=None) if rows.load_by_mechanics else rows.samples
-    plain = plain_columns(samples, [rows.scene.transition, _TURN * rows.scene.speed])
-    has = settings.get('lag', 0.0)
-    for matrix in [columns(rows)] if has else [plain, columns(rows)]:
-        lag, gain = _best_lag(rows, matrix, target, fine=bool(has))
-        if gain > (SAME if has else 0.5 * (1.0 - LAG)):
-            others.append({**settings, 'lag': has + lag})
+    plain = plain_columns(samples, [rows.scene.transition, _PLAIN_TRANSITION * rows.scene.speed])
+    current_lag = settings.get('lag', 0.0)
+    for matrix in [columns(rows)] if current_lag else [plain, columns(rows)]:
+        lag, gain = _best_lag(rows, matrix, target, fine=bool(current_lag))
+        if gain > (EQUIVALENT if current_lag else 0.5 * (1.0 - LAG_ERROR)):
+            others.append({**settings, 'lag': current_lag + lag})
     errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in differentiations(question.raw):
-        if has:
-            choice['lag'] = has
-        matrix = columns(moved_again(rows, question.raw, choice))
+        if current_lag:
+            choice['lag'] = current_lag
+        matrix = columns(with_settings(rows, question.raw, choice))
         if np.isfinite(matrix).all():
             error = float(held_out(rows.averaged(matrix), target, rows.block).sum())
             errors.append((error, len(errors), choice))
     least, _, choice = min(errors)
-    now = [error for error, _, same in errors if same == settings]
-    if choice != settings and (not now or least < _BETTER ** 2 * now[0]):
+    now = [error for error, _, tried in errors if tried == settings]
+    if choice != settings and (not now or least < _CLEARLY_LOWER ** 2 * now[0]):
         others.append(choice)
     return others
 
 
 def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
               ) -> tuple[float, float]:
-    """Return the time shift of columns that predicts best, s, and the share it takes away.
+    """Return the time shift of columns that predicts best, s, and the share of error it removes.
 
     Parameters
     ----------
@@ -330,7 +333,7 @@ def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
         Columns on all samples.
     target : ndarray, shape (R,)
     fine : bool
-        Whether only shifts of less than two samples are tried.
+        Whether only shifts of up to two samples are tried.
     """
     step = rows.samples.sample_time
 

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Effects as columns of a linear fit, and the block sums of these columns.
 
-Each effect gives a column (or a few) for each point of a small grid of its constants. Eq. 6 is part
-of every fit: its plateaus and its viscous term as columns, its steepness and its shift by their
-derivatives.
+Each effect gives one or a few columns for each point of a small grid of its constants. Eq. 6 is
+part of every fit: its plateaus and its viscous term as columns, its steepness and its shift through
+their derivatives.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from friction_comp.refinement.joint_groups import groups_for
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.sums import BlockSums
 
-# Columns of Eq. 6, and those of them that are derivatives.
+# Number of columns of Eq. 6, and the indices of those that are derivatives.
 BASE, DERIVATIVES = 5, (3, 4)
-# Of the top speed: what is steeper or flatter the recordings cannot tell.
+# Limits of steepness times top speed: beyond them recordings show no difference.
 _FLATTEST, _STEEPEST = 2.0, 6000.0
-# Steepness times shift at which Eq. 6 is 15 % of Coulomb friction at rest, which is no motion.
+# Steepness times shift at which Eq. 6 has 15 % of Coulomb friction at zero velocity.
 MOST_SHIFT = 0.3
 
 Key = tuple[Any, ...]
@@ -42,7 +42,7 @@ class Term:
         A subclass of `Effect`.
     constants : dict
     group : Group, optional
-        Terms of other joints, for an effect that is a sum of such.
+        Terms of other joints, for an effect that is their sum.
     """
 
     kind: type[Effect]
@@ -55,7 +55,7 @@ class Term:
         return (self.kind.name, *self.constants.values(), self.group)
 
     def columns(self, rows: Rows) -> np.ndarray:
-        """Return its columns on all samples, shape (N, M)."""
+        """Return the term's columns on all samples, shape (N, M)."""
         if self.group is not None:
             assert rows.motion is not None, 'groups are made of the motion of several joints'
             return self.group.columns(rows.joints, *rows.motion)
@@ -66,7 +66,7 @@ class Term:
         return replace(self, constants={**self.constants, **changes})
 
     def same_effect(self, other: Term, span: float) -> bool:
-        """Return whether another term is the same effect, with constants that differ little.
+        """Return whether another term is the same effect with similar constants.
 
         Parameters
         ----------
@@ -90,16 +90,17 @@ def base_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
     """Return Eq. 6 as columns, shape (N, BASE): constant, transition, viscous, derivatives.
 
     The last two are the derivatives of the transition by the logarithm of its steepness and by
-    its shift: a fit with them knows how it would change.
+    its shift: their coefficients say how far to move both.
     """
     v = np.asarray(rows.samples.velocity)
     half = 0.5 * steepness * (v - shift)
-    turn = np.tanh(half)
-    slope = 1.0 - turn ** 2
-    # From motion in one direction a constant cannot be told from Coulomb friction.
-    both = 1.0 if rows.scene.both_directions else 0.0
+    transition = np.tanh(half)
+    slope = 1.0 - transition ** 2
+    # In motion in one direction, an offset and Coulomb friction are the same.
+    bidirectional = 1.0 if rows.scene.both_directions else 0.0
     return np.column_stack((
-        np.full(len(v), both), turn, v, half * slope, -0.5 * both * steepness * slope))
+        np.full(len(v), bidirectional), transition, v, half * slope,
+        -0.5 * bidirectional * steepness * slope))
 
 
 class Table:
@@ -114,9 +115,9 @@ class Table:
     Attributes
     ----------
     sums : BlockSums
-        Over cells: the rows of one block and one region of posture.
+        Over cells, each the rows of one block and one region of posture.
     block, region : ndarray of int, shape (K,)
-        Of each cell.
+        The block and the region of each cell.
     columns : ndarray, shape (P, R)
     terms : dict of Key to Term
     """
@@ -131,49 +132,50 @@ class Table:
         order = np.argsort(cell, kind='stable')
         self._cells = np.split(order, np.searchsorted(cell[order], np.arange(1, len(cells))))
         self._blocks = [np.nonzero(rows.block == k)[0] for k in range(int(rows.block.max()) + 1)]
-        first = [own[0] for own in self._cells]
+        first = [cell_rows[0] for cell_rows in self._cells]
         self.block, self.region = rows.block[first], rows.region[first]
-        gram = np.array([self.target[own] @ self.target[own] for own in self._cells])
-        self.sums = BlockSums(gram[:, None, None], np.array([len(own) for own in self._cells]),
+        targets = [self.target[cell_rows] for cell_rows in self._cells]
+        gram = np.array([target @ target for target in targets])
+        self.sums = BlockSums(gram[:, None, None], np.array([len(target) for target in targets]),
                               np.empty(0, dtype=int))
         self.columns = np.empty((0, len(self.target)))
         self._append(rows.averaged(base_columns(rows, steepness, shift)).T, [0, 1, 1, 0, 0])
 
     def add(self, terms: Sequence[Term]) -> list[Key]:
-        """Add terms that are not there yet; return the keys of those that are there now."""
+        """Add terms; return the keys of those whose columns are finite."""
         fresh: list[np.ndarray] = []
         signs: list[int] = []
         for term in terms:
             if term.key in self.terms:
                 continue
-            own = self.rows.averaged(term.columns(self.rows)).T
-            if not np.isfinite(own).all():
+            columns = self.rows.averaged(term.columns(self.rows)).T
+            if not np.isfinite(columns).all():
                 continue
             first = len(self.columns) + len(fresh)
-            self._columns_of[term.key] = list(range(first, first + len(own)))
+            self._columns_of[term.key] = list(range(first, first + len(columns)))
             self.terms[term.key] = term
-            fresh += list(own)
-            signs += _signs_of(term, len(own))
+            fresh += list(columns)
+            signs += _signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
         return [term.key for term in terms if term.key in self.terms]
 
     def keep(self, keys: Container[Key]) -> None:
-        """Drop all terms but some."""
-        left = [key for key in self.terms if key in keys]
-        if len(left) == len(self.terms):
+        """Remove all other terms."""
+        remaining = [key for key in self.terms if key in keys]
+        if len(remaining) == len(self.terms):
             return
-        columns = self.indices(left)
-        places, first = {}, BASE
-        for key in left:
+        columns = self.indices(remaining)
+        columns_of, first = {}, BASE
+        for key in remaining:
             size = len(self._columns_of[key])
-            places[key] = list(range(first, first + size))
+            columns_of[key] = list(range(first, first + size))
             first += size
-        inner = [*columns, len(self.columns)]
-        self.sums = BlockSums(self.sums.gram[:, inner][:, :, inner], self.sums.rows,
+        retained = [*columns, len(self.columns)]
+        self.sums = BlockSums(self.sums.gram[:, retained][:, :, retained], self.sums.rows,
                               self.sums.signs[columns])
         self.columns = self.columns[columns]
-        self.terms, self._columns_of = {key: self.terms[key] for key in left}, places
+        self.terms, self._columns_of = {key: self.terms[key] for key in remaining}, columns_of
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
         old = len(self.columns)
@@ -183,22 +185,22 @@ class Table:
         keep = [*range(old), size]
         gram[np.ix_(range(self.sums.blocks), keep, keep)] = self.sums.gram
         self.sums = BlockSums(gram, self.sums.rows, np.append(self.sums.signs, signs).astype(int))
-        self._sum(slice(old, size))
+        self._update_sums(slice(old, size))
 
-    def _sum(self, own: slice) -> None:
-        """Compute the sums of some columns with all others and with the target."""
+    def _update_sums(self, changed: slice) -> None:
+        """Recompute the sums of products of some columns with all others and with the target."""
         for gram, rows in zip(self.sums.gram, self._cells):
-            every, target = self.columns[:, rows], self.target[rows]
-            products = every[own] @ every.T
-            gram[own, :-1], gram[:-1, own] = products, products.T
-            gram[own, -1] = gram[-1, own] = every[own] @ target
+            columns, target = self.columns[:, rows], self.target[rows]
+            products = columns[changed] @ columns.T
+            gram[changed, :-1], gram[:-1, changed] = products, products.T
+            gram[changed, -1] = gram[-1, changed] = columns[changed] @ target
 
     def columns_of(self, key: Key) -> list[int]:
-        """Return the columns of a term."""
+        """Return the column indices of a term."""
         return self._columns_of[key]
 
     def indices(self, keys: Sequence[Key], derivatives: bool = True) -> list[int]:
-        """Return the columns of Eq. 6 and of some terms."""
+        """Return the column indices of Eq. 6 and of some terms."""
         base = [column for column in range(BASE) if derivatives or column not in DERIVATIVES]
         return base + [column for key in keys for column in self._columns_of[key]]
 
@@ -208,24 +210,24 @@ class Table:
         return np.asarray(self.target - self.sums.fit(indices) @ self.columns[indices])
 
     def error_with(self, terms: Sequence[Term]) -> float:
-        """Return the sum of squared errors of a fit of terms that need not be in the table."""
+        """Return the squared error of a fit of terms, which need not be in the table."""
         parts, signs = [np.delete(self.columns[:BASE], DERIVATIVES, axis=0)], [0, 1, 1]
         for term in terms:
             if term.key in self.terms:
-                own = self.columns[self._columns_of[term.key]]
+                own_columns = self.columns[self._columns_of[term.key]]
             else:
-                own = self.rows.averaged(term.columns(self.rows)).T
-                if not np.isfinite(own).all():
+                own_columns = self.rows.averaged(term.columns(self.rows)).T
+                if not np.isfinite(own_columns).all():
                     return math.inf
-            parts.append(own)
-            signs += _signs_of(term, len(own))
+            parts.append(own_columns)
+            signs += _signs_of(term, len(own_columns))
         full = np.vstack((*parts, self.target))
         sums = BlockSums((full @ full.T)[None], np.array([full.shape[1]]), np.array(signs))
         columns = range(len(signs))
         return float(sums.squares(columns, sums.fit(columns)[None])[0])
 
     def coefficients(self, keys: Sequence[Key], derivatives: bool = False) -> dict[int, float]:
-        """Return the coefficient of each column of a fit to all blocks."""
+        """Return the coefficient of each column index, fitted to all blocks."""
         indices = self.indices(keys, derivatives)
         return dict(zip(indices, map(float, self.sums.fit(indices))))
 
@@ -233,11 +235,8 @@ class Table:
         """Return the squared error of each cell by the fit to all other blocks, shape (K,)."""
         return self.sums.left_out(columns, self.block)
 
-    def turn(self, keys: Sequence[Key], rounds: int = 4) -> None:
-        """Move the transition of Eq. 6 to the optimum of a fit with some terms.
-
-        By the Gauss-Newton method: the coefficients of the derivatives say how far.
-        """
+    def fit_transition(self, keys: Sequence[Key], rounds: int = 4) -> None:
+        """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""
         speed = self.rows.scene.speed
         others = self.columns[[column for key in keys for column in self._columns_of[key]]]
         signs = self.sums.signs[self.indices(keys)]
@@ -246,52 +245,53 @@ class Table:
         def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
             base = self.rows.averaged(base_columns(self.rows, steepness, shift)).T
             full = np.vstack((base, others, self.target))
-            sums = BlockSums(np.array([full[:, own] @ full[:, own].T for own in self._blocks]),
-                             np.array([len(own) for own in self._blocks]), signs)
+            gram = np.array([full[:, rows] @ full[:, rows].T for rows in self._blocks])
+            sums = BlockSums(gram, np.array([len(rows) for rows in self._blocks]), signs)
             return float(sums.left_out(plain).sum()), sums
-        now = self.steepness, self.shift
-        best, sums = sums_at(*now)
+        current = self.steepness, self.shift
+        best, sums = sums_at(*current)
         for _ in range(rounds):
             before, coefficients = best, sums.fit(range(BASE + len(others)))
             if not coefficients[1] > 0.0:
                 break
             growth = float(np.clip(coefficients[3] / coefficients[1], -1.0, 1.0))
-            step = float(np.clip(coefficients[4] / coefficients[1], -1.0 / now[0], 1.0 / now[0]))
+            step = float(np.clip(
+                coefficients[4] / coefficients[1], -1.0 / current[0], 1.0 / current[0]))
             for share in (1.0, 0.5, 0.25):
-                steepness = float(np.clip(now[0] * math.exp(share * growth), _FLATTEST / speed,
+                steepness = float(np.clip(current[0] * math.exp(share * growth), _FLATTEST / speed,
                                           _STEEPEST / speed))
                 limit = MOST_SHIFT / steepness
-                trial = steepness, float(np.clip(now[1] + share * step, -limit, limit))
+                trial = steepness, float(np.clip(current[1] + share * step, -limit, limit))
                 error, other = sums_at(*trial)
                 if error < best:
-                    best, sums, now = error, other, trial
+                    best, sums, current = error, other, trial
                     break
             if best > (1.0 - 1e-4) * before:
                 break
-        if now != (self.steepness, self.shift):
-            self.turned(*now)
+        if current != (self.steepness, self.shift):
+            self.set_transition(*current)
 
-    def turned(self, steepness: float, shift: float) -> None:
-        """Give Eq. 6 another steepness and shift."""
+    def set_transition(self, steepness: float, shift: float) -> None:
+        """Set the steepness and the shift of Eq. 6 and recompute its columns."""
         self.steepness, self.shift = steepness, shift
         self.columns[:BASE] = self.rows.averaged(base_columns(self.rows, steepness, shift)).T
-        self._sum(slice(0, BASE))
+        self._update_sums(slice(0, BASE))
 
     def loads(self, keys: Sequence[Key]) -> list[dict[str, float]]:
-        """Return the loads that terms of a fit carry; see `Effect.load_share`."""
-        coefficients, shares, given = self.coefficients(keys), [], False
+        """Return the loads that follow from the terms of a fit; see `Effect.load_share`."""
+        coefficients, shares, carries_load = self.coefficients(keys), [], False
         for key in keys:
             term = self.terms[key]
             if term.group is None and not term.kind.uses_inner_load:
-                own = [coefficients[column] for column in self._columns_of[key]]
-                shares.append(term.kind.load_share(own, term.constants))
-                given = given or term.kind.gives_load
+                values = [coefficients[column] for column in self._columns_of[key]]
+                shares.append(term.kind.load_share(values, term.constants))
+                carries_load = carries_load or term.kind.gives_load
                 if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
                     shares.append({'offset': coefficients[0]})
-        return shares if given else []
+        return shares if carries_load else []
 
     def look(self, keys: Sequence[Key]) -> Look:
-        """Return the residual of a fit with some terms as effects look at it."""
+        """Return the residual of a fit in the form from which effects propose constants."""
         part = self.rows.at_rows
         scene = self.rows.scene
         velocity = np.asarray(part.velocity)
@@ -301,22 +301,22 @@ class Table:
 
 
 def _signs_of(term: Term, count: int) -> list[int]:
-    """Return the sign that each of a term's coefficients must have, 0 where it is free."""
+    """Return the required sign of each of a term's coefficients, 0 where it is free."""
     wanted = list(term.kind.signs[:count]) if term.group is None else []
     return wanted + [0] * (count - len(wanted))
 
 
 def kinds_for(rows: Rows) -> list[type[Effect]]:
-    """Return the effects that may be tried: those whose signals were recorded and varied."""
+    """Return the effects whose signals were recorded and varied."""
     return [kind for kind in EFFECTS.values()
             if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
             and not kind.hard_to_tell(rows.scene)
-            # What a person supplies is what friction asks for: all that is missing goes with it.
+            # The person's torque answers friction: it correlates with every missing effect.
             and not (rows.load_by_mechanics and 'load' in kind.needs)]
 
 
 def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
-    """Return the terms to try beside those of a fit."""
+    """Return candidate terms to add to a fit."""
     look, terms = table.look(keys), []
     for kind in kinds_for(table.rows):
         if not kind.uses_inner_load or look.loads:

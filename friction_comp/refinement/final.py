@@ -17,7 +17,7 @@ from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement.attempt import Fit
-from friction_comp.refinement.constants import adjusted
+from friction_comp.refinement.constants import adjust_constants
 from friction_comp.refinement.effect_columns import (
     base_columns,
     DERIVATIVES,
@@ -26,35 +26,35 @@ from friction_comp.refinement.effect_columns import (
     Table,
 )
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.recorded_motion import for_all
+from friction_comp.refinement.recorded_motion import settings_for_arm
 
-# Squared errors in motion that differ by less are as good as each other.
-_AS_GOOD = 1.02
+# Fits whose squared errors in motion differ by less are equivalent.
+_EQUIVALENT = 1.02
 _STEEPNESSES = 16
 _MOST_SAMPLES = 30_000
 
 
-def settled(fit: Fit, keys: Sequence[Key]) -> Fit:
-    """Return a fit of the named terms alone, with the transition that suits all samples."""
+def refit(fit: Fit, keys: Sequence[Key]) -> Fit:
+    """Fit the named terms alone, with the transition that predicts all samples best."""
     table = fit.table
-    keys = adjusted(table, keys, 5)
-    table.turn(keys)
-    table = _turned_for_all(table, keys)
+    keys = adjust_constants(table, keys, 5)
+    table.fit_transition(keys)
+    table = _fit_transition_to_all_samples(table, keys)
     return replace(fit, table=table, keys=keys)
 
 
-def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
-    """Return the table with the transition of Eq. 6 that predicts all samples best.
+def _fit_transition_to_all_samples(table: Table, keys: Sequence[Key]) -> Table:
+    """Set the transition of Eq. 6 that predicts all samples best; return the table.
 
-    Samples beside standstill do not decide which effects there are, since a joint that sticks
-    says nothing of friction. How steeply friction changes its sign, though, is seen there alone:
-    of all transitions that explain the motion as well, the one that predicts best where the joint
-    starts, stops and turns round is taken.
+    Samples near standstill are not used to choose effects, since the current of a joint that
+    sticks is not friction. But only they show how steeply friction changes its sign: of all
+    transitions that explain the motion equally well, the one that best predicts all samples,
+    with starts, stops and reversals, is used.
     """
     rows = table.rows
-    speed, index = rows.scene.speed, _some(rows)
-    polished = table.steepness, table.shift
-    grid = [polished, (table.steepness, 0.0)] + [
+    speed, index = rows.scene.speed, _subsample(rows)
+    start = table.steepness, table.shift
+    grid = [start, (table.steepness, 0.0)] + [
         (2.0 / (width * speed), shift) for width in np.geomspace(3e-4, 0.25, _STEEPNESSES)
         for shift in dict.fromkeys((table.shift, 0.0))]
     others = np.column_stack([table.terms[key].columns(rows) for key in keys]
@@ -62,22 +62,23 @@ def _turned_for_all(table: Table, keys: Sequence[Key]) -> Table:
     trials = []
     for steepness, shift in grid:
         limit = MOST_SHIFT / steepness
-        table.turned(steepness, float(np.clip(shift, -limit, limit)))
-        inner = table.indices(keys, derivatives=False)
-        error = float(table.left_out(inner).sum())
+        table.set_transition(steepness, float(np.clip(shift, -limit, limit)))
+        columns = table.indices(keys, derivatives=False)
+        error = float(table.left_out(columns).sum())
         base = np.delete(base_columns(rows, steepness, table.shift), DERIVATIVES, axis=1)[index]
-        left = np.abs(rows.target[index] - np.column_stack((base, others)) @ table.sums.fit(inner))
-        # A few samples that nothing explains do not decide.
-        left = np.minimum(left, np.quantile(left, 0.999))
-        trials.append((error, float(left @ left), steepness, table.shift))
+        residual = rows.target[index] - np.column_stack((base, others)) @ table.sums.fit(columns)
+        # Limit the influence of outliers.
+        size = np.abs(residual)
+        size = np.minimum(size, np.quantile(size, 0.999))
+        trials.append((error, float(size @ size), steepness, table.shift))
     least = min(error for error, *_ in trials)
-    *_, steepness, shift = min((trial for trial in trials if trial[0] <= _AS_GOOD * least),
+    *_, steepness, shift = min((trial for trial in trials if trial[0] <= _EQUIVALENT * least),
                                key=lambda trial: trial[1])
-    table.turned(steepness, shift)
+    table.set_transition(steepness, shift)
     return table
 
 
-def _some(rows: Rows) -> np.ndarray:
+def _subsample(rows: Rows) -> np.ndarray:
     return np.arange(0, len(rows.samples), max(1, len(rows.samples) // _MOST_SAMPLES))
 
 
@@ -85,27 +86,28 @@ def model_of(fit: Fit, drive: Drive, before: FrictionModel | None, joint: str
              ) -> FrictionModel:
     """Return the model of a fit."""
     table, rows, settings = fit.table, fit.rows, fit.settings
-    x = table.coefficients(fit.keys)
-    offset, coulomb, viscous = x[0], x[1], x[2]
+    coefficients = table.coefficients(fit.keys)
+    offset, coulomb, viscous = coefficients[0], coefficients[1], coefficients[2]
     sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb, steepness=table.steepness,
                       shift=table.shift, viscous=viscous)
-    moved = rows.samples.take(rows.usable)
+    moving = rows.samples.take(rows.usable)
     effects: list[Effect] = []
     groups, gains = [], []
     for key in fit.keys:
-        term, own = table.terms[key], tuple(x[column] for column in table.columns_of(key))
+        term = table.terms[key]
+        values = tuple(coefficients[column] for column in table.columns_of(key))
         if term.group is None:
             effects.append(with_range(
-                term.kind({**term.constants, 'coefficients': list(own)}), moved))
+                term.kind({**term.constants, 'coefficients': list(values)}), moving))
         else:
             groups.append(term.group)
-            gains.append(own)
+            gains.append(values)
     arm = before.arm if before else None
     if groups:
         effects.append(EFFECTS['other_joints']({'coefficients': [1.0]}))
         arm = Arm(coupling=Coupling(tuple(groups), tuple(gains)),
-                  # The lag is applied to what they ask, as to all else, by the model.
-                  differentiation=for_all(rows.samples, {**settings, 'lag': 0.0}))
+                  # The model applies the lag to these torques, as to all others.
+                  differentiation=settings_for_arm(rows.samples, {**settings, 'lag': 0.0}))
     if rows.load_by_mechanics:
         effects.append(EFFECTS['load_torque']({'coefficients': [rows.load_by_mechanics]}))
     return FrictionModel(

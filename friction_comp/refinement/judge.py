@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Estimates a model's error on other recordings and how far to trust it.
 
-By how much errors grow in thirds of the recording that were not fitted says what to expect of
-another recording; see `elsewhere`. All else that a reader should know is a finding with a code.
+The growth of errors in thirds of the recording that were not fitted tells what to expect on
+another recording; see `elsewhere`. Everything else to report is a finding with a code.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from friction_comp.refinement.prepare import blocks_of_samples, Rows
 from friction_comp.refinement.stability import Stability
 from friction_comp.refinement.sums import BlockSums
 from friction_comp.refinement.thresholds import (
-    EXPLAINS,
-    EXPLAINS_NOTHING,
-    FOLLOWS,
-    GROWS,
-    PUSHES,
+    FOLLOWED_VARIANCE,
+    GROWTH,
+    PUSHING_ERROR,
     UNEXPLAINED,
+    UNEXPLAINED_CURRENT,
+    USELESS_ERROR,
 )
 from friction_comp.refinement.verdict import AGAIN, Finding, IN_PART
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
 
-# Two explanations that go together this closely are one as far as the recording can tell.
-ALIKE = 0.95
-# By which velocity and the rate of position may differ.
-AT_ODDS = 1.2
+# Rank correlation from which a recording cannot distinguish two explanations.
+INDISTINGUISHABLE = 0.95
+# Largest ratio between velocity and the derivative of position.
+LARGEST_VELOCITY_RATIO = 1.2
 
 _EXPERIMENTS = {
     frozenset(('time', 'temperature')):
@@ -67,21 +67,21 @@ class Errors:
     Parameters
     ----------
     fit : float
-        RMS in motion, of the model fitted to everything.
+        RMS in motion, of the model fitted to all parts.
     held_out : float
         RMS in motion, of parts that were not fitted.
     largest : float
-        Of these, the largest error of a sample.
+        Largest error of a sample of these parts.
     r2 : float
-        Share of the current's variance that is explained there.
+        Share of the current's variance that is explained in these parts.
     worst_part : float
-        RMS of the part with the largest.
+        RMS of the part with the largest RMS.
     standstill : float
-        RMS at standstill and beside it; NaN without such samples.
+        RMS at and near standstill; NaN without such samples.
     overall : float
         RMS of all samples of parts that were not fitted.
     elsewhere, elsewhere_motion : float
-        What to expect on another recording, with standstill and in motion alone; see `Elsewhere`.
+        RMS to expect on another recording, of all samples and in motion; see `Elsewhere`.
     parts : list of float
         RMS of each part, in motion.
     """
@@ -120,42 +120,43 @@ def errors_of(rows: Rows, fit: np.ndarray, held_out: np.ndarray, growth: float =
     ----------
     rows : Rows
     fit, held_out : ndarray, shape (N,)
-        Residuals of all samples by the model fitted to everything, and by that not fitted to them.
+        Residuals of all samples, of the model fitted to all parts and of fits to other parts.
     growth : float
-        How many times as large errors are in thirds that were not fitted.
+        Ratio of the errors in thirds that were not fitted to those of other held-out parts.
     """
     moving = rows.usable
     current = rows.target[moving]
     block = blocks_of_samples(rows)[moving]
-    own = held_out[moving]
-    parts = [rms(own[block == k]) for k in np.unique(block)]
+    errors = held_out[moving]
+    parts = [rms(errors[block == k]) for k in np.unique(block)]
     variance = float(np.var(current))
-    more = (growth ** 2 - 1.0) * rms(own) ** 2 * float(np.mean(moving))
+    extra = (growth ** 2 - 1.0) * rms(errors) ** 2 * float(np.mean(moving))
     return Errors(
-        rms(fit[moving]), rms(own), float(np.max(np.abs(own))),
-        1.0 - float(np.mean(own ** 2)) / variance if variance > 0.0 else 0.0,
+        rms(fit[moving]), rms(errors), float(np.max(np.abs(errors))),
+        1.0 - float(np.mean(errors ** 2)) / variance if variance > 0.0 else 0.0,
         max(parts), rms(held_out[~moving]), rms(held_out),
-        max(math.sqrt(rms(held_out) ** 2 + more), growth * rms(own)), growth * rms(own), parts)
+        max(math.sqrt(rms(held_out) ** 2 + extra), growth * rms(errors)), growth * rms(errors),
+        parts)
 
 
 def noise_floor(rows: Rows, residual: np.ndarray) -> float:
-    """Return the standard deviation in A of what changes from one sample to the next at random.
+    """Return the standard deviation of white noise in the residual, A.
 
     Second differences of the residual, shape (N,), remove whatever is smooth over three samples;
-    of white noise they have six times its variance. Slow noise is not in this figure, and a signal
-    that was filtered has less of it than its sensor.
+    those of white noise have six times its variance. Slow noise is not included, and a filtered
+    signal shows less noise than its sensor has.
     """
-    whole = rows.usable[2:] & rows.usable[1:-1] & rows.usable[:-2]
+    consecutive = rows.usable[2:] & rows.usable[1:-1] & rows.usable[:-2]
     step = np.diff(rows.samples.recording)
-    whole &= (step[1:] == 0) & (step[:-1] == 0)
-    second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[whole]
+    consecutive &= (step[1:] == 0) & (step[:-1] == 0)
+    second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[consecutive]
     if second.size < 50:
         return rms(residual[rows.usable])
     return 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6.0)
 
 
 def experiment(first: str, second: str) -> str:
-    """Return the recording that would separate two variables."""
+    """Return the recording that would distinguish two variables."""
     known = _EXPERIMENTS.get(frozenset((first, second)))
     return known or (f'record motion in which {first} changes while {second} does not, and the '
                      'other way round')
@@ -164,44 +165,44 @@ def experiment(first: str, second: str) -> str:
 def ambiguities(fit: Fit, stability: Stability) -> list[dict[str, Any]]:
     """Return entries of report.json's `ambiguous`."""
     entries: list[dict[str, Any]] = []
-    seen = set()
+    pairs = set()
 
     def add(first: str, second: str, why: str) -> None:
         pair = frozenset((first, second))
-        if first != second and pair not in seen:
-            seen.add(pair)
+        if first != second and pair not in pairs:
+            pairs.add(pair)
             entries.append({'between': [first, second], 'why': why,
                             'experiment': experiment(first, second)})
     terms = fit.table.terms
     for key in fit.keys[fit.given:]:
-        for name, share in stability.instead.get(key, ()):
+        for name, share in stability.alternatives.get(key, ()):
             add(terms[key].kind.variable, EFFECTS[name].variable,
-                f'{100 * share:.0f} % of the searches repeated on parts of the recording have '
-                f"'{name}' in place of '{key[0]}'")
+                f'{100 * share:.0f} % of the searches repeated on parts of the recording choose '
+                f"'{name}' instead of '{key[0]}'")
     samples = fit.rows.at_rows
     variables = {terms[key].kind.variable for key in fit.keys}
     if samples.temperature is not None and variables & {'time', 'temperature'}:
-        alike = rank_correlation(samples.time, samples.temperature)
-        if alike > ALIKE:
+        correlation = rank_correlation(samples.time, samples.temperature)
+        if correlation > INDISTINGUISHABLE:
             add('time', 'temperature', 'temperature and time rose together in the recordings '
-                f'(rank correlation {alike:.3f})')
+                f'(rank correlation {correlation:.3f})')
     elif 'time' in variables and samples.temperature is None:
         add('time', 'temperature', 'the drift over time may be the motor warming up, and its '
             'temperature was not recorded')
-    alike = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
-    if alike > 0.9 and len(np.unique(samples.recording)) == 1:
-        add('velocity', 'time', 'speed rose or fell with time all through the recording (rank '
-            f'correlation {alike:.2f}): drift over time cannot be told from the dependence on '
-            'velocity')
+    correlation = rank_correlation(samples.time, np.abs(np.asarray(samples.velocity)))
+    if correlation > 0.9 and len(np.unique(samples.recording)) == 1:
+        add('velocity', 'time', 'speed rose or fell with time throughout the recording (rank '
+            f'correlation {correlation:.2f}): drift over time cannot be distinguished from '
+            'dependence on velocity')
     return entries
 
 
-def pushes(rows: Rows) -> bool:
+def friction_would_push(rows: Rows) -> bool:
     """Return whether friction would have to push for a plain drive to explain the current.
 
-    Eq. 6, inertia, weight, spring and load, once with the signs that physics asks for and once
-    with any. Where the second predicts much better, the current is a controller's answer, the joint
-    is moved by something that was not recorded, or a signal has the wrong sign.
+    Eq. 6, inertia, weight, spring and load are fitted with the signs that physics requires and
+    with any signs. Where the second fit predicts much better, the current is a controller's
+    response, something that was not recorded moves the joint, or a signal has the wrong sign.
     """
     table = Table(rows, 2.0 / rows.scene.transition)
     keys = table.add([term for term in proposals(table, []) if term.kind.physics])
@@ -209,11 +210,11 @@ def pushes(rows: Rows) -> bool:
     free = BlockSums(table.sums.gram, table.sums.rows, np.zeros_like(table.sums.signs))
     bounded, unbounded = (float(sums.left_out(columns, table.block).sum())
                           for sums in (table.sums, free))
-    return unbounded < PUSHES * bounded
+    return unbounded < PUSHING_ERROR * bounded
 
 
-def seen(samples: Samples, scene: Scene) -> list[Finding]:
-    """Return what the recordings cannot show: notes, none of which lowers the verdict."""
+def notes_on_coverage(samples: Samples, scene: Scene) -> list[Finding]:
+    """Return notes on what the recordings cannot show, none of which lowers the verdict."""
     notes: list[Finding] = []
     if samples.temperature is None:
         notes.append(Finding('no_temperature', 'Motor temperature was not recorded: its effect '
@@ -222,9 +223,9 @@ def seen(samples: Samples, scene: Scene) -> list[Finding]:
         notes.append(Finding('no_load', 'No load was recorded: effects of load, and an error of '
                              'the torque constant, cannot be seen.'))
     for kind in EFFECTS.values():
-        why = kind.hard_to_tell(scene)
-        note = Finding('not_seen', why)
-        if why and note not in notes and all(
+        reason = kind.hard_to_tell(scene)
+        note = Finding('not_seen', reason)
+        if reason and note not in notes and all(
                 getattr(samples, signal) is not None for signal in kind.needs):
             notes.append(note)
     if scene.duration < 60.0 and not any('warm-up' in one.text for one in notes):
@@ -233,10 +234,10 @@ def seen(samples: Samples, scene: Scene) -> list[Finding]:
     return notes
 
 
-def findings(fit: Fit, raw: Samples, after: Errors, grown: dict[str, float],
-             left: Sequence[Dependence], open_questions: Sequence[dict[str, Any]]
+def findings(fit: Fit, raw: Samples, after: Errors, growth: dict[str, float],
+             dependences: Sequence[Dependence], open_questions: Sequence[dict[str, Any]]
              ) -> list[Finding]:
-    """Return all that a reader should know before using a model.
+    """Return all findings on a model.
 
     Parameters
     ----------
@@ -244,47 +245,47 @@ def findings(fit: Fit, raw: Samples, after: Errors, grown: dict[str, float],
     raw : Samples
         As recorded.
     after : Errors
-    grown : dict of str to float
-        As of `Elsewhere.growth`.
-    left : sequence of Dependence
+    growth : dict of str to float
+        As returned by `Elsewhere.growth`.
+    dependences : sequence of Dependence
     open_questions : sequence of dict
-        As of `ambiguities`.
+        As returned by `ambiguities`.
     """
-    return [*of_errors(fit.rows, after, grown), *(Finding(
+    return [*findings_on_errors(fit.rows, after, growth), *(Finding(
         'unexplained', f'The remaining error depends on {entry.variable}: {entry.note}.', IN_PART)
-        for entry in left if entry.strength > UNEXPLAINED), *(Finding(
+        for entry in dependences if entry.strength > UNEXPLAINED), *(Finding(
             'ambiguous', f"{' or '.join(question['between'])}: {question['why']}.", IN_PART,
             question['experiment']) for question in open_questions),
-        *of_recording(fit.rows, raw), *seen(fit.rows.samples, fit.rows.scene)]
+        *findings_on_recording(fit.rows, raw), *notes_on_coverage(fit.rows.samples, fit.rows.scene)]
 
 
-def of_errors(rows: Rows, after: Errors, grown: dict[str, float]) -> list[Finding]:
-    """Return what the errors of a model say of it; see `findings`."""
+def findings_on_errors(rows: Rows, after: Errors, growth: dict[str, float]) -> list[Finding]:
+    """Return the findings that follow from a model's errors; see `findings`."""
     signal = rms(rows.target[rows.usable])
     notes: list[Finding] = []
-    if pushes(rows):
+    if friction_would_push(rows):
         notes.append(Finding(
-            'pushes', "Friction would have to push to explain the current: it is a controller's "
-            'answer, something that was not recorded moves the joint, or the sign of effort or '
-            'position is reversed.', AGAIN,
+            'pushes', 'Friction would have to push to explain the current: the current is a '
+            "controller's response, something that was not recorded moves the joint, or the sign "
+            'of effort or position is reversed.', AGAIN,
             'check the signs of effort and position, and that effort is measured; follow a '
             'trajectory with a softer or a position controller'))
-    way, most = max(grown.items(), key=lambda entry: entry[1])
-    if max(most, 1.0) * after.held_out > EXPLAINS_NOTHING * signal:
+    variable, largest = max(growth.items(), key=lambda entry: entry[1])
+    if max(largest, 1.0) * after.held_out > USELESS_ERROR * signal:
         notes.append(Finding(
-            'explains_nothing', f'Where it was not fitted the model may be '
-            f'{max(most, 1.0) * after.held_out:.2g} A off in motion, of {signal:.2g} A: what '
-            'decides on the current is not in the recording.', AGAIN,
+            'explains_nothing', f'Where it was not fitted, the model may be '
+            f'{max(largest, 1.0) * after.held_out:.2g} A off in motion, of {signal:.2g} A: the '
+            'current depends on something that is not in the recording.', AGAIN,
             'record what loads the joint (torque sensor, other joints), or move it without load'))
-    elif after.held_out > EXPLAINS * signal:
+    elif after.held_out > UNEXPLAINED_CURRENT * signal:
         notes.append(Finding(
-            'explains_part', f'{after.held_out:.2g} A of {signal:.2g} A are not explained.',
+            'explains_part', f'{after.held_out:.2g} A of {signal:.2g} A remain unexplained.',
             IN_PART, 'record what loads the joint (torque sensor, other joints)'))
-    if most > GROWS:
+    if largest > GROWTH:
         notes.append(Finding(
-            'extrapolates', f'A third of {way} that was not fitted is predicted with '
-            f'{most:.2g} times the error: there the recording is the only evidence.', IN_PART,
-            f'record more values of {way}, in another order'))
+            'extrapolates', f'A third of the {variable} range that was not fitted is predicted '
+            f'with {largest:.2g} times the error: the model is only supported where it was fitted.',
+            IN_PART, f'record more values of {variable}, in another order'))
     return notes
 
 
@@ -293,31 +294,33 @@ def moves_as_one(rows: Rows) -> bool:
     if rows.motion is None:
         return False
     position = rows.motion[0][rows.start]
-    own = list(rows.joints).index(rows.samples.joint)
-    others = np.column_stack((np.ones(len(position)), np.delete(position, own, axis=1)))
-    left = position[:, own] - others @ np.linalg.lstsq(others, position[:, own], rcond=None)[0]
-    return bool(np.var(left) < (1.0 - FOLLOWS) * np.var(position[:, own]))
+    index = list(rows.joints).index(rows.samples.joint)
+    others = np.column_stack((np.ones(len(position)), np.delete(position, index, axis=1)))
+    own = position[:, index]
+    residual = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
+    return bool(np.var(residual) < (1.0 - FOLLOWED_VARIANCE) * np.var(own))
 
 
-def of_recording(rows: Rows, raw: Samples) -> list[Finding]:
-    """Return what is wrong with the recordings themselves."""
+def findings_on_recording(rows: Rows, raw: Samples) -> list[Finding]:
+    """Return the findings on the recordings themselves."""
     scene = rows.scene
     notes: list[Finding] = []
     if rows.joints:
-        beside = ', '.join(name for name in rows.joints if name != raw.joint)
+        others = ', '.join(name for name in rows.joints if name != raw.joint)
         notes.append(Finding(
-            'other_joints', f'Other joints moved too ({beside}), and no URDF gives the torques of '
-            'their links: what holds for these postures may not hold for others.', IN_PART,
+            'other_joints', f'Other joints moved too ({others}), and no URDF gives the torques of '
+            'their links: the model may not hold in other postures.', IN_PART,
             'move this joint alone, or give a URDF of the arm (--urdf)'))
         if moves_as_one(rows):
             notes.append(Finding(
-                'moves_as_one', f'Where {raw.joint} is follows from where the other joints are: '
-                'which of them the current depends on cannot be told, and other motion may be '
-                'predicted much worse.', AGAIN, 'move the joints independently of each other'))
+                'moves_as_one', f'The position of {raw.joint} follows from those of the other '
+                'joints: the recording cannot show on which of them the current depends, and other '
+                'motion may be predicted much worse.', AGAIN,
+                'move the joints independently of each other'))
     fault = ''
     if raw.velocity is not None:
         fault = velocity_fault(velocity_ratios(
-            raw.time, raw.position, raw.velocity, scene.resolution), AT_ODDS)
+            raw.time, raw.position, raw.velocity, scene.resolution), LARGEST_VELOCITY_RATIO)
     if fault:
         notes.append(Finding('velocity', fault[0].upper() + fault[1:] + '.', IN_PART,
                              'let one clock stamp position, velocity and current, and check the '
@@ -328,12 +331,13 @@ def of_recording(rows: Rows, raw: Samples) -> list[Finding]:
                              'record the motor-side encoder, or move over a wider range'))
     if not scene.both_directions:
         notes.append(Finding('one_direction', 'Motion was in one direction only: Coulomb friction '
-                             'cannot be told from an offset.', IN_PART, 'move in both directions'))
+                             'cannot be distinguished from an offset.', IN_PART,
+                             'move in both directions'))
     if rows.clipped.any():
         ends = dict.fromkeys(f'{end:.4g} A' for end in (
             raw.current[rows.clipped].min(), raw.current[rows.clipped].max()))
         notes.append(Finding(
             'ceiling', f'The current ends at a limit, {" and ".join(ends)}, in '
             f'{100 * rows.clipped.mean():.1f} % of the samples, which are left out.', IN_PART,
-            'raise the limit of current or sensor, or ask for less acceleration and speed'))
+            'raise the limit of current or sensor, or use less acceleration and speed'))
     return notes

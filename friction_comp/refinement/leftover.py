@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the variables that the remaining residual depends on, whatever the shape.
+"""Finds the variables that the residual still depends on, whatever the shape of the dependence.
 
-A variable is cut into ranges; where the residual's mean differs between them by more than it does
-with the signs of long stretches flipped at random, it depends on the variable.
+The range of a variable is cut into cells. Where the residual's mean differs between cells by more
+than it does with the signs of long stretches flipped at random, it depends on the variable.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges
 
 _FLIPS, _CHANCE = 1500, 0.001
-# Share of the residual's variance below which a dependence is not worth a word.
+# Share of the residual's variance below which a dependence is not reported.
 LEAST_STRENGTH = 0.03
-# Errors larger than so many times the usual one count as if they were of that size.
+# Errors beyond so many standard deviations are clipped.
 _OUTLYING = 8.0
 _SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
            'load': 12, 'temperature': 10}
 _PAIRED = {'position': 12, 'velocity': 8, 'time': 12, 'acceleration': 6, 'load': 8,
            'temperature': 6}
-# A pair of the joint's state is named unless another explains so many times as much.
-_STATE, _PLAIN = frozenset(('position', 'velocity', 'load', 'temperature')), 1.5
+# A pair of these variables is preferred unless another pair explains this many times as much.
+_STATE, _OTHER_PAIR = frozenset(('position', 'velocity', 'load', 'temperature')), 1.5
 _FEWEST_STRETCHES, _MOST_STRETCHES = 20, 400
-# Variables that go together more closely than this by rank cannot be told apart.
+# Variables with a larger rank correlation cannot be distinguished.
 _INSEPARABLE = 0.97
 
 
@@ -53,10 +53,10 @@ class Dependence:
 
 
 def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dependence]:
-    """Return what a residual still depends on, the strongest first.
+    """Return the variables that a residual still depends on, the strongest first.
 
-    The strongest is taken out before the next is looked for, so that only those are named that
-    add something of their own; then pairs of variables are tried.
+    Each dependence is subtracted before the next is looked for, so that only variables that
+    explain something of their own are named; then pairs of variables are tried.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
     if strength * share > 2.0 * LEAST_STRENGTH:
         known = {item.variable for item in dependences}
         dependences += [_entry(name, strength * share, values, ' and '.join(pair))
-                  for name in pair if name not in known]
+                        for name in pair if name not in known]
     dependences.sort(key=lambda item: -item.strength)
     return dependences + _inseparable(dependences, signals)
 
@@ -115,7 +115,7 @@ def depends(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
     Returns
     -------
     strength : float
-        Share of variance explained, beyond what flipped signs explain on average.
+        Share of variance explained, beyond the average with flipped signs.
     p_value : float
     """
     count, rows = int(cells.max()) + 1, int(stretch.max()) + 1
@@ -123,17 +123,17 @@ def depends(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
     table = table.reshape(rows, count)
     weight = 1.0 / np.maximum(np.bincount(cells, minlength=count), 1)
     power = float(residual @ residual)
-    real = float(weight @ np.sum(table, axis=0) ** 2) / power
+    explained = float(weight @ np.sum(table, axis=0) ** 2) / power
     signs = rng.integers(0, 2, size=(_FLIPS, rows)) * 2.0 - 1.0
-    null = (signs @ table) ** 2 @ weight / power
-    # A strong dependence stays in the flipped table: the strength is on the careful side.
-    expected = min(float(np.mean(null)), 0.999)
-    return ((real - expected) / (1.0 - expected),
-            (float(np.sum(null >= real)) + 1.0) / (_FLIPS + 1.0))
+    by_chance = (signs @ table) ** 2 @ weight / power
+    # A strong dependence is in the flipped table, too, so that the strength is underestimated.
+    expected = min(float(np.mean(by_chance)), 0.999)
+    return ((explained - expected) / (1.0 - expected),
+            (float(np.sum(by_chance >= explained)) + 1.0) / (_FLIPS + 1.0))
 
 
 def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the size of the rank correlation of two signals."""
+    """Return the absolute rank correlation of two signals."""
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         return 0.0
     return abs(float(stats.spearmanr(first, second).statistic))
@@ -152,15 +152,15 @@ def _signals(samples: Samples, slowest: float) -> dict[str, np.ndarray]:
 
 
 def _cells(name: str, signals: dict[str, np.ndarray], side: np.ndarray) -> np.ndarray:
-    """Return the cell of every sample; directions are apart, so that signs do not cancel."""
+    """Return the cell of each sample, directions apart so that signs do not cancel."""
     tails = (0.003, 0.01, 0.03) if name in ('velocity', 'acceleration') else ()
-    own = _ranges(signals[name], _SINGLE[name], tails)
+    cell = _ranges(signals[name], _SINGLE[name], tails)
     if name == 'velocity':
-        return own
+        return cell
     if name == 'position':
         # A ripple's phase changes with the speed.
-        own = 3 * own + _ranges(np.abs(signals['velocity']), 3)
-    return own if name == 'acceleration' else 2 * own + side
+        cell = 3 * cell + _ranges(np.abs(signals['velocity']), 3)
+    return cell if name == 'acceleration' else 2 * cell + side
 
 
 def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np.ndarray,
@@ -175,30 +175,30 @@ def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np
             cell = 2 * cell + side
         cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
         strength, chance = depends(values, cell, stretch, rng)
-        weighted = strength * (_PLAIN if _STATE.issuperset(names) else 1.0)
+        weighted = strength * (_OTHER_PAIR if _STATE.issuperset(names) else 1.0)
         if chance <= _CHANCE:
             best = max(best, (weighted, strength, names))
     return best[2], best[1]
 
 
 def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) -> list[Dependence]:
-    """Return the variables that the recording cannot separate from those found."""
+    """Return the variables that the recording cannot distinguish from those found."""
     known = {item.variable for item in dependences}
-    more = []
+    inseparable = []
     for item in dependences:
         for name, values in signals.items():
             if name not in known and name != 'history' and item.variable in signals and (
                     item.variable != 'history') and rank_correlation(
                         values, signals[item.variable]) > _INSEPARABLE:
                 known.add(name)
-                more.append(Dependence(
-                    name, item.strength, f'{name} changed with {item.variable} all through the '
+                inseparable.append(Dependence(
+                    name, item.strength, f'{name} changed with {item.variable} throughout the '
                     'recording, so that the error may depend on it instead'))
-    return more
+    return inseparable
 
 
 def _stretches(values: np.ndarray) -> np.ndarray:
-    """Return the stretch of each value; stretches are longer than the values' memory."""
+    """Return the stretch of each value; stretches are longer than the correlation time."""
     size = len(values)
     padded = 1 << (2 * size - 1).bit_length()
     correlation = np.fft.irfft(np.abs(np.fft.rfft(values, padded)) ** 2)[:max(2, size // 10)]
@@ -211,7 +211,7 @@ def _stretches(values: np.ndarray) -> np.ndarray:
 def _entry(name: str, strength: float, values: np.ndarray, words: str) -> Dependence:
     size = np.sqrt(max(strength, 0.0) * np.mean(values ** 2))
     return Dependence(name, strength, f'about {size:.2g} A RMS of the remaining error depend on '
-                      f'{words}, and no effect known to the package describes how')
+                      f'{words}, in a way that no effect of the package describes')
 
 
 def _ranges(values: np.ndarray, count: int, tails: tuple[float, ...] = ()) -> np.ndarray:

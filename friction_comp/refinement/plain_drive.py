@@ -1,8 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A plain drive: Eq. 6, inertia and a load, and how well they predict what was not fitted.
+"""A plain drive: Eq. 6, inertia, weight and load, and its error on held-out blocks.
 
-No effect is chosen here: this is the measure by which motion is computed and prepared.
+No effect is selected here. This error is the criterion by which motion is computed and prepared.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from friction_comp.refinement.sums import BlockSums
 from friction_comp.samples import Samples
 
 # Shares of the top speed over which friction may change sign.
-TURNS = (0.3, 0.1, 0.03, 0.01, 0.003)
+TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
 
 
 def plain_columns(samples: Samples, transitions: Sequence[float],
-                  motion: tuple[np.ndarray, ...] | None = None, own: int = 0) -> np.ndarray:
-    """Return what the current of any drive depends on: friction, inertia, weight and load."""
+                  motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
+    """Return the columns of a plain drive: friction, inertia, weight and load."""
     v, q = np.asarray(samples.velocity), samples.position
     columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
                samples.acceleration, np.cos(q), np.sin(q)]
@@ -32,12 +32,12 @@ def plain_columns(samples: Samples, transitions: Sequence[float],
         columns += [samples.rigid_body, np.abs(samples.rigid_body) * np.tanh(v / transitions[-1])]
     if motion is not None:
         angles, _, accelerations = motion
-        for first in range(own + 1):
-            for last in range(own, angles.shape[1]):
+        for first in range(index + 1):
+            for last in range(index, angles.shape[1]):
                 if first < last:
                     total = angles[:, first:last + 1].sum(axis=1)
                     columns += [np.cos(total), np.sin(total)]
-        columns += [one for k, one in enumerate(accelerations.T) if k != own]
+        columns += [acceleration for k, acceleration in enumerate(accelerations.T) if k != index]
     return np.column_stack(columns)
 
 
@@ -50,7 +50,7 @@ def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray,
             signs: np.ndarray | None = None, weights: np.ndarray | None = None) -> BlockSums:
     """Return the block sums of columns, shape (R, P), and a target, shape (R,).
 
-    Rows of a block follow each other.
+    The rows of a block have to be consecutive.
     """
     matrix = np.column_stack((columns, target))
     weighted = matrix if weights is None else matrix * weights[:, None]

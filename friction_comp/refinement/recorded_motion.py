@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Velocity and acceleration of a recording, and which samples show friction.
+"""Computes velocity and acceleration of a recording, and selects the samples that show friction.
 
-Both come from one zero-phase filter. Its source and bandwidth are chosen by how well a plain drive
-predicts blocks that were not fitted.
+Both come from one zero-phase filter, whose source and bandwidth are chosen by how well a plain
+drive predicts blocks that were not fitted.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.differentiation import differentiate, METHOD
-from friction_comp.refinement.plain_drive import held_out, plain_columns, TURNS
-from friction_comp.refinement.thresholds import BLOCKS, FEWEST, SAME
+from friction_comp.refinement.plain_drive import held_out, plain_columns, TRANSITIONS
+from friction_comp.refinement.thresholds import BLOCKS, EQUIVALENT, FEWEST_SAMPLES
 from friction_comp.samples import Samples
 
 BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 _EXCERPT = 150_000
-# Beside a rest of this many s and for as long, motion slower than this share of the top speed.
+# After and before rests of at least this duration, s, samples are left out for as long while they
+# are slower than this share of the top speed.
 _START, _SLOW = 0.1, 0.05
 
 
@@ -39,7 +40,7 @@ def differentiations(samples: Samples) -> list[dict[str, Any]]:
 
 
 def excerpt(samples: Samples, *masks: np.ndarray) -> tuple[Any, ...]:
-    """Return pieces from all over the samples, not too many, and the same of masks."""
+    """Return at most a fixed number of samples in pieces from all over, and the same of masks."""
     size, pieces = len(samples), 15
     if size <= _EXCERPT:
         return (samples, *masks)
@@ -50,10 +51,10 @@ def excerpt(samples: Samples, *masks: np.ndarray) -> tuple[Any, ...]:
 
 
 def standstill_speed(samples: Samples) -> float:
-    """Return the speed in rad/s below which the joint counts as standing still.
+    """Return the speed below which the joint counts as standing still, rad/s.
 
-    That is a hundredth of the usual top speed, or more where the resolution of position does not
-    let slower motion be told from rest.
+    One hundredth of the usual top speed, or more where the resolution of position does not allow
+    slower motion to be distinguished from rest.
     """
     speed = np.abs(np.asarray(samples.velocity))
     top = float(np.percentile(speed, 95))
@@ -62,18 +63,18 @@ def standstill_speed(samples: Samples) -> float:
     return float(min(max(0.01 * top, noise), 0.05 * top))
 
 
-def beside(mark: np.ndarray, width: int) -> np.ndarray:
-    """Return which samples are within so many samples of marked ones, shape (N,)."""
+def dilate(mask: np.ndarray, width: int) -> np.ndarray:
+    """Extend the marked samples by a number of samples on both sides, shape (N,)."""
     if width < 1:
-        return mark
-    sums = np.concatenate(([0], np.cumsum(mark)))
-    row = np.arange(len(mark))
-    low, high = np.maximum(row - width, 0), np.minimum(row + width + 1, len(mark))
-    return sums[high] > sums[low]
+        return mask
+    sums = np.concatenate(([0], np.cumsum(mask)))
+    sample = np.arange(len(mask))
+    first, stop = np.maximum(sample - width, 0), np.minimum(sample + width + 1, len(mask))
+    return sums[stop] > sums[first]
 
 
-def rests(still: np.ndarray, length: int) -> np.ndarray:
-    """Return which samples are in a run of standstill of at least so many samples, shape (N,)."""
+def long_rests(still: np.ndarray, length: int) -> np.ndarray:
+    """Return which samples are in a standstill of at least `length` samples, shape (N,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], still, [False])).astype(int)))
     result = np.zeros(len(still), dtype=bool)
     for first, stop in zip(edges[::2], edges[1::2]):
@@ -83,16 +84,16 @@ def rests(still: np.ndarray, length: int) -> np.ndarray:
 
 def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
               bandwidth: float | None) -> np.ndarray:
-    """Return which samples show friction: the joint moves, and filtering does not blur it.
+    """Return which samples show friction: the joint moves, and the filter does not blur its motion.
 
-    Beside standstill and beside gaps, the filter mixes in what is no motion over about the inverse
-    of its bandwidth; slow motion beside a rest is presliding, where friction still builds up. Those
-    samples are left out, unless little else would remain.
+    Near standstill and gaps, the filter mixes in samples without motion, over about the inverse of
+    its bandwidth. Slow motion near a rest is presliding, where friction still builds up. These
+    samples are left out unless too few would remain.
 
     Raises
     ------
     InputError
-        If they are too few.
+        If too few samples are in motion.
     """
     speed = np.abs(np.asarray(samples.velocity))
     still = speed <= slowest
@@ -100,62 +101,63 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     ends = np.zeros(len(samples), dtype=bool)
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
-    blurred = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
-    near = round(_START / max(samples.sample_time, 1e-9))
-    starts = beside(rests(still, near), near) & (speed < _SLOW * np.percentile(speed, 95))
-    for mark in (beside(still, blurred), beside(ends, blurred), starts):
-        inner = moving & ~mark
-        if inner.sum() > 0.8 * moving.sum():
-            moving = inner
-    if moving.sum() < FEWEST:
+    filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
+    rest_samples = round(_START / max(samples.sample_time, 1e-9))
+    starts = dilate(long_rests(still, rest_samples), rest_samples)
+    starts &= speed < _SLOW * np.percentile(speed, 95)
+    for mask in (dilate(still, filter_samples), dilate(ends, filter_samples), starts):
+        remaining = moving & ~mask
+        if remaining.sum() > 0.8 * moving.sum():
+            moving = remaining
+    if moving.sum() < FEWEST_SAMPLES:
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(moving.sum())} samples of motion are too few')
     return moving
 
 
 def blocks_of(samples: Samples, start: np.ndarray, count: int = int(BLOCKS)) -> np.ndarray:
-    """Return the block of each row, shape (R,): long pieces of time with as many rows each.
+    """Return the block of each row, shape (R,): long periods with equal numbers of rows.
 
-    An edge between two blocks is moved to the nearest edge between runs (recordings, or data with
-    a gap between), where there is one within a third of a block.
+    An edge between two blocks is moved to the nearest gap or recording's end within a third of a
+    block.
     """
     gap = max(0.5, 20.0 * samples.sample_time)
-    broken = (np.diff(samples.time) > gap) | (np.diff(samples.time) < 0)
-    broken |= np.diff(samples.recording) != 0
-    run = np.concatenate(([0], np.cumsum(broken)))[start]
+    breaks = (np.diff(samples.time) > gap) | (np.diff(samples.time) < 0)
+    breaks |= np.diff(samples.recording) != 0
+    run = np.concatenate(([0], np.cumsum(breaks)))[start]
     size = len(start)
-    between = np.nonzero(np.diff(run))[0] + 1
+    run_edges = np.nonzero(np.diff(run))[0] + 1
     edges = []
     for edge in np.linspace(0, size, count + 1)[1:-1]:
-        near = between[np.argmin(np.abs(between - edge))] if len(between) else -size
-        edges.append(int(near if abs(near - edge) < size / count / 3.0 else edge))
+        nearest = run_edges[np.argmin(np.abs(run_edges - edge))] if len(run_edges) else -size
+        edges.append(int(nearest if abs(nearest - edge) < size / count / 3.0 else edge))
     return np.searchsorted(np.unique(edges), np.arange(size), side='right')
 
 
 def row_starts(samples: Samples, usable: np.ndarray, length: int) -> np.ndarray:
-    """Return the first sample of each row of so many consecutive usable samples."""
+    """Return the first sample of each row of `length` consecutive usable samples."""
     starts = []
     for part in samples.segments():
         count = (part.stop - part.start) // length
-        cut = usable[part.start:part.start + count * length].reshape(count, length).all(axis=1)
-        starts.append(part.start + length * np.nonzero(cut)[0])
+        complete = usable[part.start:part.start + count * length].reshape(count, length).all(axis=1)
+        starts.append(part.start + length * np.nonzero(complete)[0])
     return np.concatenate(starts) if starts else np.empty(0, dtype=int)
 
 
 def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.ndarray]:
-    """Return samples with smooth velocity, and the samples in motion by it, (some of) them.
+    """Return samples with a smooth velocity, and the indices of (some of) those in motion.
 
-    What moves is decided by a smooth velocity: unfiltered, an encoder's steps are standstill and
-    bursts.
+    Motion is detected from a smooth velocity, since without a filter an encoder's steps look like
+    standstill and bursts.
     """
     choices = differentiations(samples)
-    smooth = max((one for one in choices if (one['bandwidth'] or np.inf) <= 20.0),
-                 key=lambda one: (one['bandwidth'], one['source']), default=choices[-1])
+    smooth = max((choice for choice in choices if (choice['bandwidth'] or np.inf) <= 20.0),
+                 key=lambda choice: (choice['bandwidth'], choice['source']), default=choices[-1])
     moved = differentiate(samples, smooth)
     usable = in_motion(moved, unusable, standstill_speed(moved), smooth['bandwidth'])
     speed = np.abs(np.asarray(moved.velocity))
-    fast = usable & (speed > TURNS[1] * np.percentile(speed[usable], 95))
-    # Where friction changes its sign a smooth velocity hides what happens.
+    fast = usable & (speed > TRANSITIONS[1] * np.percentile(speed[usable], 95))
+    # A smooth velocity is wrong where friction changes its sign.
     usable = fast if fast.sum() > 0.5 * usable.sum() else usable
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
 
@@ -169,9 +171,9 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
     samples : Samples
     unusable : ndarray of bool, shape (N,)
     joints : sequence of str
-        Joints that moved beside it, its own among them; empty where there are none.
+        All joints that moved, this one among them; empty where no other moved.
     load : float
-        A per N·m, where the load is part of what is predicted.
+        Current per load, A/(N·m), where the load is part of the target; otherwise 0.
     """
     samples, unusable = excerpt(samples, unusable)
     if load:
@@ -185,33 +187,33 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
         moved = differentiate(samples, choice)
         top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
         if not top > 0.0:
-            # Unfiltered, a coarse encoder stands still in nearly all samples.
+            # Without a filter, a coarse encoder stands still in nearly all samples.
             continue
         motion = None
         if joints:
-            motion = tuple(one[start] for one in moving_states(samples, joints, for_all(
-                samples, choice)))
+            motion = tuple(signal[start] for signal in moving_states(
+                samples, joints, settings_for_arm(samples, choice)))
         part = moved.take(start)
-        columns = plain_columns(part, [share * top for share in TURNS], motion,
+        columns = plain_columns(part, [share * top for share in TRANSITIONS], motion,
                                 list(joints).index(samples.joint) if joints else 0)
         errors.append((float(held_out(columns, part.current, block).sum()), len(errors), choice))
     least = min(error for error, *_ in errors)
-    # Narrower than needed blunts reversals: the widest of those that are as good. What explains
-    # little of the current says little of a bandwidth.
-    open_share = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
+    # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
+    # current a plain drive explains, the less its error says about the bandwidth.
+    unexplained = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
     return max(((choice['bandwidth'] or math.inf, order, choice) for error, order, choice in errors
-                if error <= ((1.0 + SAME) ** 2 + 0.4 * open_share) * least))[-1]
+                if error <= ((1.0 + EQUIVALENT) ** 2 + 0.4 * unexplained) * least))[-1]
 
 
-def for_all(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings for the motion of all joints, whose velocity may not be recorded."""
+def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings for the motion of all joints, from position if velocity was not recorded."""
     if samples.arm is not None and samples.arm.velocity is None:
         return {**settings, 'source': 'position'}
     return dict(settings)
 
 
-def moved_beside(samples: Samples) -> list[str]:
-    """Return all joints that moved, where no rigid bodies are known; or none."""
+def moving_joints(samples: Samples) -> list[str]:
+    """Return all joints that moved; none where only one did, or where rigid bodies are known."""
     known = samples.rigid_body is not None or samples.coupling is not None
     if samples.arm is None or known or samples.joint not in samples.arm.joints:
         return []

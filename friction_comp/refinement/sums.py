@@ -14,19 +14,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Of a column's sum of squares over all blocks: keeps a column that another one repeats, or that the
-# fitted blocks hardly show, from being solved for.
+# Share of a column's sum of squares over all blocks; keeps the coefficients of collinear columns,
+# and of those that are nearly zero in the fitted blocks, small.
 _RIDGE = 1e-7
 
 
 @dataclass
 class BlockSums:
-    """Sums over blocks.
+    """Sums of products over blocks.
 
     Parameters
     ----------
     gram : ndarray, shape (K, P + 1, P + 1)
-        Products of all columns, the target last.
+        Sums of products of all columns, the target last.
     rows : ndarray, shape (K,)
         Number of rows in each block.
     signs : ndarray of int, shape (P,)
@@ -43,7 +43,7 @@ class BlockSums:
         return len(self.rows)
 
     def __add__(self, other: BlockSums) -> BlockSums:
-        """Return the sums of the blocks of both."""
+        """Return the sums with the blocks of both."""
         return BlockSums(np.concatenate((self.gram, other.gram)),
                          np.concatenate((self.rows, other.rows)), self.signs)
 
@@ -57,20 +57,20 @@ class BlockSums:
         fold : ndarray of int, shape (K,), optional
             Blocks that are left out together; each by itself when omitted.
         weights : ndarray, shape (K,), optional
-            Of the blocks that are fitted.
+            Weights of the blocks in the fits.
 
         Returns
         -------
         ndarray, shape (K,)
         """
-        own = np.arange(self.blocks) if fold is None else fold
-        train = (own != np.arange(int(own.max()) + 1)[:, None]).astype(float)
+        fold_of_block = np.arange(self.blocks) if fold is None else fold
+        train = (fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]).astype(float)
         if weights is not None:
             train = train * weights
-        return self.squares(columns, self.fits(columns, train)[own])
+        return self.squares(columns, self.fits(columns, train)[fold_of_block])
 
     def squares(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block by coefficients of its own, shape (K,).
+        """Return the squared error of each block with its own coefficients, shape (K,).
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class BlockSums:
         return np.where(norms > 0.0, norms, 1.0)
 
     def own_share(self, columns: Sequence[int]) -> np.ndarray:
-        """Return the share of each column's size that no combination of the others repeats, (S,).
+        """Return the share of each column's norm that is independent of the others, shape (S,).
 
         Parameters
         ----------
@@ -117,17 +117,17 @@ class BlockSums:
 
 
 def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """Return the solutions of several least squares problems with bounds at zero.
+    """Solve several least squares problems with bounds at zero.
 
-    A coefficient that would have the wrong sign is zero, the worst first, and the others are
-    solved for without it.
+    A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
+    for without it.
 
     Parameters
     ----------
     sums : ndarray, shape (F, S + 1, S + 1)
-        Products of the columns, the target last.
+        Sums of products of the columns, the target last.
     norms : ndarray, shape (S,)
-        Sizes of the columns.
+        Norms of the columns.
     signs : ndarray of int, shape (S,)
 
     Returns
@@ -147,7 +147,8 @@ def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
             if not (values < 0.0).any():
                 break
             free[bounded[int(np.argmin(values))]] = False
-            own = np.nonzero(free)[0]
+            indices = np.nonzero(free)[0]
             solution[case] = 0.0
-            solution[case, own] = np.linalg.solve(scaled[case][own[:, None], own], goal[case, own])
+            solution[case, indices] = np.linalg.solve(
+                scaled[case][indices[:, None], indices], goal[case, indices])
     return np.asarray(solution / norms)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sentences in the unit of the recording."""
+"""Converts sentences about currents to the unit of the recording."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import re
 
 
 def in_unit(text: str, unit: str) -> str:
-    """Return a sentence on currents in A with the unit that the recording has.
+    """Return a sentence about currents with A replaced by the unit of the recording.
 
-    Effects describe themselves in A. A recording may hold torque in N·m, or a servo's voltage.
+    Effects describe themselves in A; a recording may hold torque in N·m or a servo's voltage.
     """
     if unit == 'A':
         return text

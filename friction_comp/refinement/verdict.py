@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The verdict on a refined model: that of the worst of its findings."""
+"""The verdict on a refined model, which is the grade of its worst finding."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ _ORDER = (TRUST, IN_PART, AGAIN)
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that a reader should know before using the model.
+    """A fact that a reader should know before using the model.
 
     Parameters
     ----------
     code : str
-        For programs; one of the codes of msg_docs/refine_report.md.
+        One of the codes of msg_docs/reports.md, for programs.
     text : str
         One sentence, for people.
     grade : str
-        How good the verdict can be with it: `TRUST` for a mere note.
+        The best verdict that this finding allows: `TRUST` for a mere note.
     record : str
-        What recording would change it; empty where none would.
+        A recording that would settle it; empty where none would.
     """
 
     code: str
@@ -46,24 +46,25 @@ class Verdict:
     findings: list[Finding] = field(default_factory=list)
 
     def add(self, findings: Iterable[Finding]) -> None:
-        """Add findings whose code is not there with the same text."""
-        self.findings += [one for one in findings if one not in self.findings]
+        """Add findings that are not in the list yet."""
+        self.findings += [finding for finding in findings if finding not in self.findings]
 
     @property
     def word(self) -> str:
         """`TRUST`, `IN_PART` or `AGAIN`: the worst grade."""
-        return max((one.grade for one in self.findings), key=_ORDER.index, default=TRUST)
+        return max((finding.grade for finding in self.findings), key=_ORDER.index, default=TRUST)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entries of report.json."""
-        bad = [one for one in self.findings if one.grade != TRUST]
-        bad.sort(key=lambda one: -_ORDER.index(one.grade))
-        reasons = [one.text for one in bad] or [
-            'On long parts of the recording that were not fitted the model predicts about as well '
-            'as where it was fitted, and no variable explains a large part of what remains.']
+        bad = [finding for finding in self.findings if finding.grade != TRUST]
+        bad.sort(key=lambda finding: -_ORDER.index(finding.grade))
+        reasons = [finding.text for finding in bad] or [
+            'The model predicts long parts of the recording that were not fitted about as well as '
+            'those that were, and no variable explains a large part of the remaining error.']
         return {
             'verdict': self.word, 'reasons': reasons,
-            'record_again': list(dict.fromkeys(one.record for one in bad if one.record)),
-            'warnings': [one.text for one in self.findings if one not in bad],
-            'findings': [{'code': one.code, 'grade': one.grade, 'text': one.text,
-                          'record': one.record} for one in self.findings]}
+            'record_again': list(dict.fromkeys(
+                finding.record for finding in bad if finding.record)),
+            'warnings': [finding.text for finding in self.findings if finding not in bad],
+            'findings': [{'code': finding.code, 'grade': finding.grade, 'text': finding.text,
+                          'record': finding.record} for finding in self.findings]}

@@ -21,21 +21,21 @@ from friction_comp.rigid_bodies.fit import ArmFit, fit_arm
 from friction_comp.rigid_bodies.urdf import Chain
 from friction_comp.samples import Samples
 
-# Share of the work that the rigid bodies take.
+# Share of the work for the rigid bodies.
 _BODIES = 0.2
 
 
 @dataclass
 class ArmResult:
-    """What refinement found of an arm.
+    """The result of refining an arm.
 
     Attributes
     ----------
     fit : ArmFit
     results : dict of str to RefineResult
-        By joint; the models hold the arm where they need it.
+        Results by joint; the models include the arm where they need it.
     notes : list of str
-        What a reader should know: joints left out or locked.
+        Notes for the reader, such as joints left out or locked.
     """
 
     fit: ArmFit
@@ -60,8 +60,8 @@ class ArmResult:
                 'intervals': {
                     'current_per_torque': fit.intervals.scales[k].tolist(),
                     'mass': _ends(fit.intervals.parameters[k, 0]),
-                    'first_moment': [_ends(own) for own in fit.intervals.parameters[k, 1:4]],
-                    'inertia': [_ends(own) for own in fit.intervals.parameters[k, 4:]]},
+                    'first_moment': [_ends(bounds) for bounds in fit.intervals.parameters[k, 1:4]],
+                    'inertia': [_ends(bounds) for bounds in fit.intervals.parameters[k, 4:]]},
                 'told_by_recording': {
                     'mass': fit.intervals.told[k, 0],
                     'first_moment': fit.intervals.told[k, 1:4].tolist(),
@@ -84,14 +84,14 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     urdf : path-like
     drives : dict of str to Drive, optional
     models : dict of str to FrictionModel, optional
-        Where to start.
+        Initial models.
     declared : bool
-        Whether torque constants and gear ratios of the drives are known, so that the links are
-        those of the drives' torques.
+        Whether torque constants and gear ratios of the drives are known, so that masses are
+        fitted to torques.
     only : sequence of str, optional
         Joints to refine; all of the arm when omitted.
     progress : callable, optional
-        Called with a share of the work done and a word on it.
+        Called with the share of the work done and the name of the step.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     drives, models = drives or {}, models or {}
     chain = Chain(urdf, list(recorded))
     notes = [f'joint {name!r} is not in the URDF: left out' for name in chain.unknown]
-    notes += [f'joint {name!r} of the URDF is not recorded: taken to stay at position zero'
+    notes += [f'joint {name!r} of the URDF is not recorded: assumed to stay at position zero'
               for name in chain.locked]
     names = list(chain.tree.joints)
     for name in only or ():
@@ -115,24 +115,24 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     scales = None
     if declared:
         scales = np.array([1.0 / drives[name].torque_per_current for name in names])
-    moved = {name: [_with_person(samples, drives[name]) if declared else samples
+    moved = {name: [_add_person_torque(samples, drives[name]) if declared else samples
                     for samples in recorded[name]] for name in names}
-    fit = fit_arm(chain, _together(moved), scales,
+    fit = fit_arm(chain, _at_common_times(moved), scales,
                   lambda share: report(_BODIES * share, 'rigid bodies'))
     if (fit.tree.gravity != chain.tree.gravity).any():
-        fall = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
-        notes.append(f'the currents fit gravity along ({fall}) of the base far better than along '
-                     'its -z: the arm is taken to be mounted so')
+        direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
+        notes.append(f'the currents fit gravity along ({direction}) of the base far better than '
+                     'along its -z: the arm is assumed to be mounted so')
     arm = Arm(tree=fit.tree, differentiation=fit.differentiation)
-    wanted = list(only or names)
+    refined = list(only or names)
     results, failed = {}, ''
-    for index, name in enumerate(wanted):
-        def tell(share: Any, word: Any, index: Any = index, name: Any = name) -> None:
-            report(_BODIES + (1.0 - _BODIES) * (index + share) / len(wanted), f'{name}: {word}')
+    for index, name in enumerate(refined):
+        def report_joint(share: Any, word: Any, index: Any = index, name: Any = name) -> None:
+            report(_BODIES + (1.0 - _BODIES) * (index + share) / len(refined), f'{name}: {word}')
         samples = Samples.concatenate(recorded[name])
         samples = samples.with_(rigid_body=fit.torque(samples))
         try:
-            result = refine([samples], models.get(name), drives.get(name), tell)
+            result = refine([samples], models.get(name), drives.get(name), report_joint)
         except InputError as error:
             failed = f'joint {name!r}: {error}'
             notes.append(failed)
@@ -145,10 +145,10 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     return ArmResult(fit, results, notes)
 
 
-def _with_person(samples: Samples, drive: Drive) -> Samples:
-    """Return samples with what a person gives added to the current, where the person moves them.
+def _add_person_torque(samples: Samples, drive: Drive) -> Samples:
+    """Return samples with the person's torque added to the current, where the person moves the arm.
 
-    The links are what motor and person carry together; see `load_by_mechanics`.
+    Motor and person carry the links together; see `load_by_mechanics`.
     """
     share = load_by_mechanics(samples, clipped(samples.current), drive)
     if not share:
@@ -157,20 +157,20 @@ def _with_person(samples: Samples, drive: Drive) -> Samples:
 
 
 def _ends(bounds: np.ndarray) -> list[float | None]:
-    """Return an interval's ends; None where it has none."""
+    """Return the ends of an interval, None where not finite."""
     return [float(end) if np.isfinite(end) else None for end in bounds]
 
 
-def _together(recorded: dict[str, list[Samples]]) -> list[Samples]:
+def _at_common_times(recorded: dict[str, list[Samples]]) -> list[Samples]:
     """Return the joints' samples at the times at which all of them were recorded."""
     parts: list[list[Samples]] = [[] for _ in recorded]
-    for together in zip(*recorded.values()):
-        common = together[0].time
-        for samples in together[1:]:
+    for joint_samples in zip(*recorded.values()):
+        common = joint_samples[0].time
+        for samples in joint_samples[1:]:
             common = np.intersect1d(common, samples.time, assume_unique=True)
-        if len(common) < 0.5 * min(map(len, together)):
+        if len(common) < 0.5 * min(map(len, joint_samples)):
             raise InputError('the joints are hardly ever recorded together: '
                              f'{len(common)} joint states hold all of them')
-        for own, samples in zip(parts, together):
-            own.append(samples.take(np.searchsorted(samples.time, common)))
-    return [replace(Samples.concatenate(own), joint=name) for name, own in zip(recorded, parts)]
+        for part, samples in zip(parts, joint_samples):
+            part.append(samples.take(np.searchsorted(samples.time, common)))
+    return [replace(Samples.concatenate(part), joint=name) for name, part in zip(recorded, parts)]

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from friction_comp.refinement.whole_arm import ArmResult
 
-# A current per torque whose interval is wider than by this factor is not known.
-_TELLS = 3.0
+# Largest ratio of an interval's ends up to which a current per torque counts as known.
+_LARGEST_RATIO = 3.0
 
 
 def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> Report:
@@ -25,16 +25,16 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
     ----------
     result : ArmResult
     names : list of str
-        Of the recordings.
+        Names of the recordings.
     folders : dict of str to str
-        Where each joint's own page is.
+        Folder of each joint's own page.
 
     Returns
     -------
     Report
     """
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
-    reports = {name: one.report for name, one in result.results.items()}
+    reports = {name: joint_result.report for name, joint_result in result.results.items()}
     unit = next(iter(reports.values()))['unit']
     page.verdict(verdict(reports))
     page.table(
@@ -43,32 +43,32 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
           report['after']['held_out_rmse'], report['noise_floor'], report['verdict'],
           ', '.join(effect['name'].replace('_', ' ') for effect in report['effects']) or 'nothing']
          for name, report in reports.items()],
-        'RMS of measured minus predicted on stretches that were not fitted, by the start model '
-        'and by the refined one; each name leads to the whole report on that joint.')
+        'RMS of measured minus predicted on parts that were not fitted, by the initial model '
+        'and by the refined one; each name links to the report on that joint.')
     page.figure(
         _errors(reports),
-        'The same, as shares of the current in motion: what is left of the way from the start to '
-        'the noise is not explained yet. The scale is logarithmic.',
-        'Errors before and after, and the noise, of every joint')
+        'The same as shares of the current in motion, on a logarithmic scale: the distance from '
+        'the error after refinement to the noise is not explained yet.',
+        'Errors before and after, and the noise, of each joint')
     page.heading('What was found, joint by joint')
     for name, report in reports.items():
         page.heading(name, 3)
-        lines = [f"- {effect['in_words']}; then {number(effect['held_out_rmse'])} {unit} are left"
-                 for effect in report['effects']]
-        lines += [f'- Why not more trust: {line}' for line in report['reasons']
+        lines = [f"- {effect['in_words']}; with it the error is "
+                 f"{number(effect['held_out_rmse'])} {unit}" for effect in report['effects']]
+        lines += [f'- Limits the verdict: {line}' for line in report['reasons']
                   if report['verdict'] != 'trust']
         page.text('\n'.join(lines or ['Nothing.']))
-    _bodies(page, result, unit)
+    _add_bodies(page, result, unit)
     return page
 
 
 def verdict(reports: dict[str, dict[str, Any]]) -> str:
-    """Return in words what came of all joints.
+    """Return the verdicts on all joints in words.
 
     Parameters
     ----------
     reports : dict of str to dict
-        Joint to its report.
+        Reports by joint.
     """
     kinds: dict[str, list[str]] = {}
     for name, report in reports.items():
@@ -84,21 +84,21 @@ def verdict(reports: dict[str, dict[str, Any]]) -> str:
 
 @styled
 def _errors(reports: dict[str, dict[str, Any]]) -> Figure:
-    """Draw the errors of every joint as shares of its current, told apart by shape and colour."""
+    """Draw the errors of each joint as shares of its current."""
     from matplotlib.ticker import PercentFormatter
 
     figure, axes = new_figure(height=0.9 + 0.32 * len(reports))
     rows = range(len(reports))
     series = (
-        ('before', 'o', 'grey', [one['before']['held_out_rmse'] for one in reports.values()]),
-        ('after', 's', 'blue', [one['after']['held_out_rmse'] for one in reports.values()]),
-        ('noise', '|', 'orange', [one['noise_floor'] for one in reports.values()]))
-    signal = [max(one['signal_rms'], 1e-300) for one in reports.values()]
-    for index, one in enumerate(zip(*(values for *_, values in series))):
-        axes.plot([one[0] / signal[index], one[1] / signal[index]], [index, index],
+        ('before', 'o', 'grey', [errors['before']['held_out_rmse'] for errors in reports.values()]),
+        ('after', 's', 'blue', [errors['after']['held_out_rmse'] for errors in reports.values()]),
+        ('noise', '|', 'orange', [errors['noise_floor'] for errors in reports.values()]))
+    signal = [max(errors['signal_rms'], 1e-300) for errors in reports.values()]
+    for index, errors in enumerate(zip(*(values for *_, values in series))):
+        axes.plot([errors[0] / signal[index], errors[1] / signal[index]], [index, index],
                   color=COLOURS['grey'], linewidth=1.2, zorder=1)
     for label, marker, colour, values in series:
-        axes.plot([value / whole for value, whole in zip(values, signal)], rows, marker,
+        axes.plot([value / scale for value, scale in zip(values, signal)], rows, marker,
                   color=COLOURS[colour], markersize=9 if marker != '|' else 13,
                   markeredgewidth=2.4 if marker == '|' else 0, label=label, linestyle='none')
     axes.set_xscale('log')
@@ -111,53 +111,53 @@ def _errors(reports: dict[str, dict[str, Any]]) -> Figure:
     return figure
 
 
-def _bodies(page: Report, result: ArmResult, unit: str) -> None:
+def _add_bodies(page: Report, result: ArmResult, unit: str) -> None:
     arm = result.report()
     page.heading('Weight and inertia of the links')
     page.text(
         f"The joints' torques show {arm['identifiable_parameters']} combinations of the links' "
-        f"{10 * len(arm['joints'])} inertial parameters; what they do not show stays as the URDF "
-        'has it. Only sums along the arm are known for sure: a mass that differs from the URDF may '
-        'be made up for by its neighbour, and by the current per torque where torque constants '
-        'were not given.')
+        f"{10 * len(arm['joints'])} inertial parameters; the others stay as in the URDF. Only "
+        'sums along the arm are certain: a mass that differs from the URDF may be compensated by '
+        "its neighbour's, or by the current per torque where torque constants were not given.")
     page.table(
         ['joint', f'{unit} per N·m', f'friction and rotor alone ({unit})',
          f'with the links ({unit})'],
-        [[row['joint'], _scale(row['current_per_torque'], row['intervals']['current_per_torque']),
+        [[row['joint'],
+          _scale_text(row['current_per_torque'], row['intervals']['current_per_torque']),
           row['held_out_rmse_without'], row['held_out_rmse']] for row in arm['rigid_bodies']],
-        'Current per torque with its 95 % interval; errors on stretches not fitted, before any '
-        'further effect was looked for.')
+        'Current per torque with its 95 % interval; errors on parts not fitted, before any '
+        'further effect was added.')
     page.table(
         ['link after joint', 'mass (kg)', 'URDF (kg)', 'told by the recording',
          'first moment x, y, z (kg·m)', 'told by the recording'],
-        [[row['joint'], _within(row['mass'], row['intervals']['mass']), row['mass_urdf'],
-          _share(row['told_by_recording']['mass']),
-          '; '.join(_within(value, bounds) for value, bounds in zip(
+        [[row['joint'], _with_interval(row['mass'], row['intervals']['mass']), row['mass_urdf'],
+          _percent(row['told_by_recording']['mass']),
+          '; '.join(_with_interval(value, bounds) for value, bounds in zip(
               row['first_moment'], row['intervals']['first_moment'])),
-          ', '.join(_share(value) for value in row['told_by_recording']['first_moment'])]
+          ', '.join(_percent(value) for value in row['told_by_recording']['first_moment'])]
          for row in arm['rigid_bodies']],
-        'In brackets 95 % intervals. What is told by the recording is the part of the uncertainty '
-        "before that is gone; below half of it the number is the URDF's, and the recording gives "
-        'no interval. All ten parameters of each link, inertias too, are in report.json.')
+        '95 % intervals are in brackets. "Told by the recording" is the share by which the '
+        "recording reduces the uncertainty; below one half the number is the URDF's and has no "
+        'interval. All ten parameters of each link are in report.json.')
     if arm['notes']:
         page.text('\n'.join(f'- {line}' for line in arm['notes']))
 
 
-def _within(value: float, bounds: list[float | None]) -> str:
-    """Return a number with its interval, if it has one."""
+def _with_interval(value: float, bounds: list[float | None]) -> str:
+    """Return a number with its interval if there is one."""
     if bounds[0] is None:
         return number(value)
     return f'{number(value)} ({number(bounds[0])} to {number(bounds[1])})'
 
 
-def _scale(value: float, bounds: list[float | None]) -> str:
-    """Return a current per torque, or that the recording does not determine it."""
+def _scale_text(value: float, bounds: list[float | None]) -> str:
+    """Return a current per torque as text, or that the recording does not determine it."""
     low, high = bounds
-    if low is None or high is None or high > _TELLS * low:
+    if low is None or high is None or high > _LARGEST_RATIO * low:
         ends = '' if low is None else f' ({number(low)} to {number(high)})'
         return f'not told{ends}'
-    return _within(value, bounds)
+    return _with_interval(value, bounds)
 
 
-def _share(value: float) -> str:
+def _percent(value: float) -> str:
     return f'{100.0 * value:.0f} %'

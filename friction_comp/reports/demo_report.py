@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's one page: what compensation achieved, and what the refined model added."""
+"""The main page of the demo: the effect of compensation and of the refined model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from friction_comp.reports.html import number, Report
 from friction_comp.reports.interactive import Line, Panel
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 from friction_comp.reports.refinement_figures import residual_figure, steps_figure
-from friction_comp.reports.refinement_report import formula, honesty, model_words
+from friction_comp.reports.refinement_report import formula, limitations, model_words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,16 +37,16 @@ class EvaluatedTrial:
     name : str
         Short name.
     title : str
-        What was different in it.
+        Title for the reader.
     samples : Samples
 
     Attributes
     ----------
     evaluation : Evaluation
     peak_torque, rms_torque : float
-        N·m, the mean over both movements.
+        Mean over both movements, N·m.
     stuck : int
-        Movements in which the joint did not set out; the peak torque then is a bound.
+        Number of movements in which the joint did not move; the peak torque then is a lower bound.
     """
 
     def __init__(self, name: str, title: str, samples: Samples) -> None:
@@ -59,32 +59,32 @@ class EvaluatedTrial:
     def _mean(self, name: str) -> float:
         return float(np.mean([getattr(c, name) for c in self.evaluation.conditions]))
 
-    def reach(self, name: str) -> float | None:
-        """Return half of the 95 % interval of a figure's mean over both movements."""
-        spans = [c.figures[name] for c in self.evaluation.conditions if name in c.figures]
-        halves = [0.5 * (span.high - span.low) for span in spans
+    def half_interval(self, name: str) -> float | None:
+        """Return half the 95 % interval of a figure's mean over both movements."""
+        intervals = [c.figures[name] for c in self.evaluation.conditions if name in c.figures]
+        halves = [0.5 * (span.high - span.low) for span in intervals
                   if span.low is not None and span.high is not None]
-        known = halves and len(halves) == len(self.evaluation.conditions)
-        return float(np.hypot.reduce(halves)) / len(halves) if known else None
+        complete = halves and len(halves) == len(self.evaluation.conditions)
+        return float(np.hypot.reduce(halves)) / len(halves) if complete else None
 
     @property
     def peak(self) -> str:
-        """Peak torque in N·m as it is written."""
+        """Peak torque in N·m as text."""
         return peak_text(self.peak_torque, self.stuck)
 
     @property
     def false_starts(self) -> int:
-        """Movements that began without the person."""
+        """Number of movements that began without the person."""
         return sum(condition.false_starts for condition in self.evaluation.conditions)
 
 
 def residuals(refined: RefineResult) -> tuple[float, float]:
-    """Return the model's error in A on data not fitted, before and after refinement."""
+    """Return the model's error on data not fitted before and after refinement, A."""
     return tuple(refined.report[when]['held_out_rmse'] for when in ('before', 'after'))
 
 
 def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list[str]]:
-    """Return the demo's table: name, peak and RMS torque in N·m, residual in mA; all text."""
+    """Return the rows of the demo's table: name, peak and RMS torque (N·m), error (mA)."""
     before, after = (number(1e3 * value) for value in residuals(refined))
     shown = {'compensated': before, 'refined': after}
     return [[trial.title, trial.peak, number(trial.rms_torque),
@@ -96,22 +96,22 @@ def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
     """Draw the back-driving torque of all trials, movements side by side."""
     movements = ('positive', 'negative')
     figure, axes = new_figure(1, 2, width=8.4, height=3.4, sharey='row', squeeze=False)
-    for below, movement in zip(axes[0], movements):
+    for axis, movement in zip(axes[0], movements):
         for trial, colour in zip(trials, _COLOURS):
             for condition in trial.evaluation.conditions:
                 if condition.movement == movement:
-                    band(below, condition.time, condition.torque, condition.torque_std,
+                    band(axis, condition.time, condition.torque, condition.torque_std,
                          colour, trial.title)
-        below.axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
-        below.set_title(f'Movement in the {movement} direction')
-        below.set_xlabel('time since the movement began (s)')
+        axis.axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
+        axis.set_title(f'Movement in the {movement} direction')
+        axis.set_xlabel('time since the movement began (s)')
     axes[0, 0].set_ylabel('back-driving torque (N·m)')
     axes[0, 0].legend(loc='best')
     return figure
 
 
 def torque_panels(trials: list[EvaluatedTrial]) -> list[list[Panel]]:
-    """Return the curves of `torque_figure`, to be read off."""
+    """Return the curves of `torque_figure` for the interactive plot."""
     return [[Panel('time (s)', 'back-driving torque (N·m)', [
         Line(trial.title, c.time, c.torque, colour, c.torque_std)
         for trial, colour in zip(trials, _COLOURS) for c in trial.evaluation.conditions
@@ -120,7 +120,7 @@ def torque_panels(trials: list[EvaluatedTrial]) -> list[list[Panel]]:
 
 
 def trial_scenes(trials: list[EvaluatedTrial]) -> list[MovingScene]:
-    """Return the movements that are shown moving: no help, direction known, refined model."""
+    """Return the animated movements: no help, direction known, refined model."""
     shown = ((trials[0], 'No help', 'grey'), (trials[2], 'Direction known', 'blue'),
              (trials[3], 'Refined model', 'green'))
     return [MovingScene(title, c.time, c.position, c.torque, colour)
@@ -157,12 +157,13 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     Parameters
     ----------
     trials : list of EvaluatedTrial
-        Without compensation, with the kinetic term, compensated, with the refined model.
+        The four trials: without compensation, with the kinetic term, compensated, with the refined
+        model.
     refined : RefineResult
     model : FrictionModel
-        As identified.
+        The identified model.
     undeclared : path-like
-        The file that only the simulated joint was given.
+        The file with the effects that only the simulation was given.
 
     Returns
     -------
@@ -181,22 +182,22 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         (f'{number(1e3 * before)} → {number(1e3 * after)} mA', 'error of the model')])
     page.movie(
         moving_joint(trial_scenes(trials)),
-        'The joint as it moved in the positive direction, average over the repetitions. The orange '
-        'arrow is the torque that the person gives; below it, the same over time.')
+        'Mean motion of the joint in the positive direction. The orange arrow is the torque of the '
+        'person; below it, the same over time.')
     page.table(
         ['', 'peak (N·m)', '±', 'RMS (N·m)', '±', 'model error (mA)'],
-        [[name, peak, number(trial.reach('peak_torque'), 2), rms,
-          number(trial.reach('rms_torque'), 2), error]
+        [[name, peak, number(trial.half_interval('peak_torque'), 2), rms,
+          number(trial.half_interval('rms_torque'), 2), error]
          for trial, (name, peak, rms, error) in zip(trials, table_rows(trials, refined))],
-        'Back-driving torque: mean over both directions of the peak of the ensemble average, and '
-        "of the RMS during movement; behind each, half of the 95 % interval of the repetitions' "
-        'mean. Model error: on data not fitted.')
+        'Back-driving torque: peak of the ensemble average, and RMS during movement, each averaged '
+        "over both directions, with half the 95 % interval of the repetitions' mean (±). Model "
+        'error: on data not fitted.')
     page.figure(torque_figure(trials), 'Back-driving torque of all trials, mean and standard '
                 'deviation over the repetitions.', live=torque_panels(trials))
     page.heading('Identified')
-    page.text('Constant velocities in both directions give the kinetic friction, slow current '
-              'ramps the breakaway friction. The joint hides an effect from this procedure: '
-              f'`{Path(undeclared).name}` was given to the simulation alone.')
+    page.text('Constant velocities in both directions give the kinetic friction, and slow current '
+              'ramps give the breakaway friction. The simulated joint also has effects that this '
+              f'procedure does not know: those in `{Path(undeclared).name}`.')
     page.figure(identification_figure(model), 'Friction curve and breakaway currents as the '
                 'identification action measured them.')
     page.heading('What the model lacked')
@@ -212,7 +213,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
     page.text(model_words(refined.model))
     page.code(formula(refined.model))
     page.heading('What the recordings cannot tell')
-    page.text(honesty(refined.report))
+    page.text(limitations(refined.report))
     return page
 
 
@@ -220,10 +221,10 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
              after: float) -> str:
     none, kinetic, compensated, last = trials
     words = [
-        f'Without compensation the person needs {_needed(none)} to set the '
+        f'Without compensation the person needs {_torque_needed(none)} to set the '
         f'joint in motion. Compensating kinetic friction alone leaves '
-        f'{kinetic.peak} N·m, since before the joint moves nothing tells which way '
-        f'to help. With the direction known it is **{compensated.peak} N·m**.']
+        f'{kinetic.peak} N·m, since the direction of friction is unknown before the joint moves. '
+        f'With the direction known it is **{compensated.peak} N·m**.']
     if effects:
         named = ', '.join(f"{effect['name'].replace('_', ' ')} ({effect['variable']})"
                           for effect in effects)
@@ -236,14 +237,14 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
         words.append('The recordings show no effect that the identified model lacks.')
     starts = sum(trial.false_starts for trial in trials)
     words.append('In no trial did the joint start without the person.' if not starts else
-                 f'In {starts} movements the joint set out before the person pushed.')
+                 f'In {starts} movements the joint started before the person pushed.')
     return '\n\n'.join(words)
 
 
-def _needed(trial: EvaluatedTrial) -> str:
-    """Return what it takes to set the joint in motion, as far as a trial shows it."""
+def _torque_needed(trial: EvaluatedTrial) -> str:
+    """Return the torque needed to set the joint in motion, as far as a trial shows it."""
     if not trial.stuck:
         return f'**{trial.peak} N·m**'
     count = sum(condition.repetitions for condition in trial.evaluation.conditions)
-    return (f'more than **{number(trial.peak_torque)} N·m** (the joint did not set out in '
+    return (f'more than **{number(trial.peak_torque)} N·m** (the joint did not move in '
             f'{trial.stuck} of {count} movements)')

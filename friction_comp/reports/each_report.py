@@ -16,19 +16,19 @@ from friction_comp.reports.html import Link, Report
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Effects seen more seldom than in this share of a joint's recordings may be chance's.
-_OFTEN = 0.5
-# So many recordings can be named below a picture.
-_NAMED = 16
+# Effects found in fewer than this share of a joint's recordings may be due to chance.
+_REPEATABLE = 0.5
+# Largest number of recordings that are named below a figure.
+_MOST_LABELS = 16
 
 
 def verdict(content: dict[str, Any]) -> str:
-    """Return in words what came of all recordings.
+    """Return the result of all recordings in words.
 
     Parameters
     ----------
     content : dict
-        Of report.json: `recordings`, `failed`, `not_done` and `seconds`.
+        Content of report.json: `recordings`, `failed`, `not_done` and `seconds`.
     """
     rows, failed, missing = content['recordings'], content['failed'], content['not_done']
     kinds = Counter(row['verdict'] for row in rows)
@@ -39,11 +39,11 @@ def verdict(content: dict[str, Any]) -> str:
               if row['effects'] and row['before'] > 0]
     if better:
         low, middle, high = np.quantile(better, [0.25, 0.5, 0.75])
-        text += (f' In {len(better)} an effect was found that the model lacked: there its error '
-                 f'is {100 * middle:.0f} % less (middle half {100 * low:.0f} to '
+        text += (f' In {len(better)} an effect was found that the model lacked: there the median '
+                 f'error is {100 * middle:.0f} % less (middle half {100 * low:.0f} to '
                  f'{100 * high:.0f} %).')
     elif rows:
-        text += ' In none an effect was found that the model lacked.'
+        text += ' In none of them was an effect found that the model lacked.'
     if failed:
         text += f' **{len(failed)} could not be used**; the reasons are below.'
     if missing:
@@ -57,24 +57,24 @@ def each_report(content: dict[str, Any]) -> Report:
     Parameters
     ----------
     content : dict
-        Of report.json.
+        Content of report.json.
     """
     rows = content['recordings']
     joints = list(dict.fromkeys(row['joint'] for row in rows))
     page = Report('What friction models lacked, recording by recording',
-                  f'{len(rows)} refined by themselves; joints: {", ".join(joints)}')
+                  f'{len(rows)} refined separately; joints: {", ".join(joints)}')
     page.verdict(verdict(content))
     for unit in dict.fromkeys(row['unit'] for row in rows):
-        alike = [row for row in rows if row['unit'] == unit]
-        page.figure(errors_figure(alike, unit), 'Error on data not fitted, before (open) and '
+        same_unit = [row for row in rows if row['unit'] == unit]
+        page.figure(errors_figure(same_unit, unit), 'Error on data not fitted, before (open) and '
                     'after refinement (filled), and noise from sample to sample (line); ordered '
                     'by joint and recording.')
     page.heading('Effects, and how often they were found')
-    page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'so it comes'],
+    page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'repeatable'],
                _effects(rows, joints))
-    page.text('What is found in some recordings of a joint and not in others either needs a '
-              'movement that those lack (each report says what hardly varied), or is no property '
-              'of the drive.')
+    page.text('An effect that is found in some recordings of a joint and not in others either '
+              'needs a movement that those lack (each report says what hardly varied), or is no '
+              'property of the drive.')
     page.heading('Recording by recording')
     page.table(
         ['recording', 'joint', 'verdict', 'before', 'after', 'noise', 'unit', 'found',
@@ -82,8 +82,8 @@ def each_report(content: dict[str, Any]) -> Report:
         [[Link(Path(row['recording']).name, f"{row['folder']}/report.html"), row['joint'],
           row['verdict'], row['before'], row['after'], row['noise_floor'], row['unit'],
           _names(row['effects']) or 'nothing', ', '.join(row['unexplained'])] for row in rows],
-        'RMS of measured minus predicted on stretches that were not fitted. Each has its own page '
-        'and model file in the folder beside this page.')
+        'RMS of measured minus predicted on parts that were not fitted. The page and the model '
+        'file of each recording are in its folder beside this page.')
     if content['failed']:
         page.heading('Left out')
         page.text('\n'.join(f'- {reason}' for reason in content['failed']))
@@ -92,17 +92,17 @@ def each_report(content: dict[str, Any]) -> Report:
 
 @styled
 def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
-    """Draw the error before and after, recordings side by side."""
+    """Draw the errors before and after refinement for each recording."""
     rows = sorted(rows, key=lambda row: row['joint'])
     figure, axes = new_figure(width=8.4, height=3.2)
-    at = np.arange(len(rows))
+    x = np.arange(len(rows))
     before, after, noise = (np.array([row[name] for row in rows], dtype=float)
                             for name in ('before', 'after', 'noise_floor'))
-    axes.vlines(at, after, before, color=COLOURS['grey'], linewidth=0.8)
-    axes.plot(at, before, 'o', color=COLOURS['orange'], markerfacecolor='none', markersize=4,
+    axes.vlines(x, after, before, color=COLOURS['grey'], linewidth=0.8)
+    axes.plot(x, before, 'o', color=COLOURS['orange'], markerfacecolor='none', markersize=4,
               label='before')
-    axes.plot(at, after, 'o', color=COLOURS['blue'], markersize=4, label='after')
-    axes.hlines(noise, at - 0.4, at + 0.4, color=COLOURS['green'], linewidth=1.2, label='noise')
+    axes.plot(x, after, 'o', color=COLOURS['blue'], markersize=4, label='after')
+    axes.hlines(noise, x - 0.4, x + 0.4, color=COLOURS['green'], linewidth=1.2, label='noise')
     joints = [row['joint'] for row in rows]
     begins = [k for k in range(len(rows)) if not k or joints[k] != joints[k - 1]]
     for begin in begins[1:]:
@@ -111,8 +111,8 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
         ends = [*begins[1:], len(rows)]
         axes.set_xticks([0.5 * (a + b - 1) for a, b in zip(begins, ends)],
                         [joints[k] for k in begins])
-    elif len(rows) <= _NAMED:
-        axes.set_xticks(at, [Path(row['recording']).name for row in rows],
+    elif len(rows) <= _MOST_LABELS:
+        axes.set_xticks(x, [Path(row['recording']).name for row in rows],
                         rotation=30 if len(rows) > 4 else 0,
                         ha='right' if len(rows) > 4 else 'center')
     else:
@@ -127,12 +127,12 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
 def _effects(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
     table: list[list[Any]] = []
     for joint in joints:
-        own = [row for row in rows if row['joint'] == joint]
-        counts = Counter((effect['name'], effect['variable']) for row in own
+        joint_rows = [row for row in rows if row['joint'] == joint]
+        counts = Counter((effect['name'], effect['variable']) for row in joint_rows
                          for effect in {e['name']: e for e in row['effects']}.values())
         table.extend(
-            [joint, name.replace('_', ' '), variable, count, len(own),
-             'again and again' if count > 1 and count >= _OFTEN * len(own) else 'seldom']
+            [joint, name.replace('_', ' '), variable, count, len(joint_rows),
+             'yes' if count > 1 and count >= _REPEATABLE * len(joint_rows) else 'no']
             for (name, variable), count in counts.most_common())
     return table or [['', 'none', '', None, len(rows), '']]
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of an evaluation: a verdict, the note's Fig. 5, tables and explanations."""
+"""The page of an evaluation: the verdict, the note's Fig. 5, tables and explanations."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from friction_comp.evaluation.effect_size import effect_size, pairs_to_decide
 from friction_comp.evaluation.repetitions import FIGURES
 from friction_comp.reports.evaluation_simply import plain_names, plain_tiles, plain_verdict
 from friction_comp.reports.evaluation_words import (
-    chance,
     figure_of,
     heading,
+    nonbreaking_label,
+    p_value_text,
     peak_text,
     probability,
     share,
     summary,
-    unbroken,
     verdict,
     with_interval,
 )
@@ -37,25 +37,25 @@ if TYPE_CHECKING:
     from friction_comp.evaluation.repetitions import Help
     from friction_comp.evaluation.trend import Trend
 
-# Comparisons that a page shows; report.json has all.
-_SHOWN = 24
-# Conditions that are shown large.
-_TILES = 5
-# Tables of conditions, and what they list as far as it is known.
+# Largest number of comparisons on a page; report.json has all.
+_MOST_COMPARISONS = 24
+# Largest number of tiles with peaks.
+_MOST_TILES = 5
+# Tables of conditions, and the figures that they list where known.
 _TABLES = (
-    ('What it took', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
-                      'residual_current')),
-    ('How it went', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
-                     'rms_current')),
+    ('Torque and current', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
+                            'residual_current')),
+    ('Timing and smoothness', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
+                               'rms_current')),
 )
-# Recordings whose names a page lists.
-_NAMED = 12
+# Largest number of recordings that a page lists.
+_MOST_RECORDINGS = 12
 _MARKERS = 'osD^vPX*'
 
 
 @styled
 def evaluation_figure(evaluation: Evaluation) -> Figure:
-    """Draw trajectories above, torques below; the positive movement left, the negative right.
+    """Draw trajectories above and torques below, with positive movements left and negative right.
 
     Parameters
     ----------
@@ -75,10 +75,10 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
         above = axes[0, column]
         above.set_title(f'Movement in the {movement} direction')
         conditions = [c for c in evaluation.conditions if c.movement == movement]
-        shown = next((c for c in conditions if c.reference is not None), None)
-        if shown is not None and shown.reference is not None:
-            above.plot(shown.time, np.degrees(shown.reference), '--', color=COLOURS['grey'],
-                       linewidth=1.0, label='shown to the person')
+        with_reference = next((c for c in conditions if c.reference is not None), None)
+        if with_reference is not None and with_reference.reference is not None:
+            above.plot(with_reference.time, np.degrees(with_reference.reference), '--',
+                       color=COLOURS['grey'], linewidth=1.0, label='shown to the person')
         for condition in conditions:
             colour = colours[condition.help]
             label = f'{evaluation.label(condition.help)}, n = ' + ' + '.join(
@@ -103,14 +103,14 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
 
 @styled
 def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
-    """Draw each day's mean with its interval, and the line through them where it is sure.
+    """Draw each day's mean with its interval, and a line through them where it is significant.
 
     Parameters
     ----------
     trends : sequence of Trend
-        Of one figure.
+        Trends of one figure.
     evaluation : Evaluation
-        To which they belong.
+        The evaluation that they belong to.
 
     Returns
     -------
@@ -119,18 +119,18 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     colours = _colours(evaluation)
     figure, axes = new_figure(1, 1, width=8.4, height=3.0)
     for k, trend in enumerate(trends):
-        # Beside each other, so that intervals of one day do not cover each other.
+        # Shifted, so that intervals of one day do not overlap.
         shift = 0.12 * (k - 0.5 * (len(trends) - 1))
         days = np.array([date.fromisoformat(day).toordinal() for day in trend.days]) + shift
         values = list(trend.days.values())
         means = np.array([value.mean for value in values])
-        reach = np.array([[v.mean - (v.mean if v.low is None else v.low),
+        errors = np.array([[v.mean - (v.mean if v.low is None else v.low),
                            (v.mean if v.high is None else v.high) - v.mean] for v in values]).T
         colour = COLOURS[colours[trend.help]]
-        axes.errorbar(days, means, yerr=reach, fmt=_MARKERS[k % len(_MARKERS)], color=colour,
+        axes.errorbar(days, means, yerr=errors, fmt=_MARKERS[k % len(_MARKERS)], color=colour,
                       markersize=5, capsize=3, linewidth=1.2,
                       label=evaluation.label(trend.help))
-        if trend.sure and trend.per_week is not None:
+        if trend.significant and trend.per_week is not None:
             line = means.mean() + trend.per_week.mean / 7.0 * (days - days.mean())
             axes.plot(days, line, color=colour, linewidth=1.0)
     ticks = sorted({date.fromisoformat(day).toordinal() for t in trends for day in t.days})
@@ -144,7 +144,7 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
 
 
 def evaluation_panels(evaluation: Evaluation) -> list[list[Panel]]:
-    """Return the curves of `evaluation_figure`, to be read off.
+    """Return the curves of `evaluation_figure` for the interactive plot.
 
     Parameters
     ----------
@@ -162,41 +162,42 @@ def evaluation_panels(evaluation: Evaluation) -> list[list[Panel]]:
         above = Panel('time (s)', 'joint angle (deg)', title=f'{movement} direction')
         below = Panel('time (s)', 'back-driving torque (N·m)')
         conditions = [c for c in evaluation.conditions if c.movement == movement]
-        shown = next((c for c in conditions if c.reference is not None), None)
-        if shown is not None and shown.reference is not None:
-            above.lines.append(Line('shown to the person', shown.time,
-                                    np.degrees(shown.reference), 'grey', style='dashed'))
-        for one in conditions:
-            label, colour = evaluation.label(one.help), colours[one.help]
-            above.lines.append(Line(label, one.time, np.degrees(one.position), colour,
-                                    np.degrees(one.position_std)))
-            below.lines.append(Line(label, one.time, one.torque, colour, one.torque_std))
+        with_reference = next((c for c in conditions if c.reference is not None), None)
+        if with_reference is not None and with_reference.reference is not None:
+            above.lines.append(Line('shown to the person', with_reference.time,
+                                    np.degrees(with_reference.reference), 'grey', style='dashed'))
+        for condition in conditions:
+            label, colour = evaluation.label(condition.help), colours[condition.help]
+            above.lines.append(Line(label, condition.time, np.degrees(condition.position), colour,
+                                    np.degrees(condition.position_std)))
+            below.lines.append(Line(label, condition.time, condition.torque, colour,
+                                    condition.torque_std))
         rows[0].append(above)
         rows[1].append(below)
     return rows if evaluation.measured else rows[:1]
 
 
 def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
-    """Return the movement without and with the direction announced, as it was on average.
+    """Return the mean movement without and with the direction announced.
 
-    Of the two directions of movement, that in which more was asked of the person. Empty where
-    there are no two such conditions, or no torque was measured.
+    Of the two directions of movement, the one with the larger torque. Empty where there are no two
+    such conditions, or torque was not measured.
     """
-    two = evaluation.pair()
-    if two is None or not evaluation.measured:
+    pair = evaluation.pair()
+    if pair is None or not evaluation.measured:
         return []
     best: list[MovingScene] = []
-    most = 0.0
+    largest = 0.0
     for movement in ('positive', 'negative'):
-        conditions = [next((c for c in evaluation.conditions if c.help == known
-                       and c.movement == movement), None) for known in two]
+        conditions = [next((c for c in evaluation.conditions if c.help == compared
+                            and c.movement == movement), None) for compared in pair]
         if any(c is None or not np.isfinite(c.torque).any() for c in conditions):
             continue
         peaks = [c.peak_torque for c in conditions if c is not None]
-        if max(peaks) > most:
-            most = max(peaks)
+        if max(peaks) > largest:
+            largest = max(peaks)
             best = [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
-                    in zip(plain_names(two), conditions, ('grey', 'blue')) if c is not None]
+                    in zip(plain_names(pair), conditions, ('grey', 'blue')) if c is not None]
     return best
 
 
@@ -214,9 +215,9 @@ def add_evaluation(report: Report, evaluation: Evaluation) -> None:
     if simple and scenes:
         report.movie(
             moving_joint(scenes),
-            'The joint as it moved in the direction that asked for more, average over the '
-            'repetitions. The orange arrow is the torque that the person gives; below it, the same '
-            'over time. Both play at the pace of the recording.')
+            'Mean motion of the joint in the direction that needed the larger torque. The orange '
+            'arrow is the torque of the person; below it, the same over time. Both play at the '
+            'speed of the recording.')
     tiles = plain_tiles(evaluation) if simple else _tiles(evaluation)
     if tiles:
         report.numbers(tiles)
@@ -243,36 +244,35 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
             continue
         report.table(
             ['condition', '', *starts, *(heading(name) for name in known)],
-            [[unbroken(evaluation, c.help), '+' if c.movement == 'positive' else '\u2212',
+            [[nonbreaking_label(evaluation, c.help), '+' if c.movement == 'positive' else '\u2212',
               *([c.repetitions, f'{c.false_starts}\u00a0({share(c.false_start_share)})']
                 if starts else []),
               *(figure_of(c, name) for name in known)]
              for c in evaluation.conditions],
-            f"{title}: mean over the repetitions of each one's own figure ± half its 95 % "
-            'confidence interval, for movements in the positive (+) and negative (\u2212) '
-            'direction.')
+            f'{title}: mean over the repetitions ± half its 95 % confidence interval, for '
+            'movements in the positive (+) and negative (\u2212) direction.')
         starts = []
     words = []
     if evaluation.measured:
         words.append(
             'The peak is the largest torque from the beginning of the movement until it slows '
-            'down, or until the joint sets out where that comes later; "more than" it (>) is '
-            'asked for where the joint did not set out in each repetition. '
-            'RMS is taken over the movement shown, standstill not counted. The torque at constant '
-            'velocity is positive where the person pushes the joint along, and negative where the '
-            'joint pulls ahead.')
-        words.append('A false start is a repetition in which the joint set out during the '
-                     'standstill although nobody pushed it; behind it, the 95 % interval of '
-                     'their share.')
+            'down, or until the joint starts moving where that is later. A lower bound (>) is '
+            'given where the joint did not move in some repetitions. '
+            'RMS is over the movement without standstill. The torque at constant velocity is '
+            'positive where the person pushes the joint, and negative where the joint pulls the '
+            'person.')
+        words.append('A false start is a repetition in which the joint started during the '
+                     'standstill without being pushed; in brackets, the 95 % interval of their '
+                     'share.')
     else:
-        words.append('A false start is a repetition in which the joint set out during the '
-                     'standstill; whether somebody pushed it cannot be known without a torque '
-                     'sensor.')
+        words.append('A false start is a repetition in which the joint started during the '
+                     'standstill; without a torque sensor it is unknown whether it was pushed.')
     if any('residual_current' in c.figures for c in evaluation.conditions):
-        words.append('The residual current is what the model says the movement asks for beyond '
-                     'what was commanded, RMS: it is as good as the model.')
-    words.append('Smoothness is the spectral arc length of the speed: a single bell-shaped '
-                 'movement has about \u22121.4, hesitations take it down.')
+        words.append('The residual current is the RMS difference between the current that the '
+                     'model predicts for the movement and the commanded one: it is as good as the '
+                     'model.')
+    words.append('Smoothness is the spectral arc length of the speed: about \u22121.4 for a single '
+                 'bell-shaped movement, and lower with hesitations.')
     report.text(' '.join(words))
 
 
@@ -280,31 +280,32 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     if not evaluation.comparisons:
         return
     shown = sorted(evaluation.comparisons, key=lambda c: (
-        list(FIGURES).index(c.figure), c.probability is None, c.probability or 0.0))[:_SHOWN]
+        list(FIGURES).index(c.figure), c.probability is None, c.probability or 0.0))
+    shown = shown[:_MOST_COMPARISONS]
     tests = {name: sum(c.figure == name for c in evaluation.comparisons)
              for name in {c.figure for c in evaluation.comparisons}}
     report.text('## Compared with each other')
     report.table(
         ['figure', 'first', 'second', 'pairs', 'of the first', 'of the second', 'difference',
          'effect size (d_z)', 'p', 'pairs that decide'],
-        [[heading(c.figure), unbroken(evaluation, c.first),
-          unbroken(evaluation, c.second), c.pairs, *(
-              peak_text(mean, evaluation.stuck(known) * (c.figure == 'peak_torque'))
-              for mean, known in ((c.before, c.first), (c.after, c.second))),
+        [[heading(c.figure), nonbreaking_label(evaluation, c.first),
+          nonbreaking_label(evaluation, c.second), c.pairs, *(
+              peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
+              for mean, condition in ((c.before, c.first), (c.after, c.second))),
           with_interval(c.difference), with_interval(effect_size(c)), probability(c),
-          'enough' if c.sure else pairs_to_decide(c, tests[c.figure]) or '> 1000']
+          'enough' if c.significant else pairs_to_decide(c, tests[c.figure]) or '> 1000']
          for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
         'movement.')
-    left = len(evaluation.comparisons) - len(shown)
+    omitted = len(evaluation.comparisons) - len(shown)
     report.text(
-        'Compared is what answers a question: help with none; the direction announced or not, with '
-        'the same model; one model with another, under the same law. '
-        "p is the probability of such differences by chance: Wilcoxon's signed-rank test, "
-        'corrected after Holm for all comparisons of one figure; below five pairs '
-        'none is given. d_z is the difference in standard deviations of the differences. *Pairs '
-        'that decide* would find a difference as large as the one seen in four of five trials.'
-        + (f' {left} more are in `report.json`.' if left else ''))
+        'Conditions are compared where that answers a question: any with no compensation; the '
+        'direction announced or not, with the same model; two models under the same law. '
+        "p is the p-value of Wilcoxon's signed-rank test with Holm's correction for all "
+        'comparisons of one figure; it needs five pairs. d_z is the mean difference in standard '
+        'deviations of the differences. *Pairs that decide* is the number of pairs with which four '
+        'of five trials would find a difference of the observed size.'
+        + (f' {omitted} more are in `report.json`.' if omitted else ''))
 
 
 def _add_trends(report: Report, evaluation: Evaluation) -> None:
@@ -314,24 +315,24 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
     for figure in dict.fromkeys(trend.figure for trend in evaluation.trends):
         trends = [trend for trend in evaluation.trends if trend.figure == figure]
         report.figure(trend_figure(trends, evaluation),
-                      f"{heading(figure)}: each day's mean with its 95 % interval; a line where "
-                      'the trend is more than chance.')
+                      f"{heading(figure)}: each day's mean with its 95 % interval, and a line "
+                      'where the trend is significant.')
         report.table(
             ['condition', 'days', 'first', 'last', 'change per week', 'p'],
-            [[unbroken(evaluation, t.help), len(t.days),
+            [[nonbreaking_label(evaluation, t.help), len(t.days),
               with_interval(next(iter(t.days.values()))),
               with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
-              '–' if t.probability is None else chance(t.probability)] for t in trends],
-            "A straight line through the days' means.")
+              '–' if t.probability is None else p_value_text(t.probability)] for t in trends],
+            'The change is the slope of a straight line through the daily means.')
 
 
 def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
-    """Return the whole page of `evaluate`.
+    """Return the page of `evaluate`.
 
     Parameters
     ----------
     evaluations : sequence of Evaluation
-        One a joint.
+        One for each joint.
 
     Returns
     -------
@@ -353,10 +354,11 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
         if several:
             report.text(f'## Joint {evaluation.joint}')
         add_evaluation(report, evaluation)
-    report.text('## Where this comes from')
-    listed = [f'- recording `{name}`' for name in recordings[:_NAMED]]
-    if len(recordings) > _NAMED:
-        listed.append(f'- and {len(recordings) - _NAMED} more, all named in `repetitions.csv`')
+    report.text('## Sources')
+    listed = [f'- recording `{name}`' for name in recordings[:_MOST_RECORDINGS]]
+    if len(recordings) > _MOST_RECORDINGS:
+        listed.append(f'- and {len(recordings) - _MOST_RECORDINGS} more, all named in '
+                      '`repetitions.csv`')
     report.text('\n'.join(listed))
     models = dict.fromkeys(e.model for e in evaluations if e.model)
     for model in models:
@@ -368,14 +370,14 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
 
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """Return the peak under each condition, from no help to most; and what the direction took."""
+    """Return the peaks by condition and, for one or two conditions, the reductions."""
     if not evaluation.measured:
         return []
-    known = [one for one in dict.fromkeys(c.help for c in evaluation.conditions)
-             if one.announced >= 0]
-    tiles = [(f'{peak_text(peak, evaluation.stuck(one))} N·m',
-              f'peak, {unbroken(evaluation, one)}') for one in known
-             if np.isfinite(peak := evaluation.peak_of(one))][:_TILES]
+    conditions = [condition for condition in dict.fromkeys(c.help for c in evaluation.conditions)
+                  if condition.announced >= 0]
+    tiles = [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',
+              f'peak, {nonbreaking_label(evaluation, condition)}') for condition in conditions
+             if np.isfinite(peak := evaluation.peak_of(condition))][:_MOST_TILES]
     if len(tiles) > 2:
         return tiles
     for name, value in (('peak', evaluation.peak_reduction),
@@ -392,9 +394,9 @@ def _colours(evaluation: Evaluation) -> dict[Help, str]:
     colours: dict[Help, str] = {}
     for condition in evaluation.conditions:
         if condition.help not in colours:
-            known = condition.help
-            palette = ['pink', 'grey'] if known.announced < 0 else (
-                assisted if known.led else plain)
-            used = sum(other.led == known.led for other in colours)
+            compensation = condition.help
+            palette = ['pink', 'grey'] if compensation.announced < 0 else (
+                assisted if compensation.uses_direction else plain)
+            used = sum(other.uses_direction == compensation.uses_direction for other in colours)
             colours[condition.help] = palette[used % len(palette)]
     return colours

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An evaluation in words for readers who do not know compensation laws."""
+"""Describes an evaluation to readers who do not know compensation laws."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ if TYPE_CHECKING:
     from friction_comp.evaluation.repetitions import Help
 
 
-def plain_names(two: tuple[Help, Help]) -> tuple[str, str]:
-    """Return what a person without training calls two conditions, at the head of a picture."""
-    return ('No help' if two[0].law == 'none' else 'Direction unknown', 'Direction known')
+def plain_names(pair: tuple[Help, Help]) -> tuple[str, str]:
+    """Return titles of two conditions without technical terms."""
+    return ('No help' if pair[0].law == 'none' else 'Direction unknown', 'Direction known')
 
 
 def plain_verdict(evaluation: Evaluation) -> str:
-    """Return in one sentence what the person felt; '' where there is nothing to compare."""
-    compared, change, two = (evaluation.compared('peak_torque'), evaluation.peak_reduction,
+    """Return the result for the person in a sentence; '' where there is nothing to compare."""
+    torques, change, pair = (evaluation.compared('peak_torque'), evaluation.peak_reduction,
                              evaluation.pair())
-    if compared is None or change is None or two is None:
+    if torques is None or change is None or pair is None:
         return ''
-    without = 'without help' if two[0].law == 'none' else 'when it does not know it'
-    more = 'more than ' if evaluation.stuck(two[0]) else ''
-    after = 'more than ' if evaluation.stuck(two[1]) else ''
+    without = 'without help' if pair[0].law == 'none' else 'when it does not know it'
+    more = 'more than ' if evaluation.stuck(pair[0]) else ''
+    after = 'more than ' if evaluation.stuck(pair[1]) else ''
     least = 'at least ' if evaluation.is_bound else ''
     words = (f'When the robot knows the direction, the person needs {after}'
-             f'**{number(compared[1])} N·m** to set the joint in motion, and {more}'
-             f'**{number(compared[0])} N·m** {without}: {least}**{abs(100 * change):.0f} % '
+             f'**{number(torques[1])} N·m** to set the joint in motion, and {more}'
+             f'**{number(torques[0])} N·m** {without}: {least}**{abs(100 * change):.0f} % '
              f'{"less" if change >= 0 else "more"}**')
     test = next((c for c in evaluation.comparisons if c.figure == 'peak_torque'
-                 and (c.first, c.second) == two), None)
-    if test is not None and test.sure:
+                 and (c.first, c.second) == pair), None)
+    if test is not None and test.significant:
         return f'{words}.'
-    return f'{words}. So few repetitions may be chance; more of them would tell.'
+    return f'{words}. With so few repetitions this may be chance; record more to be sure.'
 
 
 def plain_tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """Return the three numbers that matter: without, with, and starts that nobody wanted."""
-    compared, two = evaluation.compared('peak_torque'), evaluation.pair()
-    if compared is None or two is None:
+    """Return the torque without and with help and the number of false starts."""
+    torques, pair = evaluation.compared('peak_torque'), evaluation.pair()
+    if torques is None or pair is None:
         return []
     first, second = (
-        f'{"> " if evaluation.stuck(known) else ""}{number(value)}\u00a0N·m'
-        for value, known in zip(compared, two))
+        f'{"> " if evaluation.stuck(condition) else ""}{number(value)}\u00a0N·m'
+        for value, condition in zip(torques, pair))
     starts = sum(c.false_starts for c in evaluation.conditions)
     return [(first, 'to set the joint in motion ' + (
-        'without help' if two[0].law == 'none' else 'when the direction is not known')),
+        'without help' if pair[0].law == 'none' else 'when the direction is not known')),
         (second, 'to set it in motion when the robot knows the direction'),
         (str(starts), 'times the joint started by itself')]

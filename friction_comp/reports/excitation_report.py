@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page on a planned motion: what it covers, and how well it tells effects apart."""
+"""The page on a planned motion: its coverage, and how well it distinguishes effects."""
 
 from __future__ import annotations
 
@@ -26,25 +26,26 @@ def excitation_report(plans: Sequence[JointPlan],
     ----------
     plans : sequence of JointPlan
     others : sequence of dict
-        For each plan the separations by other motions of the same length, by their names.
+        For each plan, the separations by other motions of the same length, by name.
     """
     seconds = plans[0].seconds
     report = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
     worst = min((share, pair, plan.limits.joint) for plan in plans
                 for pair, share in plan.separation.items())
-    report.verdict(f'**Hardest to tell apart: {" and ".join(worst[1])}** of joint {worst[2]}: '
-                   f'{100 * worst[0]:.2g} % of the one is not repeated by the other and Eq. 6.')
+    report.verdict(f'**Hardest to distinguish: {" and ".join(worst[1])}** of joint {worst[2]}: '
+                   f'{100 * worst[0]:.2g} % of one is independent of the other and of Eq. 6.')
     for plan, other in zip(plans, others):
         report.heading(f'Joint {plan.limits.joint}')
-        report.figure(_figure(plan), 'Left: position and velocity over time. Right: which '
-                      'velocities come at which positions; dashed: the limits.')
+        report.figure(_figure(plan), 'Left: position and velocity over time. Right: '
+                      'velocity over position; dashed: the limits.')
         report.table(
             ['effects', 'this plan (%)', *(f'{name} (%)' for name in other)],
-            [[' and '.join(pair), 100 * share, *(100 * one[pair] for one in other.values())]
+            [[' and '.join(pair), 100 * share,
+              *(100 * separation[pair] for separation in other.values())]
              for pair, share in plan.separation.items()])
-    report.text('The share is that of the hardest of a few constants of each effect, by the '
-                'columns that refine fits. It depends on the motion alone: noise and the size of '
-                'an effect decide, too, whether refine names it.')
+    report.text('The share is the smallest over a few constants of each effect, computed from the '
+                'columns that refine fits. It depends on the motion alone; whether refine names '
+                'an effect also depends on noise and on the size of the effect.')
     return report
 
 

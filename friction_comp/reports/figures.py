@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""One style for all figures, on paper, on light and on dark pages."""
+"""One style for all figures, legible on paper and on light and dark pages."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 P = ParamSpec('P')
 T = TypeVar('T')
 
-# Told apart with any colour vision, and legible on white as on near-black.
+# Distinguishable with any colour vision, and legible on white and near-black.
 COLOURS = {
     'blue': '#2a86c8', 'orange': '#dd6b12', 'green': '#0f9d76', 'pink': '#c96ba6',
     'violet': '#8474d6', 'grey': '#87909a', 'red': '#d2454f', 'yellow': '#c39b12',
 }
-# Stands for the page's own text colour and is replaced by it in the SVG.
+# Placeholder for the page's text colour, which replaces it in the SVG.
 _INK = '#1a2b3d'
 _GRID = '#87909a'
-# An SVG larger than this is better drawn as a picture.
+# Size of an SVG from which a bitmap is used instead, characters.
 _LARGEST_SVG = 700_000
 
 _STYLE: dict[Any, Any] = {
@@ -50,28 +50,28 @@ _STYLE: dict[Any, Any] = {
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function that draws: all that it makes gets the look of this module.
+    """Decorate a function that draws, so that its figure has the style of this module.
 
-    Legends, titles and labels take their look from matplotlib's settings at the moment in which
-    they are made; outside of the function those settings stay what they were.
+    Legends, titles and labels take their style from matplotlib's settings when they are created;
+    these settings change only within the function.
     """
     @wraps(draw)
-    def within(*args: P.args, **kwargs: P.kwargs) -> T:
+    def with_style(*args: P.args, **kwargs: P.kwargs) -> T:
         with mpl.rc_context(_STYLE):
             return draw(*args, **kwargs)
-    return within
+    return with_style
 
 
 @styled
 def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.0,
                **options: Any) -> tuple[Figure, Any]:
-    """Make a figure with a grid of axes.
+    """Create a figure with a grid of axes.
 
     Parameters
     ----------
     rows, columns : int
     width, height : float
-        Inches; height is that of one row.
+        Width of the figure and height of one row, inches.
     **options
         Further arguments of ``Figure.subplots``, such as ``sharex=True``.
 
@@ -87,13 +87,13 @@ def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: floa
 
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
          label: str) -> None:
-    """Draw a mean and the band of one standard deviation around it.
+    """Draw a mean and a band around it.
 
     Parameters
     ----------
     axes : Axes
-    x, mean, spread : ndarray
-        All of shape (N,).
+    x, mean, spread : ndarray, shape (N,)
+        `spread` is half the width of the band.
     colour : str
         A key of COLOURS.
     label : str
@@ -105,14 +105,14 @@ def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour
 
 
 def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndarray, ...]:
-    """Return curves thinned out evenly where they hold more points than a page can show."""
+    """Return every n-th point of curves, at most about `points` of them."""
     step = max(-(-len(x) // points), 1)
     return tuple(np.asarray(values)[::step] for values in (x, *curves))
 
 
 def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | None = None,
             points: int = 6000, size: float = 3.0, seed: int = 0) -> None:
-    """Draw measured points as small dots, a fair share of them where there are very many."""
+    """Draw measured points as small dots, a random sample where there are more than `points`."""
     x, y = np.asarray(x), np.asarray(y)
     if len(x) > points:
         chosen = np.sort(np.random.default_rng(seed).choice(len(x), points, replace=False))
@@ -122,7 +122,7 @@ def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | 
 
 
 def to_svg(figure: Figure) -> str:
-    """Return a figure as SVG that takes the page's text colour; no file, no network, no script."""
+    """Return a figure as SVG in the page's text colour, without external files or scripts."""
     stream = io.StringIO()
     with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
         _lay_out(figure)
@@ -134,7 +134,7 @@ def to_svg(figure: Figure) -> str:
 
 
 def _lay_out(figure: Figure) -> None:
-    """Make room for titles and labels, once: saving draws twice otherwise."""
+    """Run the layout engine once: otherwise saving draws twice."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.execute(figure)
@@ -151,7 +151,7 @@ def to_png(figure: Figure, resolution: int = 160) -> bytes:
 
 
 def for_page(figure: Figure) -> str | bytes:
-    """Return SVG as text or PNG as bytes, whichever suits the figure's size."""
+    """Return a figure as SVG text, or as PNG bytes where the SVG would be too large."""
     text = to_svg(figure)
     if len(text) <= _LARGEST_SVG:
         return text

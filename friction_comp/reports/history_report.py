@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page on a drive's history: friction, error and temperature from recording to recording."""
+"""The page on a drive's history: friction, error and temperature by recording."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from friction_comp.reports.html import Report
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Dates that fit below the picture.
-_LABELS = 16
+# Largest number of dates below the figure.
+_MOST_LABELS = 16
 
 
 def history_report(model: str, recordings: Sequence[RecordedFriction],
@@ -27,24 +27,25 @@ def history_report(model: str, recordings: Sequence[RecordedFriction],
     model : str
         Name of the model file.
     recordings : sequence of RecordedFriction
-        In the order of their dates, at least one.
+        At least one, in order of date.
     notes : sequence of (str, str)
-        ISO date and what was done to the drive.
+        ISO date and maintenance of the drive.
     """
     report = Report('History of a drive', f'{model}, {len(recordings)} recordings from '
                     f'{recordings[0].day} to {recordings[-1].day}')
     first, last = recordings[0], recordings[-1]
     words = f"**Friction is {100 * last.level:.0f} %** of the model's in the latest recording"
     if len(recordings) > 1:
-        words += f', it was {100 * first.level:.0f} % in the first'
-    report.verdict(f'{words}. The model misses the latest by {1e3 * last.error:.3g} mA.')
+        words += f', after {100 * first.level:.0f} % in the first'
+    report.verdict(f"{words}. The model's error in the latest is {1e3 * last.error:.3g} mA RMS.")
     done = '; '.join(f'{text} ({day})' for day, text in notes)
     report.figure(_figure(recordings, notes), 'Each dot is a recording; bars are 95 % intervals.'
                   + (f' Dashed: {done}.' if done else ''))
     report.table(['recording', 'date', 'kept (s)', 'friction (% of the model)', 'error (mA)',
                   'motor (°C)'],
-                 [[one.name, one.day, round(one.seconds), round(100.0 * one.level, 1),
-                   1e3 * one.error, one.temperature] for one in recordings])
+                 [[recording.name, recording.day, round(recording.seconds),
+                   round(100.0 * recording.level, 1), 1e3 * recording.error,
+                   recording.temperature] for recording in recordings])
     if notes:
         report.heading('What was done')
         report.table(['date', 'what'], notes)
@@ -53,16 +54,17 @@ def history_report(model: str, recordings: Sequence[RecordedFriction],
 
 @styled
 def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, str]]) -> Figure:
-    warm = [one.temperature for one in recordings]
+    warm = [recording.temperature for recording in recordings]
     rows = 2 + any(value is not None for value in warm)
     figure, axes = new_figure(rows, 1, height=2.1, sharex=True)
     order = range(1, len(recordings) + 1)
-    axes[0].errorbar(order, [100.0 * one.level for one in recordings],
-                     [196.0 * one.level_error for one in recordings], fmt='o',
+    axes[0].errorbar(order, [100.0 * recording.level for recording in recordings],
+                     [196.0 * recording.level_error for recording in recordings], fmt='o',
                      color=COLOURS['blue'], capsize=3)
     axes[0].axhline(100.0, color=COLOURS['grey'], linewidth=0.8)
     axes[0].set_ylabel('friction\n(% of the model)')
-    axes[1].plot(order, [1e3 * one.error for one in recordings], 'o', color=COLOURS['orange'])
+    axes[1].plot(order, [1e3 * recording.error for recording in recordings], 'o',
+                 color=COLOURS['orange'])
     axes[1].set_ylim(bottom=0.0)
     axes[1].set_ylabel('error (mA)')
     if rows == 3:
@@ -70,10 +72,10 @@ def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, s
                      color=COLOURS['red'])
         axes[2].set_ylabel('motor (°C)')
     for day, _ in notes:
-        before = sum(one.day < day for one in recordings)
+        before = sum(recording.day < day for recording in recordings)
         for each in axes:
             each.axvline(before + 0.5, color=COLOURS['violet'], linestyle='--', linewidth=1.0)
-    step = -(-len(recordings) // _LABELS)
-    axes[-1].set_xticks(list(order)[::step], [one.day for one in recordings[::step]], rotation=30,
-                        ha='right')
+    step = -(-len(recordings) // _MOST_LABELS)
+    axes[-1].set_xticks(list(order)[::step], [recording.day for recording in recordings[::step]],
+                        rotation=30, ha='right')
     return figure

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reports as one self-contained HTML file.
 
-All that a page says is there without a script. Where a figure was given its curves (`live`), a
-script lets them be read off.
+A page is complete without scripts. Where a figure comes with its curves (`live`), a script adds an
+interactive plot.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from friction_comp import __version__
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.reports.figures import for_page
-from friction_comp.reports.interactive import bokeh_version, library, Panel, plots, thinned
+from friction_comp.reports.interactive import bokeh_version, library, Panel, plots, thinning_note
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,14 +76,14 @@ class Report:
         self._parts.append(f'<h{level}{anchor}>{_inline(text)}</h{level}>')
 
     def text(self, text: str) -> None:
-        """Add plain words.
+        """Add text.
 
         Parameters
         ----------
         text : str
-            Paragraphs parted by blank lines. ``## `` and ``### `` begin headings, ``- `` list
-            items, ``> `` a remark that is set apart; ``**bold**``, ``*emphasis*`` and
-            ```code``` work inside them.
+            Paragraphs separated by blank lines. ``## `` and ``### `` begin headings, ``- `` list
+            items and ``> `` a block quote; ``**bold**``, ``*emphasis*`` and ```code``` work inside
+            them.
         """
         for block in re.split(r'\n\s*\n', text.strip()):
             lines = [line.strip() for line in block.strip().splitlines()]
@@ -104,28 +104,28 @@ class Report:
                 self._parts.append(f'<p>{_inline(" ".join(lines))}</p>')
 
     def verdict(self, text: str) -> None:
-        """Say what came out, set apart; the first thing on every page.
+        """Add the main result in a box; it comes first on every page.
 
         Parameters
         ----------
         text : str
-            Paragraphs parted by blank lines, marked as in `text`.
+            Paragraphs separated by blank lines, with markup as in `text`.
         """
-        # Lines are joined; spaces that hold a number and its unit together stay what they are.
+        # Not str.split: it would also replace non-breaking spaces.
         words = ''.join(f'<p>{_inline(" ".join(block.strip().splitlines()))}</p>'
                         for block in re.split(r'\n\s*\n', text.strip()))
         self._parts.append(f'<div class="verdict">{words}</div>')
 
     def numbers(self, tiles: list[tuple[str, str]]) -> None:
-        """Show a few figures large.
+        """Add a few numbers in large type.
 
         Parameters
         ----------
         tiles : list of (str, str)
-            Value with its unit, and what it is.
+            Value with unit, and label.
         """
         cells = ''.join(
-            f'<div class="tile"><b>{_held(str(value))}</b><span>{_inline(label)}</span></div>'
+            f'<div class="tile"><b>{_unbroken(str(value))}</b><span>{_inline(label)}</span></div>'
             for value, label in tiles)
         self._parts.append(f'<div class="tiles">{cells}</div>')
 
@@ -137,8 +137,8 @@ class Report:
         ----------
         header : list of str
         rows : list of list
-            Strings, numbers or None. Columns of numbers are aligned to the right, and show three
-            significant digits of the largest where their magnitudes are alike, else of each.
+            Strings, numbers or None. Columns of numbers are aligned to the right, with three
+            significant digits of the largest where their magnitudes are similar, otherwise of each.
         caption : str
 
         Raises
@@ -167,7 +167,7 @@ class Report:
                 for kind, value, places in zip(kinds, row, decimals)) + '</tr>'
             for row in rows)
         title = f'<caption>{_inline(caption)}</caption>' if caption else ''
-        # A region that scrolls must be reachable from the keyboard.
+        # A scrollable region must be reachable from the keyboard.
         self._parts.append(
             f'<div class="wide" tabindex="0"><table>{title}<thead><tr>{head}</tr></thead>'
             f'<tbody>{body}</tbody></table></div>')
@@ -180,21 +180,21 @@ class Report:
         ----------
         figure : matplotlib.figure.Figure
         caption : str
-            Printed below.
+            Text below the figure.
         alternative : str, optional
-            What the figure shows, for those who cannot see it; the caption by default.
+            Alternative text for screen readers; the caption by default.
         live : rows of Panel, optional
-            The same curves to hover and zoom, which take the drawing's place on a screen where
-            scripts run. Without Bokeh, and on paper, the drawing stays.
+            The same curves for an interactive plot, which replaces the drawing on a screen where
+            scripts run. Without Bokeh, and on paper, the drawing is shown.
         """
         self._figures += 1
         words = escape(_plain(alternative or caption), quote=True)
         if live is not None and bokeh_version() is not None:
             self._live.append((self._figures, words, live))
-            caption += thinned(live)
+            caption += thinning_note(live)
         content = for_page(figure)
         if isinstance(content, str):
-            # Ids inside the drawing must differ from those of the page's other drawings.
+            # Ids must be unique among all drawings of the page.
             content = re.sub(r'( id="|href="#|url\(#)', rf'\g<1>f{self._figures}-', content)
             content = content.replace('<svg ', f'<svg role="img" aria-label="{words}" ', 1)
         else:
@@ -209,12 +209,12 @@ class Report:
             '</figcaption></figure>')
 
     def movie(self, drawings: Sequence[str], caption: str) -> None:
-        """Add drawings that move, as `friction_comp.reports.moving_joint` makes them.
+        """Add animated drawings from `friction_comp.reports.moving_joint`.
 
         Parameters
         ----------
         drawings : sequence of str
-            Animated SVG, shown side by side as far as there is room.
+            Animated SVG, shown side by side where there is room.
         caption : str
         """
         self._figures += 1
@@ -225,7 +225,7 @@ class Report:
             f'<figcaption><b>Figure {self._figures}.</b> {_inline(caption)}</figcaption></figure>')
 
     def made_by(self, *lines: str) -> None:
-        """Say at the foot where the page comes from: the command, the recordings, the models."""
+        """Add the origin of the page to its footer: the command, the recordings, the models."""
         self._origin.extend(lines)
 
     def code(self, text: str) -> None:
@@ -234,7 +234,7 @@ class Report:
             f'<pre tabindex="0"><code>{escape(text.strip(chr(10)))}</code></pre>')
 
     def html(self) -> str:
-        """Return the whole page."""
+        """Return the page."""
         style = Path(__file__).with_name('page.css').read_text(encoding='utf-8')
         subtitle = f'<p class="subtitle">{_inline(self.subtitle)}</p>' if self.subtitle else ''
         links = ''.join(
@@ -248,7 +248,7 @@ class Report:
                 parts = parts.replace(
                     f'<!--live {index}-->',
                     f'<div class="live" role="group" aria-label="{words}">{element}</div>')
-            # Marked before anything is laid out, so that nothing jumps.
+            # Set before the layout, so that nothing jumps.
             scripts = ("<script>document.documentElement.classList.add('scripted');</script>\n"
                        f'{library()}\n{script}\n')
         if self._moves:
@@ -267,7 +267,7 @@ class Report:
             '</main>\n</body>\n</html>\n')
 
     def save(self, path: str | Path) -> None:
-        """Write the page, whole or not at all.
+        """Write the page atomically.
 
         Raises
         ------
@@ -278,7 +278,7 @@ class Report:
 
 
 def number(value: float | int | None, digits: int = 3) -> str:
-    """Return a number in few digits: three significant ones, thousands in full, a dash for None.
+    """Return a number with few significant digits, thousands in full, and a dash for None.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ def number(value: float | int | None, digits: int = 3) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a number with its unit; small currents in mA.
+    """Return a number with its unit, small currents in mA.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def _is_number(value: object) -> bool:
 
 
 def _decimals(column: list[Any]) -> int | None:
-    """Return the decimals that suit a whole column of numbers, or None where none do."""
+    """Return the number of decimals for a column, or None where its magnitudes differ too much."""
     sizes = [abs(float(v)) for v in column if isinstance(v, (float, np.floating))
              and math.isfinite(v) and v != 0]
     if not sizes or min(sizes) < 0.01 * max(sizes) or not 1e-4 <= max(sizes) < 1e6:
@@ -357,24 +357,24 @@ def _items(lines: list[str]) -> str:
 
 
 def _inline(text: object) -> str:
-    """Return text with its marks turned into tags and everything else escaped."""
+    """Return text as HTML: markup becomes tags, everything else is escaped."""
     pieces = re.split(r'(`[^`]+`)', str(text))
     for k, piece in enumerate(pieces):
         if k % 2:
             pieces[k] = f'<code>{escape(piece[1:-1])}</code>'
             continue
-        # A formula as short as d = 0 is not to be broken over two lines.
+        # No line break in a formula as short as d = 0.
         piece = re.sub(r'\b(\w) = (?=\S)', '\\1\u00a0=\u00a0', escape(piece))
         piece = re.sub(r'\*\*(.+?)\*\*', r'<b>\1</b>', piece)
         pieces[k] = re.sub(r'(?<![\w*])\*(?!\s)([^*]+?)(?<!\s)\*(?![\w*])', r'<em>\1</em>', piece)
     return ''.join(pieces)
 
 
-def _held(value: str) -> str:
-    """Return an escaped value whose number and unit stay on one line."""
+def _unbroken(value: str) -> str:
+    """Return an escaped value without a line break between number and unit."""
     return escape(re.sub(r'(?<=\d) (?=\S+$)', '\u00a0', value))
 
 
 def _plain(text: object) -> str:
-    """Return text without its marks."""
+    """Return text without markup."""
     return re.sub(r'\*\*|`|(?<!\w)\*(?=\w)|(?<=\w)\*(?!\w)', '', str(text))

@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures with hover and zoom, by Bokeh, inside the page and without network.
+"""Figures with hover and zoom by Bokeh, which work without network access.
 
-One principle: **the drawing is there first**. A page holds each figure as a drawing that needs no
-script and prints; where scripts run and Bokeh made the page, a plot of the same data takes its
-place on the screen. A page made without Bokeh is the same page without hover and zoom.
+One principle: **the drawing comes first**. A page contains each figure as a drawing that needs no
+script and can be printed; where scripts run and Bokeh was installed, a plot of the same data
+replaces it on the screen. A page made without Bokeh only lacks hover and zoom.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 
 from friction_comp.reports.figures import COLOURS
 
-# Points of a line: a screen shows about 1400 columns, and two points make one.
+# Largest number of points of a line: two for each column of pixels of a screen are enough.
 POINTS = 2000
-# The ink of the light page; in the dark the style sheet inverts plots as a whole.
+# Text colour of the light page; the style sheet inverts whole plots for the dark one.
 _INK = '#1a2b3d'
 _FONT = 'system-ui, sans-serif'
 
@@ -32,12 +32,12 @@ class Line:
     Parameters
     ----------
     name : str
-        For the legend and the hover.
+        Name in legend and hover.
     x, y : ndarray, shape (N,)
     colour : str
         A key of `friction_comp.reports.figures.COLOURS`.
     spread : ndarray, shape (N,), optional
-        Half the width of a band around the curve.
+        Half width of a band around the curve.
     style : str
         'line', 'dashed' or 'dots'.
     """
@@ -52,7 +52,7 @@ class Line:
 
 @dataclass
 class Panel:
-    """One plot: what is on its axes, with units, and its curves."""
+    """One plot: axis labels with units, curves and title."""
 
     x_label: str
     y_label: str
@@ -62,15 +62,13 @@ class Panel:
 
 def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
                   ) -> tuple[np.ndarray, np.ndarray]:
-    """Return which points of a curve to draw: of each stretch the lowest and the highest.
-
-    Peaks survive, which every n-th point would miss.
+    """Thin out a curve to the lowest and the highest point of each stretch, which keeps its peaks.
 
     Parameters
     ----------
     x, y : ndarray, shape (N,)
     points : int
-        At most so many.
+        Largest number of points.
 
     Returns
     -------
@@ -86,18 +84,18 @@ def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
         if np.isfinite(part).any():
             chosen += [first + int(np.nanargmin(part)), first + int(np.nanargmax(part))]
         else:
-            # A gap stays one.
+            # Keep a gap.
             chosen.append(first)
-    kept = np.unique(chosen)
-    return x[kept], y[kept]
+    indices = np.unique(chosen)
+    return x[indices], y[indices]
 
 
-def thinned(panels: Sequence[Sequence[Panel]]) -> str:
-    """Return a sentence that says which curves show fewer points than there are, '' where none."""
+def thinning_note(panels: Sequence[Sequence[Panel]]) -> str:
+    """Return a sentence on curves that were thinned out, '' where none were."""
     most = max((len(line.x) for row in panels for panel in row for line in panel.lines), default=0)
     if most <= POINTS:
         return ''
-    return (f' Of up to {most} points a curve, the lowest and highest of each of {POINTS // 2} '
+    return (f' Of up to {most} points per curve, the lowest and highest of each of {POINTS // 2} '
             'stretches are drawn.')
 
 
@@ -111,19 +109,19 @@ def bokeh_version() -> str | None:
 
 
 def library() -> str:
-    """Return Bokeh's script as a tag, for the page's head."""
+    """Return Bokeh's library as a script tag for the page's head."""
     from bokeh.resources import Resources
 
     return Resources(mode='inline', components=['bokeh']).render_js()
 
 
 def plots(figures: Sequence[Sequence[Sequence[Panel]]]) -> tuple[str, list[str]]:
-    """Return the script that draws figures, and the elements of each with its key.
+    """Return the script that draws figures, and the elements of each figure with its key.
 
     Parameters
     ----------
     figures : sequence of rows of Panel
-        Panels of one figure share their x axis in a column, and their y axis in a row.
+        The panels of a figure share the x axis in a column and the y axis in a row.
     """
     from bokeh.embed import components
 
@@ -137,7 +135,7 @@ def plots(figures: Sequence[Sequence[Sequence[Panel]]]) -> tuple[str, list[str]]
 
 
 def _key(rows: Sequence[Sequence[Panel]]) -> str:
-    """Return which colour is which curve; in HTML, so that it breaks where the page is narrow."""
+    """Return the key of curves as HTML, so that its lines wrap on a narrow page."""
     curves = {line.name: line for row in rows for panel in row for line in panel.lines}
     if len(curves) < 2:
         return ''
@@ -148,49 +146,49 @@ def _key(rows: Sequence[Sequence[Panel]]) -> str:
 
 
 def _grid(rows: Sequence[Sequence[Panel]]) -> list[Any]:
-    made: list[list[Any]] = []
+    plots: list[list[Any]] = []
     for row in rows:
-        line: list[Any] = []
+        plot_row: list[Any] = []
         for column, panel in enumerate(row):
             shared: dict[str, Any] = {}
-            if made:
-                shared['x_range'] = made[0][column].x_range
-            if line:
-                shared['y_range'] = line[0].y_range
-            line.append(_plot(panel, shared))
-        made.append(line)
-    return [plot for line in made for plot in line]
+            if plots:
+                shared['x_range'] = plots[0][column].x_range
+            if plot_row:
+                shared['y_range'] = plot_row[0].y_range
+            plot_row.append(_plot(panel, shared))
+        plots.append(plot_row)
+    return [plot for plot_row in plots for plot in plot_row]
 
 
 def _plot(panel: Panel, shared: dict[str, Any]) -> Any:
     from bokeh.models import HoverTool
     from bokeh.plotting import figure
 
-    # The wheel scrolls the page; it zooms once its tool is chosen.
+    # The wheel scrolls the page unless its tool is selected.
     plot = figure(height=270, sizing_mode='stretch_width', title=panel.title or None,
                   tools='pan,box_zoom,wheel_zoom,reset,save', active_drag='box_zoom',
                   x_axis_label=panel.x_label, y_axis_label=panel.y_label,
                   background_fill_alpha=0.0, border_fill_alpha=0.0, outline_line_color=None,
                   **shared)
-    drawn = []
+    renderers = []
     for curve in panel.lines:
         x, y = thin_extremes(np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float))
         colour = COLOURS[curve.colour]
         if curve.spread is not None:
-            every = max(1, -(-len(curve.x) // 400))
-            part = slice(None, None, every)
+            step = max(1, -(-len(curve.x) // 400))
+            part = slice(None, None, step)
             plot.varea(curve.x[part], (curve.y - curve.spread)[part],
                        (curve.y + curve.spread)[part], fill_color=colour, fill_alpha=0.2)
-        # Single precision is a tenth of a pixel and half of the bytes.
+        # Single precision halves the size of the page.
         x, y = x.astype(np.float32), y.astype(np.float32)
         if curve.style == 'dots':
-            drawn.append(plot.scatter(x, y, size=3, color=colour, alpha=0.5, name=curve.name))
+            renderers.append(plot.scatter(x, y, size=3, color=colour, alpha=0.5, name=curve.name))
         else:
-            drawn.append(plot.line(
+            renderers.append(plot.line(
                 x, y, color=colour, line_width=1.8,
                 line_dash=[6, 4] if curve.style == 'dashed' else 'solid',
                 name=curve.name))
-    plot.add_tools(HoverTool(renderers=drawn, tooltips=[
+    plot.add_tools(HoverTool(renderers=renderers, tooltips=[
         ('', '$name'), (panel.x_label, '$x{0.[0000]}'), (panel.y_label, '$y{0.[0000]}')]))
     for axis in (plot.xaxis, plot.yaxis):
         axis.axis_label_text_font_style = 'normal'

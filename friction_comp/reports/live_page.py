@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page: each joint's motion, currents and residual, as a Bokeh application.
+"""The live page: motion, currents and residual of each joint as a Bokeh application.
 
 Bokeh serves its own scripts, so the page works without internet.
 """
@@ -8,6 +8,7 @@ Bokeh serves its own scripts, so the page works without internet.
 from __future__ import annotations
 
 from collections.abc import Callable
+from html import escape
 import time
 from typing import Any, Protocol
 
@@ -29,7 +30,8 @@ from friction_comp.reports.moving_joint import still_joint
 
 SIGNALS = ('time', 'position', 'velocity', 'reference_velocity', 'direction', 'current', 'command',
            'predicted', 'residual', 'torque', 'load')
-# Colours that the colour-blind tell apart (Okabe and Ito 2008), with the signal's own words.
+# Signals of each plot with legend and colour, distinguishable with any colour vision (Okabe and
+# Ito 2008).
 _PLOTS = (
     ('Torque (N·m)', (('torque', 'motor, at the joint', '#0072B2'), ('load', 'person', '#D55E00'))),
     ('Current (A)', (('current', 'measured', '#0072B2'), ('command', 'commanded', '#E69F00'),
@@ -40,15 +42,15 @@ _PLOTS = (
     ('Residual (A)', (('residual', 'measured − model, in motion', '#D55E00'),)))
 _TABLE = ('position', 'velocity', 'direction', 'current', 'torque', 'load', 'residual')
 _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
-# s without data over which no line is drawn, and rad/s below which friction is not what the model
-# says but what balances the rest.
+# Gap across which no line is drawn, s, and velocity below which friction balances the other
+# torques instead of following the model, rad/s.
 _GAP, _STANDSTILL = 0.25, 0.01
-# ms between two looks, and the shares of real time at which a recording may play.
+# Time between updates, ms, and playback speeds of a recording as multiples of real time.
 _PERIOD = 200
-_SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')
+_PLAYBACK_SPEEDS = ('0.1', '0.5', '1', '2', '5', '20')
 
-# The look of the other pages. Plots are drawn on a canvas, whose colours no style sheet reaches: in
-# the dark the whole page is turned inside out, hues kept.
+# The style of the other pages. Style sheets cannot change the colours of a canvas, so the dark
+# page is inverted as a whole with its hues kept.
 _TEMPLATE = """
 {% block postamble %}
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -69,14 +71,14 @@ body {
 
 
 class Feed(Protocol):
-    """Where the page has its data from.
+    """The source of the page's data.
 
     Attributes
     ----------
     title : str
     joints : list of str
     duration : float
-        s of a recording; 0 for what runs.
+        Duration of a recording, s; 0 for a running system.
     """
 
     title: str
@@ -84,10 +86,10 @@ class Feed(Protocol):
     duration: float
 
     def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
-        """Return `SIGNALS` of the s before `end`; before now, where there is no duration."""
+        """Return the `SIGNALS` in `length` s before `end`, or before now for a running system."""
 
     def status(self) -> list[tuple[str, str, str]]:
-        """Return level ('ok', 'note', 'warning', 'problem'), name and words, worst first."""
+        """Return level ('ok', 'note', 'warning', 'problem'), name and text, the worst first."""
 
 
 def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
@@ -97,7 +99,7 @@ def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
     ----------
     feed : Feed
     length : float
-        s that are shown at once.
+        Length of the time axis, s.
     """
     def application(document: Any) -> None:
         page = _Page(feed, length)
@@ -109,11 +111,11 @@ def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
 
 
 class _Page:
-    """One visitor's view; it reads and changes nothing but itself."""
+    """One visitor's view, which changes nothing outside of it."""
 
     def __init__(self, feed: Feed, length: float):
         self._feed, self._length = feed, length
-        self._at, self._looked = 0.0, time.monotonic()
+        self._time, self._updated = 0.0, time.monotonic()
         self._source = ColumnDataSource({name: [] for name in SIGNALS})
         self._overview = ColumnDataSource({'joint': [], **{name: [] for name in _TABLE}})
         self._status = Div(sizing_mode='stretch_width')
@@ -125,15 +127,15 @@ class _Page:
         if feed.duration:
             self._play = Toggle(label='Play', button_type='primary', active=False, width=80,
                                 align='end')
-            self._speed = Select(title='Speed', value='1', options=list(_SPEEDS), width=80)
+            self._speed = Select(title='Speed', value='1', options=list(_PLAYBACK_SPEEDS), width=80)
             self._seek = Slider(title='Time (s)', start=0.0, end=feed.duration, step=0.05,
                                 value=min(length, feed.duration), min_width=240,
                                 sizing_mode='stretch_width')
             controls += [self._play, self._speed, self._seek]
         self.layout = column(
-            Div(text=f'<h1 style="font-size:1.3em;margin:0.2em 0">{_safe(feed.title)}</h1>'),
+            Div(text=f'<h1 style="font-size:1.3em;margin:0.2em 0">{escape(feed.title)}</h1>'),
             self._status,
-            # On a narrow page what does not fit beside goes below.
+            # The controls wrap on a narrow page.
             row(*controls, sizing_mode='stretch_width', styles={'flex-wrap': 'wrap'}),
             self._drawing,
             self._table(),
@@ -164,13 +166,13 @@ class _Page:
                           toolbar_location=None, y_axis_label=label, **shared)
             for name, legend, colour in lines:
                 draw = plot.step if name == 'direction' else plot.line
-                # What it ought to be lies dashed over what it is.
+                # Set points are dashed.
                 draw('time', name, source=self._source, color=colour, line_width=1.6,
                      line_dash=[6, 4] if name in ('command', 'reference_velocity') else 'solid',
                      legend_label=legend)
             if label == 'Direction':
                 plot.yaxis.ticker = [-1, 0, 1]
-            # Beside the plot and not in it, where it would cover what was measured.
+            # Above the plot, where it does not cover the curves.
             plot.add_layout(plot.legend[0], 'above')
             plot.legend.orientation = 'horizontal'
             plot.legend.border_line_color = None
@@ -182,35 +184,34 @@ class _Page:
         return plots
 
     def update(self) -> None:
-        """Show the present state."""
+        """Update the page to the present time."""
         now = time.monotonic()
         if self._feed.duration:
             if self._play.active:
                 self._seek.value = min(
-                    self._seek.value + (now - self._looked) * float(self._speed.value),
+                    self._seek.value + (now - self._updated) * float(self._speed.value),
                     self._feed.duration)
                 self._play.active = self._seek.value < self._feed.duration
-            self._at = self._seek.value
-        self._looked = now
+            self._time = self._seek.value
+        self._updated = now
         if self._joint.options != self._feed.joints:
             self._joint.options = list(self._feed.joints)
             self._joint.value = self._joint.value or _first(self._feed.joints)
         if self._joint.value:
-            data = self._feed.window(self._joint.value, self._at, self._length)
-            self._source.data = drawn(data)
-            self._drawing.text = self._joint_now(self._joint.value, data)
-        last = {joint: drawn(self._feed.window(joint, self._at, 1.0))
+            data = self._feed.window(self._joint.value, self._time, self._length)
+            self._source.data = with_gaps(data)
+            self._drawing.text = self._draw_joint(self._joint.value, data)
+        last = {joint: with_gaps(self._feed.window(joint, self._time, 1.0))
                 for joint in self._feed.joints}
         self._overview.data = {'joint': list(last), **{
             name: [float(data[name][-1]) if len(data[name]) else float('nan')
                    for data in last.values()] for name in _TABLE}}
         self._status.text = ' '.join(
-            f'<span style="color:{_LEVELS[level]};margin-right:1.5em"><b>{_safe(name)}</b>: '
-            f'{_safe(words)}</span>' for level, name, words in self._feed.status())
+            f'<span style="color:{_LEVELS[level]};margin-right:1.5em"><b>{escape(name)}</b>: '
+            f'{escape(words)}</span>' for level, name, words in self._feed.status())
 
-
-    def _joint_now(self, joint: str, data: dict[str, np.ndarray]) -> str:
-        """Return the joint as it is at the end of what is shown, scaled by all that was seen."""
+    def _draw_joint(self, joint: str, data: dict[str, np.ndarray]) -> str:
+        """Return a drawing of the joint's last state, scaled to all data so far."""
         if not len(data['time']):
             return ''
         known = data['position'][np.isfinite(data['position'])]
@@ -222,20 +223,16 @@ class _Page:
         return still_joint(float(data['position'][-1]), float(data['load'][-1]), largest, middle)
 
 
-def drawn(data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return signals with a break where data are missing, and the residual of motion alone."""
+def with_gaps(data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return signals with NaN in gaps, and the residual with NaN at standstill."""
     still = ~(np.abs(data['velocity']) > _STANDSTILL)
     data = {**data, 'residual': np.where(still, np.nan, data['residual'])}
     gaps = np.nonzero(np.diff(data['time']) > _GAP)[0] + 1
-    broken = {name: np.insert(values, gaps, np.nan) for name, values in data.items()}
-    # Between its neighbours, so that times go on increasing.
-    broken['time'] = np.insert(data['time'], gaps, data['time'][gaps - 1] + 0.5 * _GAP)
-    return broken
+    result = {name: np.insert(values, gaps, np.nan) for name, values in data.items()}
+    # Between its neighbours, so that time increases.
+    result['time'] = np.insert(data['time'], gaps, data['time'][gaps - 1] + 0.5 * _GAP)
+    return result
 
 
 def _first(joints: list[str]) -> str:
     return joints[0] if joints else ''
-
-
-def _safe(text: str) -> str:
-    return text.replace('&', '&amp;').replace('<', '&lt;').replace('>', '&gt;')

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of refinement's page, as drawings and with hover and zoom."""
+"""The figures of the refinement page, as drawings and as interactive plots."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ if TYPE_CHECKING:
     from friction_comp.samples import Samples
 
 Rows = Sequence[Sequence[Panel]]
-# s of a recording that are drawn over time, with about so many reversals.
+# Shortest and longest time that is drawn, s, and the number of reversals in it.
 _SHORTEST, _LONGEST, _REVERSALS = 4.0, 60.0, 8
-# Colours of the parts of a model, the base first.
+# Colours of the parts of a model, Eq. 6 first.
 _PARTS = ('violet', 'green', 'pink', 'red', 'yellow', 'orange', 'blue', 'grey')
 _DOTS = 1500
 
 
-class Drawn(NamedTuple):
-    """A drawing and its curves."""
+class DrawnFigure(NamedTuple):
+    """A drawing and its curves for the interactive plot."""
 
     figure: Figure
     live: Rows
 
 
 def excerpt(result: RefineResult) -> slice:
-    """Return a stretch of the recording with a few reversals, from its middle."""
+    """Return a stretch with a few reversals from the middle of the recording."""
     samples: Any = result.samples
-    part = max(samples.segments(20.0), key=lambda one: one.stop - one.start)
+    part = max(samples.segments(20.0), key=lambda segment: segment.stop - segment.start)
     time = samples.time[part]
-    whole = max(float(np.ptp(time)), 1e-9)
+    duration = max(float(np.ptp(time)), 1e-9)
     signs = np.sign(samples.velocity[part][result.usable[part]])
-    turns = max(int(np.count_nonzero(np.diff(signs))), 1)
-    length = float(np.clip(_REVERSALS * whole / turns, _SHORTEST, _LONGEST))
+    reversals = max(int(np.count_nonzero(np.diff(signs))), 1)
+    length = float(np.clip(_REVERSALS * duration / reversals, _SHORTEST, _LONGEST))
     begin, end = np.searchsorted(time, time[0] + 0.5 * (
-        whole + np.array([-1.0, 1.0]) * min(length, whole)))
+        duration + np.array([-1.0, 1.0]) * min(length, duration)))
     return slice(part.start + int(begin), part.start + int(end))
 
 
 @styled
-def time_figure(result: RefineResult) -> Drawn:
-    """Return measured and predicted current over time, and the part of each effect."""
+def time_figure(result: RefineResult) -> DrawnFigure:
+    """Draw measured and predicted current over time, and the part of each effect."""
     samples, unit = result.samples, result.report['unit']
     part = excerpt(result)
     time, measured = samples.time[part], samples.current[part]
@@ -59,10 +59,10 @@ def time_figure(result: RefineResult) -> Drawn:
               ('before', 'orange', measured - result.before[part]),
               ('after', 'blue', measured - result.after[part])]
     model, parts = result.model, []
-    known = model.with_arm(samples)
+    with_arm = model.with_arm(samples)
     parts.append(('Eq. 6', np.asarray(model.sigmoid(np.asarray(samples.velocity)))[part]))
     for effect in model.effects:
-        current = effect.current(known)[part]
+        current = effect.current(with_arm)[part]
         name = effect.name.replace('_', ' ')
         same = [k for k, (other, _) in enumerate(parts) if other == name]
         if same:
@@ -80,30 +80,24 @@ def time_figure(result: RefineResult) -> Drawn:
         axes.legend(loc='upper left', bbox_to_anchor=(1.0, 1.0))
     below.set_xlabel('time (s)')
     x = 'time (s)'
-    return Drawn(figure, [
-        [Panel(x, f'current ({unit})', [Line(*curve(name, time, values, colour))
-                                        for name, colour, values in curves])],
+    return DrawnFigure(figure, [
+        [Panel(x, f'current ({unit})', [
+            Line(name, time, values, colour) for name, colour, values in curves])],
         [Panel(x, f'part of it ({unit})', [
-            Line(*curve(name, time, values, colour))
+            Line(name, time, values, colour)
             for (name, values), colour in zip(parts, colours)])]])
 
 
-def curve(name: str, x: np.ndarray, y: np.ndarray, colour: str
-          ) -> tuple[str, np.ndarray, np.ndarray, str]:
-    """Return the arguments of a `Line`."""
-    return name, x, y, colour
-
-
 @styled
-def friction_figure(result: RefineResult) -> Drawn:
-    """Return friction over velocity: what the data leave to Eq. 6, and Eq. 6 before and after."""
+def friction_figure(result: RefineResult) -> DrawnFigure:
+    """Draw friction over velocity: measured without the effects, and Eq. 6 before and after."""
     samples, unit = result.samples, result.report['unit']
     velocity = np.asarray(samples.velocity)
-    rest = np.array(samples.current, dtype=float)
-    known = result.model.with_arm(samples)
+    friction = np.array(samples.current, dtype=float)
+    with_arm = result.model.with_arm(samples)
     for effect in result.model.effects:
-        rest -= effect.current(known)
-    v, y = _some(velocity[result.usable], rest[result.usable])
+        friction -= effect.current(with_arm)
+    v, y = _subsample(velocity[result.usable], friction[result.usable])
     speeds = np.linspace(velocity[result.usable].min(), velocity[result.usable].max(), 801)
     lines = [('before', 'orange', result.start.sigmoid(speeds)),
              ('after', 'blue', result.model.sigmoid(speeds))]
@@ -116,14 +110,14 @@ def friction_figure(result: RefineResult) -> Drawn:
     axes.set_xlabel('velocity (rad/s)')
     axes.set_ylabel(f'friction ({unit})')
     axes.legend()
-    return Drawn(figure, [[Panel('velocity (rad/s)', f'friction ({unit})', [
-        Line('measured, less what the effects explain', v, y, 'grey', style='dots'),
+    return DrawnFigure(figure, [[Panel('velocity (rad/s)', f'friction ({unit})', [
+        Line('measured minus effects', v, y, 'grey', style='dots'),
         *(Line(name, speeds, np.asarray(values), colour) for name, colour, values in lines)])]])
 
 
 @styled
-def parts_figure(result: RefineResult) -> Drawn:
-    """Return the error of each long part that was not fitted, and of standstill."""
+def parts_figure(result: RefineResult) -> DrawnFigure:
+    """Draw the error of each held-out part, and of standstill."""
     report = result.report
     unit = report['unit']
     figure, axes = new_figure(height=2.6)
@@ -146,17 +140,17 @@ def parts_figure(result: RefineResult) -> Drawn:
     axes.set_xlabel('part of the recording')
     axes.set_ylabel(f'RMS error ({unit})')
     axes.legend()
-    return Drawn(figure, [[Panel('part of the recording', f'RMS error ({unit})', lines)]])
+    return DrawnFigure(figure, [[Panel('part of the recording', f'RMS error ({unit})', lines)]])
 
 
-def _some(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    every = max(1, len(x) // _DOTS)
-    return x[::every], y[::every]
+def _subsample(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    step = max(1, len(x) // _DOTS)
+    return x[::step], y[::step]
 
 
 @styled
 def steps_figure(result: RefineResult) -> Figure:
-    """Return the error over the steps of the choice."""
+    """Draw the error as effects are added."""
     figure, axes = new_figure(height=2.6)
     labels = [f'+ {name.replace("_", " ")}' if k else name
               for k, (name, _) in enumerate(result.trail)]
@@ -170,14 +164,14 @@ def steps_figure(result: RefineResult) -> Figure:
 
 
 @styled
-def residual_figure(result: RefineResult, name: str, label: str) -> Drawn:
-    """Return the residual over a signal, before and after side by side."""
+def residual_figure(result: RefineResult, name: str, label: str) -> DrawnFigure:
+    """Draw the residual over a signal, before and after side by side."""
     figure, both = new_figure(columns=2, height=2.8, sharey=True)
     rows = result.usable
     x = getattr(result.samples, name)[rows]
     samples: Any = result.samples
     side = samples.velocity[rows] > 0
-    # Between two runs nothing was measured, and no line is drawn.
+    # No line is drawn across gaps.
     run = _runs(samples)[rows]
     if name != 'time' or np.any(np.diff(run[np.argsort(x, kind='stable')]) < 0):
         run = np.zeros(len(x), dtype=int)
@@ -187,7 +181,7 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Drawn:
         y = residual[rows]
         scatter(axes, x, y, 'grey')
         panel = Panel(label, f'measured − predicted ({unit})', [
-            Line('samples', *_some(x, y), 'grey', style='dots')], title)
+            Line('samples', *_subsample(x, y), 'grey', style='dots')], title)
         panels.append(panel)
         for mask, colour, words in ((side, 'blue', 'positive'), (~side, 'orange', 'negative')):
             if mask.sum() > 20 and name != 'velocity':
@@ -205,11 +199,11 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Drawn:
     both[0].set_ylabel(f'measured − predicted ({unit})')
     if name != 'velocity':
         both[1].legend(loc='upper right')
-    return Drawn(figure, [panels])
+    return DrawnFigure(figure, [panels])
 
 
 def _runs(samples: Samples) -> np.ndarray:
-    """Return the number of the run of each sample, shape (N,): a gap of 0.5 s ends one."""
+    """Return the index of each sample's run, shape (N,); a gap of 0.5 s ends a run."""
     run = np.empty(len(samples), dtype=int)
     for index, part in enumerate(samples.segments(max(20.0, 0.5 / samples.sample_time))):
         run[part] = index
@@ -218,18 +212,18 @@ def _runs(samples: Samples) -> np.ndarray:
 
 def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
              count: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Return the middles of ranges with as many samples each, and the averages in them.
+    """Return the means of x and y in ranges with equal numbers of samples.
 
-    Where no sample lies between two ranges for more than a tenth of the whole, and between two
-    runs, there is a NaN, so that no line is drawn across.
+    NaN separates ranges with a gap of more than a tenth of the whole between them, and ranges of
+    different runs, so that no line is drawn there.
 
     Parameters
     ----------
     x, y : ndarray, shape (N,)
     run : ndarray of int, shape (N,)
-        All the same where runs do not follow one another along x.
+        Run of each sample; all equal where runs do not follow each other along x.
     count : int
-        Of ranges, about.
+        Approximate number of ranges.
     """
     order = np.argsort(x, kind='stable')
     pieces = [piece for piece in np.array_split(order, count) if len(piece)]
@@ -238,8 +232,8 @@ def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
     means: list[float] = []
     last, before = -np.inf, None
     for piece in pieces:
-        own = x[piece]
-        cuts = np.nonzero((np.diff(own) > wide) | (np.diff(run[piece]) != 0))[0] + 1
+        values = x[piece]
+        cuts = np.nonzero((np.diff(values) > wide) | (np.diff(run[piece]) != 0))[0] + 1
         for part in np.split(piece, cuts):
             if middles and (np.min(x[part]) - last > max(wide, 1e-300) or run[part[0]] != before):
                 middles.append(np.nan)
@@ -251,8 +245,8 @@ def averages(x: np.ndarray, y: np.ndarray, run: np.ndarray,
 
 
 @styled
-def spectrum_figure(result: RefineResult) -> Drawn | None:
-    """Return the spectrum over position; None where the position hardly varied."""
+def spectrum_figure(result: RefineResult) -> DrawnFigure | None:
+    """Draw the spectrum over position; None where the position hardly varied."""
     unit = result.report['unit']
     figure, axes = new_figure(height=2.8)
     lines = []
@@ -261,20 +255,20 @@ def spectrum_figure(result: RefineResult) -> Drawn | None:
         k, size = spectrum(result, residual)
         if not len(k):
             return None
-        k, size = coarse(k, size)
+        k, size = largest_in_ranges(k, size)
         axes.plot(k, size, color=COLOURS[colour], label=words)
         lines.append(Line(words, np.log10(k), size, colour))
     axes.set_xscale('log')
-    axes.set_xlabel('periods a turn')
+    axes.set_xlabel('periods per turn')
     axes.set_ylabel(f'amplitude ({unit})')
     axes.set_ylim(bottom=0.0)
     axes.legend()
-    return Drawn(figure, [[Panel('periods a turn (logarithm to base 10)', f'amplitude ({unit})',
-                                 lines)]])
+    return DrawnFigure(figure, [[Panel(
+        'periods per turn (logarithm to base 10)', f'amplitude ({unit})', lines)]])
 
 
 def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return periods a turn, and the amplitude of a residual's wave of so many, shape (K,)."""
+    """Return numbers of periods per turn and the residual's amplitude at each, shape (K,)."""
     rows = result.usable
     samples: Any = result.samples
     highest = highest_frequency(samples.velocity[rows], samples.sample_time,
@@ -285,8 +279,9 @@ def spectrum(result: RefineResult, residual: np.ndarray) -> tuple[np.ndarray, np
     return k, np.sqrt(2.0 * np.asarray(power) / rows.sum())
 
 
-def coarse(k: np.ndarray, size: np.ndarray, count: int = 700) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest values in ranges of equal ratio, so that no peak is lost."""
+def largest_in_ranges(k: np.ndarray, size: np.ndarray, count: int = 700
+                      ) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest values in logarithmic ranges, so that no peak is lost."""
     range_index = (np.log(k / k[0]) / max(math.log(k[-1] / k[0]), 1e-12) * count).astype(int)
     first = np.nonzero(np.diff(range_index, prepend=-1))[0]
     return k[first], np.maximum.reduceat(size, first)

@@ -14,7 +14,7 @@ from friction_comp.refinement.thresholds import LEAST_SHARE
 from friction_comp.refinement.units import in_unit
 from friction_comp.reports.html import number, quantity, Report
 from friction_comp.reports.refinement_figures import (
-    Drawn,
+    DrawnFigure,
     friction_figure,
     parts_figure,
     residual_figure,
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 # Units of the effects' constants.
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
-          'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'a turn',
+          'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'per turn',
           'time_constant': 's', 'reference_temperature': '°C', 'lag': 's'}
 
 
@@ -42,9 +42,9 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
     ----------
     result : RefineResult
     names : list of str
-        Of the recordings.
+        Names of the recordings.
     command : sequence of str
-        Lines for the foot: what made the page.
+        Lines for the footer, such as the command that made the page.
 
     Returns
     -------
@@ -60,26 +60,26 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
     page.numbers([
         (quantity(before['held_out_rmse'], unit), 'error before, on data not fitted'),
         (quantity(after['held_out_rmse'], unit), 'error after, on data not fitted'),
-        (quantity(after['elsewhere_motion_rmse'], unit), 'to expect elsewhere, in motion'),
+        (quantity(after['elsewhere_motion_rmse'], unit), 'error to expect elsewhere, in motion'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
     page.text('Why this verdict:\n\n' + verdict_words(report))
     page.text(rest)
-    show(page, time_figure(result), 'Measured and predicted current in a stretch from the middle '
-         'of the recording, each part predicted by a fit to all others; below, what each effect '
-         'of the new model adds.')
-    show(page, friction_figure(result), 'Friction over velocity: the measured current less what '
-         'the effects explain, and Eq. 6 before and after.')
+    add_figure(page, time_figure(result), 'Measured and predicted current in a stretch from the '
+               'middle of the recording, each part predicted by a fit to all others; below, the '
+               'contribution of each effect of the new model.')
+    add_figure(page, friction_figure(result), 'Friction over velocity: the measured current minus '
+               'the effects, and Eq. 6 before and after.')
     page.heading('What was found')
     page.table(['effect', 'number', 'value', 'unit', '95 % interval'], interval_rows(report))
     if report['correlations']:
-        page.text('Of these pairs the recording tells a sum or a difference better than each by '
-                  'itself (correlation over parts drawn at random):\n\n' + '\n'.join(
+        page.text('Of these pairs the recording determines a sum or a difference better than each '
+                  'number alone (correlation over parts drawn at random):\n\n' + '\n'.join(
                       f"- {' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
                       for pair in report['correlations']))
     changed = change_rows(result)
     if changed:
-        page.table(['number of the model given', 'before', 'after', 'unit'], changed)
+        page.table(['number of the given model', 'before', 'after', 'unit'], changed)
     if report['effects']:
         page.table(
             ['effect', f'RMS with it, held out ({unit})', 'chosen in'],
@@ -98,70 +98,70 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
          for row in (before, after)])
     page.text(f"Held out: {report['held_out']}. Of {report['samples']} samples "
               f"{report['samples_in_motion']} are fitted: those in which the joint moves and the "
-              'current signal is not clipped. Where the joint sticks, current is not friction: '
-              'the error there is given by itself. Elsewhere: what to expect where the model was '
-              'not fitted, by how much errors grow in thirds of position, speed, time and '
-              'acceleration that are left out of the fit.')
-    show(page, parts_figure(result), 'Error of each long part, predicted by a fit to all others, '
-         'and of the samples at standstill.')
+              'current signal is not clipped. Where the joint sticks, current is not friction, so '
+              'the error at standstill is given separately. Elsewhere: the error to expect where '
+              'the model was not fitted, from the growth of errors in thirds of position, speed, '
+              'time and acceleration that are left out of the fit.')
+    add_figure(page, parts_figure(result), 'Error of each long part, predicted by a fit to all '
+               'others, and of the samples at standstill.')
     page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
                 'time. The dashed line is the noise from sample to sample.')
-    page.heading('What is left, before and after')
-    spoken = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
+    page.heading('The residual, before and after')
+    named = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
                         ('acceleration', 'acceleration (rad/s²)'), ('load', 'load (N·m)'),
                         ('time', 'time since the start (s)'),
                         ('temperature', 'motor temperature (°C)')):
-        wanted = name != 'acceleration' or name in spoken
+        wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
-            show(page, residual_figure(result, name, label),
-                 f'Residual over {name}: measured minus predicted current of data not fitted. The '
-                 'lines are averages over ranges, positive direction and negative direction '
-                 'apart.')
+            add_figure(page, residual_figure(result, name, label),
+                       f'Residual over {name}: measured minus predicted current of data not '
+                       'fitted. The lines are averages over ranges, separately for the positive '
+                       'and the negative direction.')
     drawn = spectrum_figure(result)
     if drawn is not None:
-        show(page, drawn, 'Spectrum of the residual over position: ripple shows as a peak at its '
-             'number of periods a turn. ' + wave_words(result))
+        add_figure(page, drawn, 'Spectrum of the residual over position: ripple shows as a '
+                   'peak at its number of periods per turn. ' + wave_words(result))
     page.heading('The model')
     page.text(model_words(result.model, unit))
     page.code(formula(result.model, unit))
     if result.model.effects:
         page.text(online_words(result.model))
     page.heading('What the recordings cannot tell')
-    page.text(honesty(report))
+    page.text(limitations(report))
     page.made_by(*command, f'Recordings: {", ".join(names)}')
     return page
 
 
 def summary(report: dict[str, Any]) -> str:
-    """Return the findings for a reader who builds robots, not statistics."""
+    """Return a summary of the report in words."""
     before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
     unit = report['unit']
     if report['verdict'] == 'record again':
-        lines = ['Of these recordings no model of friction can be trusted: see the reasons.']
+        lines = ['No friction model of these recordings can be trusted: see the reasons.']
     elif not report['effects']:
-        lines = [f'The model describes the drive as well as these recordings can tell: it misses '
-                 f'the measured current by {quantity(before, unit)} RMS, and no further effect '
-                 'makes that better on data it was not fitted to.']
+        lines = ['The model describes the drive as well as these recordings can tell: its error is '
+                 f'{quantity(before, unit)} RMS, and no further effect lowers it on data that were '
+                 'not fitted.']
     else:
         gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
         effects = '\n'.join(f"- {effect['in_words']}" for effect in report['effects'])
-        lines = [f'The model missed the measured current by **{quantity(before, unit)}** RMS. With '
-                 f'what was found in the recordings it misses by **{quantity(after, unit)}**, '
-                 f'that is {gain:.0f} % less, on stretches it was not fitted to.',
+        lines = [f'The error of the model was **{quantity(before, unit)}** RMS. With the effects '
+                 f'found in the recordings it is **{quantity(after, unit)}**, {gain:.0f} % less, '
+                 'on data that were not fitted.',
                  'What was found, the largest first:', effects]
     if report['unexplained']:
         names = ', '.join(entry['variable'] for entry in report['unexplained'])
-        lines.append(f'Something remains that still changes with **{names}** and that none of the '
-                     'known effects describes.')
+        lines.append(f'The remaining error depends on **{names}** in a way that none of the known '
+                     'effects describes.')
     if report['ambiguous']:
-        lines.append('Some findings have a second explanation that fits as well: see the last '
-                     'section for the recording that would decide.')
+        lines.append('Some findings have a second explanation that fits equally well: the last '
+                     'section names a recording that would decide.')
     return '\n\n'.join(lines)
 
 
 def verdict_words(report: dict[str, Any]) -> str:
-    """Return reasons of the verdict, and how to record what would change it."""
+    """Return the reasons for the verdict, and the recordings that would improve it."""
     lines = [f'- {line}' for line in report['reasons']]
     if report['record_again']:
         lines += ['', 'What to record:', '']
@@ -170,69 +170,74 @@ def verdict_words(report: dict[str, Any]) -> str:
 
 
 def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
-    """Return a row for every number that was found: effect, name, value, unit, interval."""
+    """Return a row for each fitted number: effect, name, value, unit, interval."""
     unit, friction = report['unit'], report['friction']
-    rows = [['Eq. 6', name, number(friction[key]), own.replace('A', unit, 1),
-             between(friction['intervals'][key]) if key in friction['intervals'] else 'as before']
-            for key, name, own in (('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
-                                   ('viscous', 'viscous friction', 'A·s/rad'))]
+    rows = [['Eq. 6', name, number(friction[key]), number_unit.replace('A', unit, 1),
+             interval_text(friction['intervals'][key])
+             if key in friction['intervals'] else 'as before']
+            for key, name, number_unit in (
+                ('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
+                ('viscous', 'viscous friction', 'A·s/rad'))]
     for effect in report['effects']:
         name, bounds = effect['name'].replace('_', ' '), effect['intervals']
         kind = EFFECTS.get(effect['name'])
         for key, value in effect['parameters'].items():
-            # What was not searched has no interval, or one without width.
+            # A constant that was not searched has no interval, or one of zero width.
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
                 rows.append([name, key.replace('_', ' '), number(value), _UNITS.get(key, ''),
-                             between(bounds[key])])
+                             interval_text(bounds[key])])
         for index, (value, ends) in enumerate(zip(
                 effect['parameters'].get('coefficients', ()), bounds.get('coefficients', ()))):
-            known = kind.numbers[index:index + 1] if kind else ()
-            what, own = known[0] if known else (f'coefficient {index + 1}', '')
-            rows.append([name, what, number(value), own.replace('A', unit, 1), between(ends)])
+            described = kind.numbers[index:index + 1] if kind else ()
+            label, number_unit = described[0] if described else (f'coefficient {index + 1}', '')
+            rows.append([name, label, number(value), number_unit.replace('A', unit, 1),
+                         interval_text(ends)])
     return rows
 
 
 def change_rows(result: RefineResult) -> list[list[Any]]:
-    """Return a row for every number of the model given that was fitted anew: before and after."""
+    """Return a row for each number of the given model that was fitted again: before and after."""
     if not result.report['before']['model'].startswith('the given model'):
         return []
     unit = result.report['unit']
     old, new = result.start.sigmoid, result.model.sigmoid
-    rows = [[f'Eq. 6: {name}', number(a), number(b), own.replace('A', unit, 1)] for name, a, b, own
-            in (('Coulomb friction', 0.5 * (old.upper - old.lower), 0.5 * (new.upper - new.lower),
-                 'A'), ('offset', 0.5 * (old.upper + old.lower), 0.5 * (new.upper + new.lower),
-                        'A'), ('viscous friction', old.viscous, new.viscous, 'A·s/rad'))]
+    rows = [[f'Eq. 6: {name}', number(a), number(b), number_unit.replace('A', unit, 1)]
+            for name, a, b, number_unit in (
+                ('Coulomb friction', 0.5 * (old.upper - old.lower),
+                 0.5 * (new.upper - new.lower), 'A'),
+                ('offset', 0.5 * (old.upper + old.lower), 0.5 * (new.upper + new.lower), 'A'),
+                ('viscous friction', old.viscous, new.viscous, 'A·s/rad'))]
     for before, after in zip(result.start.effects, result.model.effects):
         if before.name == after.name:
             for index, pair in enumerate(zip(before.coefficients, after.coefficients)):
-                known = after.numbers[index:index + 1] or ((f'coefficient {index + 1}', ''),)
-                rows.append([f"{after.name.replace('_', ' ')}: {known[0][0]}",
-                             *map(number, pair), known[0][1].replace('A', unit, 1)])
+                described = after.numbers[index:index + 1] or ((f'coefficient {index + 1}', ''),)
+                rows.append([f"{after.name.replace('_', ' ')}: {described[0][0]}",
+                             *map(number, pair), described[0][1].replace('A', unit, 1)])
     return rows
 
 
 def wave_words(result: RefineResult) -> str:
-    """Return the largest wave of the residual over position, and why it has no name."""
+    """Return the largest wave of the residual over position, and why it is not named."""
     k, size = spectrum(result, result.after)
-    left = result.after[result.usable]
-    if not len(k) or not np.any(left):
+    residual = result.after[result.usable]
+    if not len(k) or not np.any(residual):
         return ''
     largest = int(np.argmax(size))
-    share = 0.5 * size[largest] ** 2 / float(np.mean(left ** 2))
-    why = (f'an effect has to take away {100 * LEAST_SHARE:.0f} %' if share < LEAST_SHARE
-           else 'parts of the recording did not agree on it')
-    return (f'The largest wave left has {quantity(float(size[largest]), result.report["unit"])}, '
-            f'{number(float(k[largest]))} times a turn: {100 * share:.2g} % of the squared error. '
-            f'It is not named: {why}.')
+    share = 0.5 * size[largest] ** 2 / float(np.mean(residual ** 2))
+    reason = (f'an effect has to remove {100 * LEAST_SHARE:.0f} %' if share < LEAST_SHARE
+              else 'parts of the recording did not agree on it')
+    amplitude = quantity(float(size[largest]), result.report['unit'])
+    return (f'The largest remaining wave has {amplitude}, {number(float(k[largest]))} times per '
+            f'turn: {100 * share:.2g} % of the squared error. It is not named: {reason}.')
 
 
-def show(page: Report, drawn: Drawn, caption: str) -> None:
+def add_figure(page: Report, drawn: DrawnFigure, caption: str) -> None:
     """Add a figure with its curves to a page."""
     page.figure(drawn.figure, caption, live=drawn.live)
 
 
-def between(interval: list[float | None]) -> str:
-    """Return an interval in words."""
+def interval_text(interval: list[float | None]) -> str:
+    """Return an interval as text."""
     low, high = interval
     if low is None or high is None:
         return 'the recordings do not tell'
@@ -240,7 +245,7 @@ def between(interval: list[float | None]) -> str:
 
 
 def model_words(model: FrictionModel, unit: str = 'A') -> str:
-    """Return the model as a list in words."""
+    """Return the parts of the model as a list in words."""
     s = model.sigmoid
     lines = [f'- Friction by Eq. 6: {number(s.upper)} {unit} towards positive and '
              f'{number(s.lower)} {unit} towards negative speed, {number(s.viscous)} {unit} more '
@@ -271,8 +276,8 @@ def online_words(model: FrictionModel) -> str:
     return '\n'.join(lines)
 
 
-def honesty(report: dict[str, Any]) -> str:
-    """Return what remains open."""
+def limitations(report: dict[str, Any]) -> str:
+    """Return what the recordings cannot tell, as a list."""
     lines = [f"- **{entry['variable']}**: {entry['note']} "
              f"({100 * entry['strength']:.0f} % of the remaining variance)."
              for entry in report['unexplained']]

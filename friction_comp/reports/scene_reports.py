@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of the demo's further scenes: two joints with reversals, and a drive that changes."""
+"""Pages of the demo's other scenes: two joints with reversals, and a drive that changes."""
 
 from __future__ import annotations
 
@@ -30,75 +30,73 @@ def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
     Parameters
     ----------
     evaluations : list of Evaluation
-        One a joint.
+        One for each joint.
     shown : dict of str to Samples
-        One recording of the exercise by joint, on one time base.
+        A recording of the exercise by joint, on one time base.
     exercise : Path
     """
-    page = Report('Two joints that turn round on the way',
-                  f'Exercise {exercise.name}: each direction announced by itself')
+    page = Report('Two joints that reverse on the way',
+                  f'Exercise {exercise.name}: directions announced separately for each joint')
     tiles = []
     words = []
-    for one in evaluations:
-        compared, peaks = one.compared('peak_torque'), compared_peaks(one)
-        if compared is None or peaks is None:
+    for evaluation in evaluations:
+        torques, peaks = evaluation.compared('peak_torque'), compared_peaks(evaluation)
+        if torques is None or peaks is None:
             continue
-        tiles.append((f'{peaks[0]} → {peaks[1]} N·m', f'{one.joint}, peak'))
-        change = round(100 * (compared[1] / compared[0] - 1))
-        words.append(f'the {one.joint} {"at least " if one.is_bound else ""}'
+        tiles.append((f'{peaks[0]} → {peaks[1]} N·m', f'{evaluation.joint}, peak'))
+        change = round(100 * (torques[1] / torques[0] - 1))
+        words.append(f'the {evaluation.joint} {"at least " if evaluation.is_bound else ""}'
                      f'**{abs(change)} %** {"more" if change > 0 else "less"}')
-    page.verdict("With each joint's direction announced as it changes, setting it in motion and "
-                 'turning it round takes of the person at its peak: '
-                 f'{", ".join(words) or "not known"} than with kinetic friction compensated '
-                 'alone.')
+    page.verdict("With each joint's direction announced as it changes, the person's peak torque "
+                 'for starting and reversing it compares as follows with compensation of kinetic '
+                 f'friction alone: {", ".join(words) or "not known"}.')
     page.numbers(tiles)
-    page.figure(exercise_figure(shown), 'What was shown to the person (dashed), where the joints '
-                'went, and the direction announced for each (shaded: blue positive, orange '
-                'negative).')
-    for one in evaluations:
-        page.heading(f'The {one.joint}')
-        add_evaluation(page, one)
+    page.figure(exercise_figure(shown), 'Positions shown to the person (dashed), positions of the '
+                'joints, and announced directions (shaded: blue positive, orange negative).')
+    for evaluation in evaluations:
+        page.heading(f'The {evaluation.joint}')
+        add_evaluation(page, evaluation)
     return page
 
 
 @styled
 def exercise_figure(shown: dict[str, Samples], seconds: float = 16.0) -> Figure:
-    """Draw positions and announced directions of the first s, one joint above the other."""
+    """Draw positions and announced directions of the first seconds, one joint above the other."""
     figure, axes = new_figure(len(shown), 1, width=8.4, height=2.2, sharex=True, squeeze=False)
-    for below, (joint, samples) in zip(axes[:, 0], shown.items()):
+    for axis, (joint, samples) in zip(axes[:, 0], shown.items()):
         part = samples.take(samples.time <= samples.time[0] + seconds)
         if part.reference_position is not None:
-            below.plot(*thin(part.time, np.degrees(part.reference_position)), '--',
-                       color=COLOURS['grey'], linewidth=1.0)
-        below.plot(*thin(part.time, np.degrees(part.position)), color=COLOURS['green'])
+            axis.plot(*thin(part.time, np.degrees(part.reference_position)), '--',
+                      color=COLOURS['grey'], linewidth=1.0)
+        axis.plot(*thin(part.time, np.degrees(part.position)), color=COLOURS['green'])
         for sign, colour in ((1, 'blue'), (-1, 'orange')):
             if part.direction is not None:
-                below.fill_between(part.time, 0, 1, where=part.direction == sign, alpha=0.15,
-                                   color=COLOURS[colour], linewidth=0,
-                                   transform=below.get_xaxis_transform())
-        below.set_ylabel(f'{joint} (deg)')
+                axis.fill_between(part.time, 0, 1, where=part.direction == sign, alpha=0.15,
+                                  color=COLOURS[colour], linewidth=0,
+                                  transform=axis.get_xaxis_transform())
+        axis.set_ylabel(f'{joint} (deg)')
     axes[-1, 0].set_xlabel('time (s)')
     return figure
 
 
 def stages_of(evaluation: Evaluation, marks: dict[str, float], count: int
               ) -> dict[str, list[Repetition]]:
-    """Return the repetitions at first, at the warning, and after the refined model was loaded.
+    """Return the repetitions at the start, at the warning, and with the refined model.
 
     Parameters
     ----------
     evaluation : Evaluation
     marks : dict
-        'warned' and 'loaded', s since the exercise began.
+        Times of 'warned' and 'loaded' since the exercise began, s.
     count : int
-        Movements each way in a stage.
+        Number of movements in each direction in a stage.
     """
-    every = sorted(evaluation.repetitions, key=lambda r: r.begin)
-    # What was active is known from the compensator itself; the marks are a second late.
-    first = every[0].help.model
-    before = [r for r in every if r.help.model == first]
-    after = [r for r in every if r.help.model != first]
-    # In the last of them the refined model may have been loaded already.
+    repetitions = sorted(evaluation.repetitions, key=lambda r: r.begin)
+    # The compensator's own record of the active model is exact; the marks are a second late.
+    first = repetitions[0].help.model
+    before = [r for r in repetitions if r.help.model == first]
+    after = [r for r in repetitions if r.help.model != first]
+    # The refined model may have been loaded during the last one.
     before = before[:-1] if after and len(before) > 2 * count else before
     late = [r for r in before if r.begin >= marks['warned']] or before
     return {'at first': before[:2 * count], 'model no longer fits': late[-2 * count:],
@@ -106,30 +104,30 @@ def stages_of(evaluation: Evaluation, marks: dict[str, float], count: int
 
 
 def effort(part: list[Repetition], figure: str = 'rms_torque') -> Interval:
-    """Return mean and interval of a figure of repetitions.
+    """Return the mean of a figure over repetitions with its interval.
 
     Parameters
     ----------
     part : list of Repetition
     figure : str
-        By its name in `FIGURES`; the person's RMS torque by default.
+        A name in `FIGURES`.
     """
     return mean_interval([r.figures[figure] for r in part if figure in r.figures])
 
 
 def wear_words(stages: dict[str, list[Repetition]], facts: dict[str, Any]) -> str:
-    """Return in words what came of closing the loop live."""
+    """Return the result of the live loop in words."""
     first, late, refined = (effort(part).mean for part in stages.values())
     starts = [effort(part, 'peak_torque').mean for part in stages.values()]
     return (f'The drive changed while it ran: the torque with which a person moves it rose from '
-            f'**{number(first)}** to **{number(late)} N·m** RMS. The watch told so, and refinement '
-            f'found in what was kept of the session: {", ".join(facts["found"])}. The model was '
-            f'loaded into the running compensator: its error fell from '
-            f'{number(1e3 * facts["error_before"])} to {number(1e3 * facts["error_after"])} mA on '
-            f'data not fitted, and moving the joint takes **{number(refined)} N·m** now. Its peak '
-            f'was {number(starts[0])}, {number(starts[1])} and is {number(starts[2])} N·m: the '
-            'breakaway currents are measured by identification alone, and a changed drive should '
-            'be identified again.')
+            f'**{number(first)}** to **{number(late)} N·m** RMS. The monitoring warned, and '
+            f'refinement found in the session: {", ".join(facts["found"])}. The refined model was '
+            'loaded into the running compensator: the error on data not fitted fell from '
+            f'{number(1e3 * facts["error_before"])} to {number(1e3 * facts["error_after"])} mA, '
+            f'and moving the joint now takes **{number(refined)} N·m**. The peak was '
+            f'{number(starts[0])} and {number(starts[1])} N·m before, and is {number(starts[2])} '
+            'N·m now: only identification measures the breakaway currents, so a changed drive '
+            'should be identified again.')
 
 
 def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
@@ -140,34 +138,34 @@ def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
     Parameters
     ----------
     evaluation : Evaluation
-        Of the whole session.
+        Evaluation of the whole session.
     stages : dict
-        As `stages_of` returns them.
+        As returned by `stages_of`.
     marks : dict
+        As for `stages_of`.
     facts : dict
-        What watch and refinement said.
+        Messages of monitoring and refinement.
     samples : Samples
         The session.
     hidden : Path
-        What the simulated joint alone was given.
+        The file with the effects that only the simulation was given.
     """
-    page = Report('A drive that changes, and a loop that is closed live',
-                  'Watch, refine, load on trial, judge: without a restart')
+    page = Report('A drive that changes, refined while it runs',
+                  'Monitor, refine, load on trial, judge: without a restart')
     page.verdict(wear_words(stages, facts))
     page.numbers([(f'{with_interval(effort(part))} N·m',
                    f'{name}: RMS torque, {len(part)} movements')
                   for name, part in stages.items()])
     page.figure(session_figure(evaluation, marks, samples),
-                'RMS torque of each movement by the model that was active, and the temperature '
-                'of the motor. Lines: when the watch warned, and when the refined model was '
-                'loaded.')
-    page.heading('What was said')
+                'RMS torque of each movement by active model, and motor temperature. The lines '
+                'mark the warning and the loading of the refined model.')
+    page.heading('Messages')
     page.text('\n'.join(f'- {line}' for line in (
-        f'the watch: {facts["warning"]}', f'refinement: {facts["message"]}',
-        f'its verdict: {facts["verdict"]}', f'the watch afterwards: {facts["afterwards"]}')))
-    page.text(f'The joint hides its change from all other nodes: `{hidden.name}` was given to the '
-              'simulation alone. The model is on trial beside the one before for some minutes of '
-              'movement, and is taken back if that one fits better.')
+        f'monitoring: {facts["warning"]}', f'refinement: {facts["message"]}',
+        f'its verdict: {facts["verdict"]}', f'monitoring afterwards: {facts["afterwards"]}')))
+    page.text(f'Only the simulation knows the change, from `{hidden.name}`. The refined model is '
+              'compared with the previous one for some minutes of movement, and taken back if the '
+              'previous one fits better.')
     page.heading('The whole session')
     add_evaluation(page, evaluation)
     return page
@@ -175,26 +173,26 @@ def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
 
 @styled
 def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Samples) -> Figure:
-    """Draw each movement's RMS torque over the session, and the temperature below."""
+    """Draw the RMS torque of each movement over the session, and the temperature below."""
     rows = 1 if samples.temperature is None else 2
     figure, axes = new_figure(rows, 1, width=8.4, height=2.4, sharex=True, squeeze=False)
-    above = axes[0, 0]
+    torque_axis = axes[0, 0]
     models = list(dict.fromkeys(r.help.model for r in sorted(
         evaluation.repetitions, key=lambda r: r.begin)))
     for model, colour, marker in zip(models, ('orange', 'blue', 'green'), 'os^'):
         part = [r for r in evaluation.repetitions if r.help.model == model
                 and 'rms_torque' in r.figures]
-        above.plot([r.begin for r in part], [r.figures['rms_torque'] for r in part], marker,
-                   color=COLOURS[colour], markersize=4.5,
-                   label=('model at the start' if model == models[0] else 'refined model'))
-    above.set_ylim(bottom=0.0)
-    above.set_ylabel('RMS torque (N·m)')
-    for below in axes[:, 0]:
-        for at in marks.values():
-            below.axvline(at, color=COLOURS['grey'], linewidth=0.9, linestyle=':')
-    for name, at in marks.items():
-        above.text(at, 1.0, f' {name}', transform=above.get_xaxis_transform(), va='top',
-                   fontsize=8.5)
+        torque_axis.plot([r.begin for r in part], [r.figures['rms_torque'] for r in part], marker,
+                         color=COLOURS[colour], markersize=4.5,
+                         label=('model at the start' if model == models[0] else 'refined model'))
+    torque_axis.set_ylim(bottom=0.0)
+    torque_axis.set_ylabel('RMS torque (N·m)')
+    for axis in axes[:, 0]:
+        for moment in marks.values():
+            axis.axvline(moment, color=COLOURS['grey'], linewidth=0.9, linestyle=':')
+    for name, moment in marks.items():
+        torque_axis.text(moment, 1.0, f' {name}', transform=torque_axis.get_xaxis_transform(),
+                         va='top', fontsize=8.5)
     if samples.temperature is not None:
         axes[1, 0].plot(*thin(samples.time, samples.temperature), color=COLOURS['red'])
         axes[1, 0].set_ylabel('motor (°C)')
