@@ -31,7 +31,7 @@ from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.joint_io import unit_said
 from friction_comp.nodes.joint_watch import frame_of, value_at, values_of
 from friction_comp.nodes.ros_start import start_ros
-from friction_comp.recordings.activity import compensator_says
+from friction_comp.recordings.activity import compensator_activity
 from friction_comp.samples import Samples
 from friction_comp.topics import TORQUE_UNIT
 
@@ -151,7 +151,7 @@ class LiveFeed:
         for status in message.status:
             self._status[status.name] = (
                 _LEVELS.get(ord(status.level), 'note'), status.message, time.monotonic())
-            said = None if self._given else compensator_says(status)
+            said = None if self._given else compensator_activity(status)
             for joint, path in said.models.items() if said else ():
                 self._use(joint, path)
 
