@@ -19,7 +19,7 @@ from rclpy.parameter_service import ParameterService
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.compensator_client import turn
+from friction_comp.nodes.compensator_client import yield_to_executor
 
 # s that files may take to be read and checked.
 PATIENCE = 10.0
@@ -139,4 +139,4 @@ class PatientParameterService(ParameterService):
         loading = self._get_node().prepare(
             [Parameter.from_parameter_msg(message) for message in request.parameters])
         while loading is not None and not loading.done:
-            await turn()
+            await yield_to_executor()

@@ -16,7 +16,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
-from friction_comp.nodes.compensator_client import CompensatorClient, turn
+from friction_comp.nodes.compensator_client import CompensatorClient, yield_to_executor
 from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
@@ -119,9 +119,9 @@ class RefinementNode(Node):
             self._looking = False
 
     async def _compare(self) -> None:
-        exchanges = self._compensator.exchanges
+        model_changes = self._compensator.model_changes
         files = await self._compensator.files()
-        if exchanges != self._compensator.exchanges:
+        if model_changes != self._compensator.model_changes:
             # The answer may be from before the exchange, and would end the new model's trial.
             return
         compensated = self._compensated()
@@ -235,7 +235,7 @@ class RefinementNode(Node):
             while time.monotonic() < end:
                 # The executor does not rest while anything awaits its turn.
                 time.sleep(self.nap)
-                await turn()
+                await yield_to_executor()
         return job.result(), start
 
     async def _maybe_load(self, joint: str, request: RefineModel.Goal, refined: JobResult,

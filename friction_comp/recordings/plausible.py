@@ -72,7 +72,7 @@ def _check_limits(samples: Samples, where: str) -> None:
             worst = int(np.argmax(np.where(impossible, np.abs(values), 0.0)))
             raise InputError(
                 f'{where}: {signal.replace("_", " ")} of {values[worst]:.4g} {unit} at '
-                f'{samples.time[worst]:.3f} s cannot be ({np.count_nonzero(impossible)} of '
+                f'{samples.time[worst]:.3f} s is impossible ({np.count_nonzero(impossible)} of '
                 f'{len(values)} values beyond {limit:.0e} {unit})')
 
 
@@ -86,7 +86,8 @@ def _check_rate(samples: Samples, where: str) -> None:
         raise InputError(
             f'{where}: position jumps from {samples.position[worst]:.4g} to '
             f'{samples.position[worst + 1]:.4g} rad within {step[worst]:.3g} s at '
-            f'{samples.time[worst]:.3f} s, which cannot be (unit of position or of the stamps?)')
+            f'{samples.time[worst]:.3f} s, which is impossible (wrong unit of position or of '
+            'the stamps?)')
 
 
 def _check_velocity(samples: Samples, where: str) -> None:
