@@ -279,11 +279,11 @@ class CompensatorNode(LifecycleNode):
             self.destroy_subscription(subscription)
         self._loop = None
 
-    def let_go(self) -> None:
+    def stop_motor(self) -> None:
         """Command zero current permanently; may be called from any thread."""
         loop = self._loop
         if loop is not None:
-            loop.port.zero(for_good=True)
+            loop.port.zero(permanent=True)
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""
