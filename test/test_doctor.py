@@ -144,7 +144,7 @@ def latched(seen):
 
 
 @pytest.mark.parametrize(('harm', 'about', 'words'), [
-    (without_listener, 'current_command', 'nobody listens'),
+    (without_listener, 'current_command', 'nobody subscribes'),
     (second_commander, 'current_command', 'may command'),
     (reliable_wanted, 'QoS', 'best effort'),
     (other_name, 'joint_states', '/robot/joint_states'),
@@ -153,8 +153,8 @@ def latched(seen):
     (no_tick, 'clocks', '/clock'),
     (turned_velocity, JOINT, '-1 times'),
     (degrees_a_second, JOINT, 'velocity is in deg/s'),
-    (named_twice, 'joint_states', f'{JOINT} twice'),
-    (nowhere, JOINT, '1e+300 rad cannot be'),
+    (named_twice, 'joint_states', f'{JOINT} is named twice'),
+    (nowhere, JOINT, '1e+300 rad is impossible'),
     (two_planners, 'direction', '/direction_planner, /direction_stamped_planner'),
     (no_effort, JOINT, 'no effort'),
     (no_timeout, 'driver', 'command_timeout'),

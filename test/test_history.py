@@ -74,7 +74,7 @@ def test_friction_that_changed_is_seen_beside_the_model():
 
 
 @pytest.mark.parametrize(('content', 'word'), [
-    (b'', 'no history'), (b'PK\x03\x04 and then nothing', 'no history'), (None, 'N·m/A')])
+    (b'', 'not the history'), (b'PK\x03\x04 and then nothing', 'not the history'), (None, 'N·m/A')])
 def test_what_is_no_history_of_the_drive_is_refused_by_name(tmp_path, content, word):
     path = History.path_of(tmp_path / 'model.yaml')
     if content is None:

@@ -83,7 +83,7 @@ def test_publishers_of_different_joints_are_no_rivals(driver):
 
 @pytest.mark.parametrize(('names', 'position', 'words'), [
     (['elbow', 'shoulder', 'elbow'], [0.0, 0.0, 0.5], 'elbow twice'),
-    (JOINTS, [0.0, 1e300], 'shoulder: a position of 1e+300 rad cannot be')])
+    (JOINTS, [0.0, 1e300], 'shoulder: a position of 1e+300 rad is impossible')])
 def test_states_that_cannot_be_are_named(driver, names, position, words):
     command = driver.ask(position, [0.0] * len(names), names=names)
     assert command[1] == 0.0

@@ -32,7 +32,7 @@ from friction_comp.drive import Drive
 from friction_comp.excitation.move import Move
 from friction_comp.excitation.plan import JointPlan, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.joint_io import unit_said
+from friction_comp.nodes.joint_io import command_unit
 from friction_comp.nodes.trajectory_client import message_of
 from friction_comp.recordings import read_recording
 from friction_comp.simulation.joint import Plant
@@ -61,7 +61,7 @@ def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path
             torque = driver.ask(position, [], base + round(1e6 * k))
             current = law.update(1e-3 * k, position, None, np.array([1.0, -1.0]))
             np.testing.assert_allclose(torque, current * gains, rtol=0.0, atol=1e-9)
-        assert {unit_said(message) for message in driver.commands} == {TORQUE_UNIT}
+        assert {command_unit(message) for message in driver.commands} == {TORQUE_UNIT}
     assert min(np.abs(torque)) > 0.2
 
 
@@ -157,7 +157,7 @@ class TorqueController(FakeDriver):
             self.probe.spin_for(0.002)
         heard = self._answers_from(before)
         torque = heard[-1].data[0] if heard else 0.0
-        assert all(unit_said(message) == TORQUE_UNIT for message in heard)
+        assert all(command_unit(message) == TORQUE_UNIT for message in heard)
         self.plant.step(np.array([torque / self.gain]), None, None, None)
 
 

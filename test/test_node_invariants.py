@@ -152,7 +152,7 @@ class Motor(RuleBasedStateMachine):
     def end_by_signal(self, chance, speed):
         # Once in a while: nothing can happen after it.
         if chance == 7:
-            self.port.zero(for_good=True)
+            self.port.zero(permanent=True)
             self.gone = True
             self.stream(3, speed, True)
 

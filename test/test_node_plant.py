@@ -151,7 +151,7 @@ def test_a_pace_holds_simulated_time_to_it_and_does_not_make_up_for_a_long_wait(
 
     def steps(rate, begin, end):
         """Steps of 10 ms that are taken when time is looked at every ms."""
-        return sum(pace.goes_on(rate, second // 100, now)
+        return sum(pace.may_step(rate, second // 100, now)
                    for now in range(int(begin * second), int(end * second), second // 1000))
     assert steps(2.0, 10.0, 11.0) == pytest.approx(200 + 2.0 * 20, abs=2)
     assert steps(2.0, 11.0, 12.0) == pytest.approx(200, abs=2)

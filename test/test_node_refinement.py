@@ -150,7 +150,7 @@ def test_without_any_past_there_is_nothing_to_refine(bench):
     assert handle.accepted
     outcome = bench.result(handle)
     assert outcome.status == GoalStatus.STATUS_ABORTED
-    assert 'nothing is kept' in outcome.result.message
+    assert 'no messages are kept' in outcome.result.message
     assert not bench.refine(joint='nobody').accepted
 
 
@@ -188,7 +188,7 @@ def test_a_model_that_no_longer_fits_is_told_refined_loaded_and_taken_back(bench
     bench.move(40.0, ripple=0.0, seed=1)
     probe.until(lambda: loaded(probe) == MODELS[:1], 'the model that fits is back')
     status = probe.status_of('refinement', lambda s: any(
-        'taken back' in item.value for item in s.values))
+        'unloaded' in item.value for item in s.values))
     assert status
 
 

@@ -80,7 +80,7 @@ def test_model_and_current_are_those_of_the_compensator(tmp_path):
             status = probe.status_of('compensator', lambda s: any(
                 item.key == 'elbow: residual' for item in s.values))
             said = next(item.value for item in status.values if item.key == 'elbow: residual')
-            assert 'never heard' in said
+            assert 'not received' in said
             # The page listens, and asks nobody anything.
             names = [topic for topic, _ in probe.get_client_names_and_types_by_node(
                 'friction_comp_watch', '/')]

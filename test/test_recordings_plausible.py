@@ -41,8 +41,9 @@ def spoiled(signal, value, at=4321):
 
 
 CASES = [
-    (lambda: spoiled('position', 1e300), r'position of 1e\+300 rad at 8\.642 s cannot be'),
-    (lambda: spoiled('current', -1e150), r'current of -[0-9.]+e\+1\d\d A at 8\.642 s cannot be'),
+    (lambda: spoiled('position', 1e300), r'position of 1e\+300 rad at 8\.642 s is impossible'),
+    (lambda: spoiled('current', -1e150),
+     r'current of -[0-9.]+e\+1\d\d A at 8\.642 s is impossible'),
     (lambda: spoiled('velocity', 1e12), r'velocity of 1e\+12 rad/s at 8\.642 s'),
     (lambda: spoiled('position', 300.0), r'position jumps from .* to 300 rad within 0\.002 s'),
     (lambda: strokes(current=-strokes().current), 'effort has the wrong sign'),
@@ -71,7 +72,7 @@ def test_no_tool_ends_well_on_what_cannot_be(tmp_path, monkeypatch, capsys, tool
     assert run(tool, ['odd', *arguments]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
-    assert "odd: joint 'elbow': position of 1e+300 rad at 0.042 s cannot be" in lines[0]
+    assert "odd: joint 'elbow': position of 1e+300 rad at 0.042 s is impossible" in lines[0]
     assert [path.name for path in tmp_path.iterdir()] == ['odd']
 
 

@@ -207,7 +207,7 @@ def test_writer_keeps_what_was_written_and_nothing_else(tmp_path):
         record_until(RuntimeError('plug pulled'), 'kept')
     samples, = read_recording(tmp_path / 'kept')
     assert len(samples) == 1
-    with pytest.raises(InputError, match='exists already'):
+    with pytest.raises(InputError, match='already exists'):
         RecordingWriter(tmp_path / 'kept')
     with pytest.raises(InputError, match='nothing was recorded'), RecordingWriter(tmp_path / 'n'):
         pass

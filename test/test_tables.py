@@ -169,8 +169,8 @@ def test_rows_that_lack_something_are_left_out(tmp_path):
     ('t,q\n0,1\n', 'which column is the effort or current'),
     ('q,tau\n0,1\n', 'which column is the time'),
     ('t,q,tau,q\n0,1,2,3\n', "two columns called 'q'"),
-    ('t,q,tau\n0,1,2\n1,x,2\n', "line 3, column 'q': 'x' is no number"),
-    ('\0\0,q\n0,1\n', 'is not text')])
+    ('t,q,tau\n0,1,2\n1,x,2\n', "line 3, column 'q': 'x' is not a number"),
+    ('\0\0,q\n0,1\n', 'not a text file')])
 def test_what_is_wrong_with_a_table_is_said_in_one_line(tmp_path, capsys, text, said):
     (tmp_path / 'log.csv').write_text(text)
     assert main(['refine', str(tmp_path / 'log.csv'), '--output', str(tmp_path / 'out')]) == 2

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds what is wrong with a running system: connections, rates, clocks and values."""
+"""Checks a running system: connections, rates, clocks and values."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from friction_comp.signal_checks import beyond, LIMITS, velocity_fault, velocity
 from friction_comp.topics import TOPICS
 
 _LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}
-# Where nobody says otherwise: the compensator's own defaults, s.
+# The compensator's defaults, s.
 _STATE_TIMEOUT, _DIRECTION_TIMEOUT = 0.05, 0.5
-# Fewer joint states a second than this are no basis for feeding friction forward, Hz.
+# Joint state rate below which friction cannot be fed forward well, Hz.
 _SLOW = 200.0
-# Nodes that hear commands and drive nothing.
-_LOOK_ON = ('recorder', 'refinement', 'watch', 'doctor')
-# Blocks of motion without which signs and units of velocity are not judged, and the factor by which
-# velocity and rate of position may differ.
-_FEWEST, _ALIKE = 5, 1.25
+# Nodes that subscribe to commands without driving a motor.
+_OBSERVERS = ('recorder', 'refinement', 'watch', 'doctor')
+# Fewest blocks of motion to check sign and unit of velocity, and largest ratio of velocity and rate
+# of position.
+_FEWEST, _LARGEST_RATIO = 5, 1.25
 
 
 def check_system(seen: Observation) -> list[Finding]:
@@ -60,7 +60,7 @@ def _quality(seen: Observation) -> Iterator[Finding]:
                     what = 'transient local, but it is published volatile'
                 if what:
                     yield Finding(
-                        PROBLEM, 'QoS', f'{subscriber.node} asks for {name} {what} by '
+                        PROBLEM, 'QoS', f'{subscriber.node} requests {name} {what} by '
                         f'{publisher.node}: '
                         'nothing arrives', 'set input_reliability:=best_effort there, or publish '
                         'reliably')
@@ -71,23 +71,23 @@ def _states(seen: Observation) -> Iterator[Finding]:
     if len(topic.publishers) > 1:
         yield Finding(WARNING, 'joint_states', f'{len(topic.publishers)} publishers: '
                       + ', '.join(end.node for end in topic.publishers),
-                      'let one publish, or take care that each publishes joints of its own')
+                      'let one publish, or make sure that each publishes different joints')
     if states is None or len(states.received) < 2:
         yield Finding(PROBLEM if topic.publishers else WARNING, 'joint_states',
                       'published, but nothing arrives' if topic.publishers else
-                      _elsewhere(seen, 'joint_states'),
+                      _describe_missing(seen, 'joint_states'),
                       'start the driver, or remap: -r joint_states:=/its/name')
         return
     if states.twice:
-        yield Finding(PROBLEM, 'joint_states', f'they name {", ".join(states.twice)} twice',
-                      'let the driver name each joint once: which of its values holds?')
+        yield Finding(PROBLEM, 'joint_states', f'{", ".join(states.twice)} is named twice',
+                      'let the driver name each joint once: its value is ambiguous')
     yield from _rate(seen, states)
     yield from _stamps(states, seen.clock)
     for index, joint in enumerate(states.joints):
         yield from _values(states, index, joint)
 
 
-def _elsewhere(seen: Observation, name: str) -> str:
+def _describe_missing(seen: Observation, name: str) -> str:
     others = [topic for topic, topic_seen in seen.topics.items()
               if TOPICS[name] in topic_seen.types and topic != seen.names.get(name, name)]
     hint = f'; {", ".join(others)} has that type' if others else ''
@@ -102,10 +102,10 @@ def _rate(seen: Observation, states: StatesSeen) -> Iterator[Finding]:
     timeout = _parameter(seen, 'joint_state_timeout', _STATE_TIMEOUT)
     if worst > timeout:
         yield Finding(PROBLEM, 'rate', f'{text}; joint_state_timeout is {1e3 * timeout:g} ms, so '
-                      'the current went to zero meanwhile', 'find out what held the driver up, '
+                      'the current was zero meanwhile', 'find out what delayed the driver, '
                       'give it real-time priority, or raise joint_state_timeout')
     elif rate < _SLOW:
-        yield Finding(WARNING, 'rate', text, 'let the driver publish with 200 Hz and more: '
+        yield Finding(WARNING, 'rate', text, 'let the driver publish at 200 Hz or more: '
                       'breakaway lasts some milliseconds')
     else:
         yield Finding(OK, 'rate', text)
@@ -113,16 +113,16 @@ def _rate(seen: Observation, states: StatesSeen) -> Iterator[Finding]:
 
 def _stamps(states: StatesSeen, ticking: bool) -> Iterator[Finding]:
     if not states.stamp.any():
-        yield Finding(WARNING, 'clocks', 'joint_states carry no stamp, so receive times are used',
-                      'let the driver stamp what it measures')
+        yield Finding(WARNING, 'clocks', 'joint_states have no stamp, so receive times are used',
+                      'let the driver stamp its measurements')
     elif (np.diff(states.stamp) < 0).any():
         yield Finding(PROBLEM, 'clocks', 'stamps of joint_states go backwards',
-                      'one publisher only, with one monotonic clock')
+                      'use one publisher with a monotonic clock')
     elif not ticking:
         late = float(np.median(states.received - states.stamp))
         if abs(late) > _STATE_TIMEOUT:
             yield Finding(PROBLEM, 'clocks', f'joint_states are {late:.3g} s old when they arrive',
-                          'set the clocks of both machines by one source (chrony, PTP), or '
+                          'synchronise the clocks of both machines (chrony, PTP), or set '
                           'use_sim_time alike everywhere')
         else:
             yield Finding(OK, 'clocks', f'joint_states are {1e3 * late:.2g} ms old')
@@ -140,10 +140,10 @@ def _values(states: StatesSeen, index: int, joint: str) -> Iterator[Finding]:
                           f'{len(values)} joint_states hold no finite {name}', do)
     for name in ('position', 'velocity'):
         values = getattr(states, name)[:, index]
-        if (absurd := beyond(name, values)).any():
-            yield Finding(PROBLEM, joint, f'a {name} of {values[absurd][0]:.3g} '
-                          f'{LIMITS[name][1]} cannot be', 'look what the driver makes of its '
-                          'sensor, and of one that fails')
+        if (impossible := beyond(name, values)).any():
+            yield Finding(PROBLEM, joint, f'a {name} of {values[impossible][0]:.3g} '
+                          f'{LIMITS[name][1]} is impossible', 'check how the driver converts its '
+                          'sensor values, and how it reports a failed sensor')
     if not np.isfinite(states.velocity[:, index]).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
         return
@@ -157,7 +157,7 @@ def _velocity(states: StatesSeen, index: int, joint: str) -> Iterator[Finding]:
         yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
                       'run doctor again while it is moved')
         return
-    fault = velocity_fault(ratios, _ALIKE)
+    fault = velocity_fault(ratios, _LARGEST_RATIO)
     if fault:
         yield Finding(PROBLEM, joint, fault, 'let the driver give both in rad and rad/s at the '
                       'joint, with one sign; velocity may be left empty')
@@ -176,7 +176,7 @@ def _commands(seen: Observation) -> Iterator[Finding]:
                       f'{names}', 'only one may command: stop the others, and deactivate the '
                       'compensator while identification runs')
     if not topic.subscribers:
-        yield Finding(PROBLEM, 'current_command', f'{names} commands, and nobody listens',
+        yield Finding(PROBLEM, 'current_command', f'{names} commands, but nobody subscribes',
                       'remap: -r current_command:=/its_controller/commands')
         return
     listeners = ', '.join(end.node for end in topic.subscribers)
@@ -187,8 +187,8 @@ def _commands(seen: Observation) -> Iterator[Finding]:
     states = 0 if seen.states is None else len(seen.states.received)
     if len(seen.commands) < 0.5 * states and 'compensator' in names:
         yield Finding(WARNING, 'current_command', f'{len(seen.commands)} commands for {states} '
-                      'joint_states', 'the compensator commands once for each that it can use: '
-                      'look at its diagnostics')
+                      'joint_states', 'the compensator commands once for each usable one: '
+                      'see its diagnostics')
     if seen.commands.size and not np.isfinite(seen.commands).all():
         yield Finding(PROBLEM, 'current_command', 'values that are not finite are commanded',
                       f'stop {names}')
@@ -203,22 +203,22 @@ def _driver(seen: Observation) -> Iterator[Finding]:
             for name, value in timeouts.items():
                 yield Finding(
                     WARNING if value <= 0 else OK, 'driver', f'{end.node}: {name} is {value:g}',
-                    'let the driver itself fall back to zero current in less than 0.1 s'
+                    'let the driver itself switch to zero current in less than 0.1 s'
                     if value <= 0 else '')
-        elif any(word in end.node for word in _LOOK_ON):
+        elif any(word in end.node for word in _OBSERVERS):
             continue
         else:
             yield Finding(
-                NOTE, 'driver', f'{end.node} has no parameter that names a command timeout',
-                'make sure that it falls back to zero current by itself: kill the compensator '
-                'with SIGKILL in a safe place and look at the current')
+                NOTE, 'driver', f'{end.node} has no parameter for a command timeout',
+                'make sure that it switches to zero current by itself: kill the compensator '
+                'with SIGKILL in a safe setting and watch the current')
 
 
 def _direction(seen: Observation) -> Iterator[Finding]:
     topic = seen.topic('direction')
     if not topic.publishers:
         if topic.subscribers:
-            yield Finding(NOTE, 'direction', _elsewhere(seen, 'direction')
+            yield Finding(NOTE, 'direction', _describe_missing(seen, 'direction')
                           + ': no breakaway current is fed forward', 'start the exercise')
         return
     planners = {end.node for name in ('direction', 'direction_stamped')
@@ -234,7 +234,7 @@ def _direction(seen: Observation) -> Iterator[Finding]:
         yield Finding(WARNING, 'direction', f'holds {odd}, which count as 0', 'send -1, 0 or +1')
     if rate * timeout < 1.5:
         yield Finding(WARNING, 'direction', f'{rate:.3g} Hz, but it counts as 0 after {timeout:g} '
-                      's of silence', 'repeat the direction at 10 Hz and more')
+                      's of silence', 'repeat the direction at 10 Hz or more')
     else:
         yield Finding(OK, 'direction', f'{rate:.3g} Hz')
 
@@ -242,13 +242,13 @@ def _direction(seen: Observation) -> Iterator[Finding]:
 def _clocks(seen: Observation) -> Iterator[Finding]:
     simulated = {node: bool(values['use_sim_time']) for node, values in seen.parameters.items()
                  if 'use_sim_time' in values}
-    here = sorted(node for node, value in simulated.items() if value)
-    if here and not seen.clock:
-        yield Finding(PROBLEM, 'clocks', f'{", ".join(here)} waits for /clock, which does not tick',
-                      'start what publishes it, or set use_sim_time:=false')
+    followers = sorted(node for node, value in simulated.items() if value)
+    if followers and not seen.clock:
+        yield Finding(PROBLEM, 'clocks', f'{", ".join(followers)} waits for /clock, which does not '
+                      'tick', 'start what publishes it, or set use_sim_time:=false')
     real = sorted(node for node, value in simulated.items()
                   if not value and 'compensator' in node)
-    if seen.clock and here and real:
+    if seen.clock and followers and real:
         yield Finding(PROBLEM, 'clocks', f'/clock ticks, but {", ".join(real)} does not follow it',
                       'set use_sim_time:=true there')
 
@@ -258,7 +258,7 @@ def _diagnostics(seen: Observation) -> Iterator[Finding]:
         if level in _LEVELS:
             node = name.partition(':')[0]
             yield Finding(_LEVELS[level], name, message, (
-                'when the cause is gone: ros2 service call '
+                'after removing the cause: ros2 service call '
                 f'/{node}/reset_faults std_srvs/srv/Trigger' if '(latched)' in message else
                 'see its log and /diagnostics'))
 

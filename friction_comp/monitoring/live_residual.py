@@ -14,10 +14,10 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.residual_watch import ModelFit, ResidualWatch
 from friction_comp.samples import Samples
 
-# s before the new rows that are computed again, so that filters and histories have settled, and s
-# at the end that wait for the next time, because a filter without delay needs what comes after.
-_BEFORE, _AFTER = 3.0, 0.3
-# The row: time, position, velocity, current, load, temperature.
+# s before the new rows that are computed again to let filters and effect states settle, and s at
+# the end that wait for later rows, because a zero-phase filter needs them.
+_SETTLING, _LOOKAHEAD = 3.0, 0.3
+# Columns of a row: time, position, velocity, current, load, temperature.
 WIDTH = 6
 SIGNALS = ('load', 'temperature')
 
@@ -26,9 +26,9 @@ class LiveResidual:
     """Compares the measured current of one joint with its model.
 
     The motor and the person move the joint together, J·a = k_t·n·i + τ_b - F, so friction in A is
-    i + τ_b/(k_t·n). Without a measured load the current alone is compared; that says nothing while
-    a compensator feeds the very model forward and a person moves the joint, which the caller has
-    to know (`blind`).
+    i + τ_b/(k_t·n). Without a measured load, the current alone is compared. This is meaningless
+    while a compensator feeds the same model forward and a person moves the joint; the caller then
+    sets `blind`.
 
     Parameters
     ----------
@@ -64,40 +64,41 @@ class LiveResidual:
         if not len(rows):
             return
         if len(self._rows) and rows[0, 0] < self._rows[-1, 0]:
-            # Time started over: another run.
+            # Time went back: a new run.
             self.forget()
         if self._origin is None:
             self._origin = rows[0, 0]
         self._rows = np.vstack((self._rows, rows))
         self._compare(self._origin)
-        self._rows = self._rows[self._rows[:, 0] >= self._done - _BEFORE]
+        self._rows = self._rows[self._rows[:, 0] >= self._done - _SETTLING]
 
     def _compare(self, origin: float) -> None:
         rows = self._rows
-        ready = rows[-1, 0] - _AFTER
-        if ready - self._done < _AFTER or len(rows) < 10:
+        ready = rows[-1, 0] - _LOOKAHEAD
+        if ready - self._done < _LOOKAHEAD or len(rows) < 10:
             return
         samples = self._samples(rows)
         settings = self.model.differentiation or DEFAULT_SETTINGS
         if settings.get('source') == 'velocity' and samples.velocity is None:
             settings = DEFAULT_SETTINGS
-        moved = differentiate(samples, settings)
+        differentiated = differentiate(samples, settings)
         missing = sorted({signal for effect in self.model.effects for signal in effect.needs
-                          if getattr(moved, signal, None) is None})
+                          if getattr(differentiated, signal, None) is None})
         self.blind = f'the model needs the {" and the ".join(missing)}, which is not measured' \
             if missing else ''
         if missing:
             return
-        # Effects of time count from the beginning of the run, not from that of the rows kept.
-        moved = moved.with_(time=rows[:, 0] - origin)
+        # Time counts from the beginning of the run, not of the rows that are kept.
+        differentiated = differentiated.with_(time=rows[:, 0] - origin)
         try:
-            predicted = self.model.current(moved)
+            predicted = self.model.current(differentiated)
         except InputError as error:
-            # For instance the motion of other joints, which a model of an arm asks for.
+            # For instance, a model of an arm needs the motion of other joints.
             self.blind = str(error)
             return
         new = (rows[:, 0] > self._done) & (rows[:, 0] <= ready)
-        self.watch.take(moved.take(new), (moved.current - predicted)[new], predicted[new])
+        residual = differentiated.current - predicted
+        self.watch.take(differentiated.take(new), residual[new], predicted[new])
         self._done = ready
 
     def _samples(self, rows: np.ndarray) -> Samples:

@@ -14,18 +14,18 @@ OK, NOTE, WARNING, PROBLEM = 'ok', 'note', 'warning', 'problem'
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """Result of one check.
 
     Parameters
     ----------
     level : str
         `OK`, `NOTE`, `WARNING` or `PROBLEM`.
     about : str
-        One or two words.
+        Subject, in one or two words.
     what : str
-        What was found.
+        The finding.
     do : str
-        What to do about it; empty where there is nothing to do.
+        Recommended action, or empty.
     """
 
     level: str
@@ -36,7 +36,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Endpoint:
-    """A publisher or subscription, with the quality of service that it offers or asks for."""
+    """A publisher or subscription with its quality of service."""
 
     node: str
     reliable: bool = True
@@ -45,7 +45,7 @@ class Endpoint:
 
 @dataclass
 class TopicSeen:
-    """A topic: its types, and who publishes and subscribes."""
+    """A topic with its types, publishers and subscriptions."""
 
     types: list[str] = field(default_factory=list)
     publishers: list[Endpoint] = field(default_factory=list)
@@ -54,7 +54,7 @@ class TopicSeen:
 
 @dataclass
 class StatesSeen:
-    """Joint states as they came.
+    """Received joint states.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class StatesSeen:
     received, stamp : ndarray, shape (N,)
         System time and header stamp, s; a stamp of zero is an empty field.
     position, velocity, effort : ndarray, shape (N, J)
-        NaN where there is none.
+        NaN where there is no value.
     twice : list of str
         Joints that one message named more than once.
     """
@@ -83,27 +83,27 @@ class Observation:
     Parameters
     ----------
     seconds : float
-        How long.
+        Duration.
     nodes : list of str
         Full names.
     topics : dict of str to TopicSeen
         By full name.
     names : dict of str to str
-        What the package's topics are called here: relative name to full name.
+        Relative to full name of the package's topics.
     states : StatesSeen, optional
     commands : ndarray, shape (M, J)
         In the unit `command_unit`.
     commanded : ndarray, shape (M,)
         System time in s at which each command came.
     command_unit : str
-        'A', or 'N·m' where torques at the joints are commanded.
+        'A', or 'N·m' for torques at the joints.
     directions : list of list of int
     load : dict of str to ndarray, shape (K, 2)
         By joint: system time in s and torque in N·m.
     parameters : dict of str to dict
         By node.
     diagnostics : dict of str to (int, str)
-        The last level and message of each name.
+        Last level and message by status name.
     clock : bool
         Whether /clock ticks.
     """
@@ -123,5 +123,5 @@ class Observation:
     clock: bool = False
 
     def topic(self, name: str) -> TopicSeen:
-        """Return a topic of the package by its relative name; empty where it is not there."""
+        """Return a topic of the package by its relative name; empty if it does not exist."""
         return self.topics.get(self.names.get(name, name), TopicSeen())

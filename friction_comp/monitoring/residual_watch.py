@@ -18,20 +18,21 @@ from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges
 
 VARIABLES = ('temperature', 'time', 'position', 'load', 'speed')
-# Length of a block and the shortest that counts, s.
+# Length of a block and of the shortest one that is used, s.
 _BLOCK, _SHORTEST = 0.4, 0.1
-# Slower than this is standstill, rad/s, and so is less than this share of the usual speed.
+# Speed of standstill: below this in rad/s, or below this share of the usual speed.
 _STANDSTILL, _SLOW_SHARE = 0.01, 0.1
-# A warning ends when the error has fallen to this share of what began it.
-_ENDS = 0.8
-# A variable is named if it explains this share of the residual, and beside the first of them if it
-# explains nearly as much.
-_WORTH_NAMING, _NEARLY = 0.3, 0.1
+# A warning ends at this share of the error that starts it.
+_HYSTERESIS = 0.8
+# A variable is named if it explains this share of the residual, and at most this much less than the
+# best one.
+_NAMED_SHARE, _NAMED_MARGIN = 0.3, 0.1
 _BINS = 6
 # Fewest blocks before or after a change in time.
-_SIDE = 5
-# The residual is one change of the friction level if its average is this share of its mean square.
-_THROUGHOUT = 0.6
+_FEWEST_BESIDE = 5
+# The residual is a change of the friction level if its squared mean exceeds this share of its mean
+# square.
+_LEVEL_SHARE = 0.6
 # Columns of the table of blocks.
 (_TIME, _POSITION, _VELOCITY, _ACCELERATION, _LOAD, _TEMPERATURE, _RESIDUAL,
  _PREDICTED) = range(8)
@@ -39,23 +40,22 @@ _THROUGHOUT = 0.6
 
 @dataclass(frozen=True)
 class ModelFit:
-    """How well a model fits the motion so far, by its residual.
+    """Verdict on how well a model fits the motion so far.
 
     Parameters
     ----------
     known : bool
-        Whether there was enough motion to say anything.
+        Whether there was enough motion for a verdict.
     fits : bool
-        Whether the error is within the tolerance; True while nothing is known.
+        Whether the error is within the tolerance; True if not known.
     share : float
-        RMS error of the last blocks as a share of the RMS current that the model gives for them.
+        RMS error of the last blocks relative to the RMS current of the model.
     error : float
         The same RMS error in A.
     goes_with : tuple of (str, float)
-        Variables that the residual goes with and the share of it that each explains, largest first.
+        Variables that explain the residual, and the share of it that each explains, largest first.
     level : float
-        By which share the friction is higher than the model's throughout; 0 where the residual is
-        no such thing.
+        Relative difference of the friction from the model's, if it is the same throughout; else 0.
     """
 
     known: bool = False
@@ -67,7 +67,7 @@ class ModelFit:
 
     @property
     def words(self) -> str:
-        """One line for a person."""
+        """The verdict as one line of text."""
         if not self.known:
             return 'not enough motion yet to tell whether the model fits'
         error = f'{100 * self.share:.0f} % of the friction ({1e3 * self.error:.3g} mA)'
@@ -78,23 +78,23 @@ class ModelFit:
             side = 'higher' if self.level > 0 else 'lower'
             why.append(f'the friction is {100 * abs(self.level):.0f} % {side} throughout')
         if self.goes_with:
-            why.append('what changes in it goes with ' + ' or '.join(
+            why.append('its variation depends on ' + ' or '.join(
                 f'{name} ({100 * share:.0f} %)' for name, share in self.goes_with))
         return (f'the model no longer fits: its error is {error}; '
-                + ('; '.join(why) or 'it goes with nothing that is watched'))
+                + ('; '.join(why) or 'no monitored variable explains it'))
 
 
 class ResidualWatch:
-    """Watches the residual of one joint.
+    """Monitors the residual of one joint.
 
     Parameters
     ----------
     tolerance : float
-        Share of the friction that the error may be.
+        Largest error as a share of the friction.
     recent : int
-        Blocks in motion that the error is told from.
+        Blocks used for the error.
     kept : int
-        Blocks in motion that are kept to tell what it goes with.
+        Blocks kept to find the variables that explain the error.
     """
 
     def __init__(self, tolerance: float = 0.25, recent: int = 60, kept: int = 4000):
@@ -105,12 +105,12 @@ class ResidualWatch:
         self._warned = False
 
     def forget(self) -> None:
-        """Start over, as with another model."""
+        """Discard all blocks, for instance for another model."""
         self._blocks = np.empty((0, 8))
         self._warned = False
 
     def take(self, samples: Samples, residual: np.ndarray, predicted: np.ndarray) -> None:
-        """Take a stretch of measured data.
+        """Add measured data.
 
         Parameters
         ----------
@@ -131,17 +131,17 @@ class ResidualWatch:
             samples.time, samples.position, samples.velocity, samples.acceleration,
             none if samples.load is None else samples.load,
             none if samples.temperature is None else samples.temperature, residual, predicted])
-        means = [table[part].mean(axis=0) for part in _pieces(samples, moving)]
+        means = [table[part].mean(axis=0) for part in _block_slices(samples, moving)]
         if means:
             self._blocks = np.vstack((self._blocks, means))[-self._kept:]
 
     @property
     def blocks(self) -> int:
-        """How many blocks are kept."""
+        """Number of blocks."""
         return len(self._blocks)
 
     def error(self, blocks: int) -> float:
-        """Return the RMS error of the last so many blocks in A, inertia apart."""
+        """Return the RMS error of the last `blocks` blocks in A, without inertia."""
         return float(np.sqrt(np.mean(_without_inertia(self._blocks[-blocks:]) ** 2)))
 
     def verdict(self) -> ModelFit:
@@ -153,54 +153,56 @@ class ResidualWatch:
         error = self.error(self._recent)
         friction = float(np.sqrt(np.mean(last[:, _PREDICTED] ** 2)))
         share = error / max(friction, 1e-12)
-        limit = self.tolerance * (_ENDS if self._warned else 1.0)
+        limit = self.tolerance * (_HYSTERESIS if self._warned else 1.0)
         self._warned = share > limit
         if not self._warned:
             return ModelFit(True, True, share, error)
         level = _level(last, residual)
-        # What has only just begun shows in the last blocks alone.
-        named = _goes_with(self._blocks, bool(level)) or _goes_with(last, bool(level))
+        # A recent change shows only in the last blocks.
+        named = (_explaining_variables(self._blocks, bool(level))
+                 or _explaining_variables(last, bool(level)))
         return ModelFit(True, False, share, error, named, level)
 
 
-def _goes_with(blocks: np.ndarray, throughout: bool) -> tuple[tuple[str, float], ...]:
+def _explaining_variables(blocks: np.ndarray, throughout: bool) -> tuple[tuple[str, float], ...]:
     """Return the variables that explain the residual, in the clearest of three readings.
 
-    What resists turns round with the motion, what pushes does not, and a wear or a warming
-    changes friction by a share of itself, which is the only reading if it does so throughout.
+    The three are the residual itself (a constant push), the residual along the motion (resistance),
+    and its share of the model's friction (wear or warming). With a change of the friction level,
+    only the last is used.
     """
     residual = _without_inertia(blocks)
     columns = {'temperature': blocks[:, _TEMPERATURE], 'time': blocks[:, _TIME],
                'position': blocks[:, _POSITION], 'load': blocks[:, _LOAD],
                'speed': np.abs(blocks[:, _VELOCITY])}
-    readings = [_ratio(blocks, residual)]
+    readings = [_relative_residual(blocks, residual)]
     if not throughout:
         readings += [residual, residual * np.sign(blocks[:, _VELOCITY])]
     found = max(
         ([(name, max(_explained(values, variable),
-                     _change(values) if name == 'time' else 0.0))
+                     _explained_by_step(values) if name == 'time' else 0.0))
           for name, variable in columns.items()] for values in readings),
         key=lambda shares: max(share for _, share in shares))
-    found = sorted((item for item in found if item[1] >= _WORTH_NAMING),
+    found = sorted((item for item in found if item[1] >= _NAMED_SHARE),
                    key=lambda item: -item[1])
-    return tuple(item for item in found if item[1] >= found[0][1] - _NEARLY)
+    return tuple(item for item in found if item[1] >= found[0][1] - _NAMED_MARGIN)
 
 
-def _ratio(blocks: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Return the residual as a share of the friction that the model gives, with its sign."""
+def _relative_residual(blocks: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Return the signed residual as a share of the model's friction."""
     friction = np.abs(blocks[:, _PREDICTED])
     floor = 0.3 * np.median(friction)
     return residual * np.sign(blocks[:, _VELOCITY]) / np.maximum(friction, max(floor, 1e-12))
 
 
 def _level(blocks: np.ndarray, residual: np.ndarray) -> float:
-    ratio = _ratio(blocks, residual)
+    ratio = _relative_residual(blocks, residual)
     mean = float(ratio.mean())
-    return mean if mean ** 2 > _THROUGHOUT * float(np.mean(ratio ** 2)) else 0.0
+    return mean if mean ** 2 > _LEVEL_SHARE * float(np.mean(ratio ** 2)) else 0.0
 
 
-def _pieces(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
-    """Give the slices of samples that become blocks."""
+def _block_slices(samples: Samples, moving: np.ndarray) -> Iterator[slice]:
+    """Yield the slices of samples that form blocks."""
     step, velocity = samples.sample_time, samples.velocity
     if step <= 0.0 or velocity is None:
         return
@@ -226,11 +228,10 @@ def _without_inertia(blocks: np.ndarray) -> np.ndarray:
 
 
 def _explained(values: np.ndarray, variable: np.ndarray) -> float:
-    """Return the share of the variance of values that a variable explains, chance taken off.
+    """Return the share of the variance of values that a variable explains, corrected for chance.
 
-    The variable is cut into ranges that hold equally many blocks; what the averages of the ranges
-    explain is eta squared, and epsilon squared what is left of it for a variable that has
-    nothing to do with the values (Kelley 1935).
+    The variable is divided into bins of equal count. The result is epsilon squared, eta squared of
+    the bin means corrected for its expectation under independence (Kelley 1935).
     """
     known = np.isfinite(variable)
     values, variable = values[known], variable[known]
@@ -249,16 +250,16 @@ def _explained(values: np.ndarray, variable: np.ndarray) -> float:
     return max(0.0, 1.0 - within / (size - groups) * (size - 1) / total)
 
 
-def _change(values: np.ndarray) -> float:
-    """Return the share of the variance of values, in order, that one change of them explains."""
+def _explained_by_step(values: np.ndarray) -> float:
+    """Return the share of the variance of values, in order, that one step change explains."""
     size = len(values)
     total = float(np.sum((values - values.mean()) ** 2))
-    if size < 4 * _SIDE or total <= 0.0:
+    if size < 4 * _FEWEST_BESIDE or total <= 0.0:
         return 0.0
-    before = np.arange(_SIDE, size - _SIDE + 1)
+    before = np.arange(_FEWEST_BESIDE, size - _FEWEST_BESIDE + 1)
     sums = np.cumsum(values - values.mean())[before - 1]
     between = sums ** 2 * (1.0 / before + 1.0 / (size - before))
-    # By chance the best of all places explains this much (twice the log of the log of their number,
-    # the law of the iterated logarithm, with room).
+    # The best of all positions explains this much by chance (law of the iterated logarithm, with a
+    # margin).
     chance = 2.0 * (1.0 + np.log(np.log(size))) * total / size
     return max(0.0, float(between.max() - chance) / total)

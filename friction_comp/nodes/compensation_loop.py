@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Computes a current command from each joint state, without the ROS 2 node around it."""
+"""Computes a current command from each joint state, independently of the ROS 2 node."""
 
 from __future__ import annotations
 
@@ -20,25 +20,24 @@ from friction_comp.nodes.slow_inputs import Direction, MotorTemperature
 from friction_comp.nodes.watchdog import Watchdog
 from friction_comp.signal_checks import beyond, LIMITS, VelocityCheck
 
-# A current that is computed in another way from now on goes on from where it is and fades to the
-# new one within a few of these, s.
+# Time constant of the transition to the new current after a change of law or model, s.
 _FADE = 0.05
-# A current this near has faded, A.
-_FADED = 1e-7
-# Silence of the driver after which it may have been restarted, and count from another place, s.
+# The transition ends at this difference of current, A.
+_FADE_END = 1e-7
+# Silence after which the driver may have been restarted, with another zero position, s.
 GONE = 1.0
-# Real s that a compensator must have been alone for another commander to be a newcomer.
+# Real s without another commander after which a new one is a latched fault.
 ALONE = 3.0
-# Velocity and rate of position may differ by this factor, a smoothed or late velocity does, in most
-# of so many tenths of a second of motion.
+# Largest ratio of velocity and rate of position, which smoothing and delay change too, and number
+# of blocks of 0.1 s of motion that are checked.
 _VELOCITY_FACTOR, _VELOCITY_BLOCKS = 3.0, 5
-# Share of the compensation that is taken back, from which on it is told.
-_LOST = 0.1
-_FARTHEST, _FASTEST = LIMITS['position'][0], LIMITS['velocity'][0]
+# Share of the compensation withdrawn by guards above which a warning is given.
+_REPORTED_LOSS = 0.1
+_MAX_POSITION, _MAX_VELOCITY = LIMITS['position'][0], LIMITS['velocity'][0]
 
 
 class CompensationLoop:
-    """Answers joint states with currents, and with zero whenever in doubt.
+    """Answers joint states with currents, or with zero in case of doubt.
 
     Parameters
     ----------
@@ -47,14 +46,14 @@ class CompensationLoop:
     port : CommandPort
     faults : Faults
     timeout : int
-        Age or silence of joint states that gives zero current, ns.
+        Age or silence of joint states that leads to zero current, ns.
     direction_timeout : float
         s.
     rests : bool
-        Whether time itself may rest, as in a simulation: silence is then no sign of a driver
-        that went.
+        Whether time may stop, as in a simulation: silence then does not mean that the driver is
+        gone.
     clock : callable
-        Returns s that nobody sets.
+        Monotonic clock, s.
     """
 
     def __init__(self, joints: list[str], law: Any, port: CommandPort, faults: Faults,
@@ -71,7 +70,7 @@ class CompensationLoop:
         self.activate()
 
     def activate(self, others: Sequence[str] = ()) -> None:
-        """Begin without history and without faults; `others` may command the motor already."""
+        """Start without history and faults; `others` are nodes that may command already."""
         self.watchdog.rest()
         self.law.reset()
         self.states.forget()
@@ -80,7 +79,7 @@ class CompensationLoop:
         self.faults.clear()
         self._first = 0
         self._silent_since: float | None = None
-        self._drove = False
+        self._was_driving = False
         self._alone_since: float | None = None
         self.yields = False
         self._fade: Any = None
@@ -96,7 +95,7 @@ class CompensationLoop:
             self._fade = 'begin'
 
     def reset_faults(self) -> list[str]:
-        """Clear what is latched, begin without history, and return what it was."""
+        """Clear latched faults and history; return the texts of the faults."""
         texts = self.faults.reset()
         if texts:
             self.law.reset()
@@ -116,7 +115,7 @@ class CompensationLoop:
         now : int
             The node's clock, ns.
         received, sent : int
-            When the middleware received and sent it, system time in ns.
+            When the message was received and sent, system time in ns.
         sequence : int
             Its publisher's number of it; 0 where the middleware gives none.
         """
@@ -127,7 +126,7 @@ class CompensationLoop:
         verdict = states.take(message, now, received, sequence)
         if verdict == joint_states.NEW:
             if self._silent_since is not None:
-                self._hear_again()
+                self._end_silence()
             self.watchdog.feed()
             self.port.answer(self._currents(), ticket, states.stamp if self.rests else 0)
             self._compare_velocities()
@@ -143,13 +142,13 @@ class CompensationLoop:
 
     def take_direction(self, values: Any, now: int) -> None:
         """Take a plain direction; it is as old as the newest joint state."""
-        # The time of the states, not of arrival: a simulation's direction must not age while it
-        # rests, and is to age alike in every run.
+        # By the time of the states, not of arrival: in a simulation, a direction must not age while
+        # time stops, and its age must be reproducible.
         if not self.direction.take(values, self.states.stamp or now):
             self._refuse_direction()
 
     def take_stamped_direction(self, names: Any, velocities: Any, stamp: int, now: int) -> None:
-        """Take a direction that says itself when it was announced."""
+        """Take a direction with the stamp of its announcement."""
         at = self.states.stamp or now
         if not self.direction.take_stamped(names, velocities, stamp or at, max(at, now)):
             self._refuse_direction()
@@ -179,9 +178,9 @@ class CompensationLoop:
             self.direction.begin(stamp)
         position = states.position
         usable: Any = True
-        if not (within(position, _FARTHEST)
-                and (states.velocity is None or within(states.velocity, _FASTEST))):
-            usable = self._tell_unusable()
+        if not (within(position, _MAX_POSITION)
+                and (states.velocity is None or within(states.velocity, _MAX_VELOCITY))):
+            usable = self._report_unusable()
             position = np.where(usable, position, np.nan)
         wrong = [j for j, check in enumerate(self._velocities) if check.fault]
         if wrong:
@@ -191,12 +190,12 @@ class CompensationLoop:
                 f'{self._joints[j]}: {self._velocities[j].fault}' for j in wrong))
         if self.faults.latched:
             return self._zeros
-        # From the first state: seconds since 1970 are too many for a float to hold their step.
+        # Relative to the first state: seconds since 1970 have too little resolution as a float.
         currents = law.update(
             (stamp - self._first) / NANO, position, states.velocity, self.direction.at(stamp),
             self.temperature.before(stamp))
         if self._fade is not None:
-            currents = self._faded(currents, stamp)
+            currents = self._apply_fade(currents, stamp)
         if usable is not True:
             currents = np.where(usable, currents, 0.0)
         if not are_finite(currents):
@@ -204,7 +203,7 @@ class CompensationLoop:
             return self._zeros
         return currents
 
-    def _tell_unusable(self) -> np.ndarray:
+    def _report_unusable(self) -> np.ndarray:
         """Report why joints cannot be used; return which can, bool, shape (J,)."""
         states, joints = self.states, self._joints
         usable = np.isfinite(states.position)
@@ -218,11 +217,11 @@ class CompensationLoop:
             for j in () if values is None else np.flatnonzero(usable & beyond(signal, values)):
                 usable[j] = False
                 self.faults.seen(f'{signal} of {joints[j]}', f'{joints[j]}: a {signal} of '
-                                 f'{values[j]:.3g} {LIMITS[signal][1]} cannot be')
+                                 f'{values[j]:.3g} {LIMITS[signal][1]} is impossible')
         return usable
 
     def _compare_velocities(self) -> None:
-        """Compare the velocity with the position, when the answer has gone out."""
+        """Compare velocity and position, after the answer was published."""
         states = self.states
         at, velocity = (states.stamp - self._first) / NANO, states.velocity
         due = None
@@ -232,46 +231,46 @@ class CompensationLoop:
             elif math.isfinite(velocity[j]) and math.isfinite(states.position[j]):
                 if check.add(at, float(states.position[j]), float(velocity[j])):
                     due = check
-        # One joint after each answer: the next one is not to wait for all of them.
+        # One joint per answer, so that the next answer is not delayed.
         if due is not None:
             due.judge()
 
-    def _faded(self, currents: Any, stamp: int) -> Any:
+    def _apply_fade(self, currents: Any, stamp: int) -> Any:
         if self._fade == 'begin':
             self._fade = np.asarray(self.port.last) - currents, stamp
-        offset, since = self._fade
-        left = offset * math.exp(-max(0, stamp - since) / NANO / _FADE)
-        if np.abs(left).max() < _FADED:
+        offset, begin = self._fade
+        remaining = offset * math.exp(-max(0, stamp - begin) / NANO / _FADE)
+        if np.abs(remaining).max() < _FADE_END:
             self._fade = None
-        return currents + left
+        return currents + remaining
 
-    # Watching.
+    # Supervision.
 
     def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
         drove = any(self.port.last)
         self.port.zero()
-        self._drove = drove
+        self._was_driving = drove
         self._silent_since = self._clock()
         self.faults.seen('silence', 'no joint_states, or none that are new', lasting=True)
 
-    def _hear_again(self) -> None:
+    def _end_silence(self) -> None:
         silence = self._clock() - self._silent_since
         self._silent_since = None
         self.faults.gone('silence')
-        if self._drove and silence > GONE and not self.rests:
+        if self._was_driving and silence > GONE and not self.rests:
             self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
                               'motor was driven: the driver may have been restarted')
 
     def look_around(self, others: Sequence[str]) -> None:
-        """Take note of who else has a publisher of the command; to be called often.
+        """Check for other publishers of the command; to be called often.
 
-        One that comes while this one commands is a fault that latches. One that was there first
-        is waited for: it may be gone already, and only not yet be missed.
+        A publisher that appears while this node commands is a latched fault. One that was there
+        before is waited for, since discovery may report it for some time after it is gone.
         """
         now = self._clock()
-        self._tell_doubt()
-        self._tell_dispute()
+        self._report_doubt()
+        self._report_dispute()
         self.faults.look()
         if not others:
             self._alone_since = self._alone_since or now
@@ -288,21 +287,21 @@ class CompensationLoop:
             self.port.zero()
             self.law.reset()
 
-    def _tell_doubt(self) -> None:
+    def _report_doubt(self) -> None:
         """Report which joints get no current, or less, and why."""
         guards = self.law.guards
         doubtful = [joint for joint, doubt in zip(self._joints, guards['in doubt']) if doubt]
         if doubtful and self._silent_since is None:
-            self.faults.seen('doubt', f'{", ".join(doubtful)}: no current, for the position jumps '
-                             'or the velocity contradicts it')
-        weak = [joint for joint, share in zip(self._joints, guards['taken back'])
-                if share > _LOST]
-        if weak:
-            self.faults.seen('lost friction', f'{", ".join(weak)}: less current, for the drive '
-                             'slipped under its preload or was faster than identified: its '
-                             'friction may have fallen; identify it again', WARN)
+            self.faults.seen('doubt', f'{", ".join(doubtful)}: no current, since '
+                             'the position jumps or the velocity contradicts it')
+        reduced = [joint for joint, share in zip(self._joints, guards['taken back'])
+                   if share > _REPORTED_LOSS]
+        if reduced:
+            self.faults.seen('lost friction', f'{", ".join(reduced)}: less current, since the '
+                             'drive slipped under its preload or was faster than identified: its '
+                             'friction may have decreased; identify it again', WARN)
 
-    def _tell_dispute(self) -> None:
+    def _report_dispute(self) -> None:
         disputed = self.direction.disputed(self.states.stamp)
         if disputed:
             self.faults.seen('planners', f'the direction of {", ".join(disputed)} counts as 0: '

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Feeds a joint's friction forward to its motor, in the direction that the exercise announces."""
+"""Feeds a joint's friction forward to its motor, in the direction announced by the exercise."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ from friction_comp.nodes.model_loading import (
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, LARGE, load_models, names_in
 
-# Real s between looks at who else commands, and at faults that have ended.
+# Real s between checks for other commanders and for faults that have ended.
 _LOOK = 0.1
-# What a compensator can say of its model's residual, without and with the law `none`.
+# Why a compensator does not know its model's residual, without and with the law `none`.
 _BLIND = (
-    'not known here: the current follows the model itself, and the load that a person adds is '
-    'never heard; node refinement tells it where the load is measured',
-    'not known here: no current is commanded, and what moves the joint is never heard')
+    'not known here: the current follows the model itself, and the load of a person is not '
+    'received; see node refinement where the load is measured',
+    'not known here: no current is commanded, and the load is not received')
 
 
 class CompensatorNode(LifecycleNode):
-    """One current command for every joint state, while active; zero whenever in doubt."""
+    """Publishes one current command per joint state while active; zero in case of doubt."""
 
     finished = False
     fast_timers = ()
@@ -67,7 +67,7 @@ class CompensatorNode(LifecycleNode):
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
         Diagnostics(self, self._report, ', '.join(self._joints), 'compensation')
         self.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        if declare(self, 'autostart', True, 'configure and activate without being asked',
+        if declare(self, 'autostart', True, 'configure and activate at start',
                    read_only=True):
             self._start()
 
@@ -85,14 +85,14 @@ class CompensatorNode(LifecycleNode):
                 read_only=True, constraints=f'one of {", ".join(GRAVITY)}')
         self._interface = command_interface(self)
         declare(self, 'current_limit', 1000.0,
-                'largest current [A]; that of the model file holds where it is smaller, and 0 '
-                'lets no current through', 0.0, LARGE)
+                'largest current [A]; the limit of the model file applies if it is smaller; 0 '
+                'blocks all current', 0.0, LARGE)
         declare(self, 'direction_timeout', 0.5,
                 'age or silence after which the direction counts as 0 [s]', 0.001, 3600.0)
         self._timeout = round(NANO * declare(
             self, 'joint_state_timeout', 0.05,
-            'age or silence of joint_states that gives zero current; silence is measured in real '
-            'time [s]', 0.001, 10.0, read_only=True))
+            'age or silence of joint_states that leads to zero current; silence is measured in '
+            'real time [s]', 0.001, 10.0, read_only=True))
 
     def _start(self) -> None:
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
@@ -103,7 +103,7 @@ class CompensatorNode(LifecycleNode):
     # Parameters.
 
     def prepare(self, parameters: list[Any]) -> Loading | None:
-        """Begin to load the models that are about to be set."""
+        """Start loading the models that are about to be set."""
         for parameter in parameters:
             if parameter.name == 'model_files' and self._loop is not None and isinstance(
                     parameter.value, (list, tuple)):
@@ -112,14 +112,14 @@ class CompensatorNode(LifecycleNode):
         return None
 
     def _load(self, files: Sequence[str]) -> list[FrictionModel]:
-        """Return models that may be given a motor: checked, and tried in a law of their own."""
+        """Return validated models: checked, and run in a separate law."""
         models = load_models(files, self._joints, for_motor=True)
         for model, path in zip(models, files):
-            try_model(model, self._of('gravity'), path)
+            try_model(model, self._value('gravity'), path)
         return models
 
-    def _loaded(self, files: Sequence[str]) -> list[FrictionModel]:
-        """Return the models of files; most often they wait already."""
+    def _get_models(self, files: Sequence[str]) -> list[FrictionModel]:
+        """Return the models of files; usually they are already loaded."""
         files, loading = tuple(names_in(files)), self._loading
         if loading is not None and loading.files == files:
             self._loading = None
@@ -131,17 +131,17 @@ class CompensatorNode(LifecycleNode):
         models = None
         for parameter in parameters:
             if parameter.name == 'law' and parameter.value not in LAWS:
-                return self._refused(
+                return self._refuse(
                     f'law must be one of {", ".join(LAWS)}, not {parameter.value!r}')
             if parameter.name == 'model_files' and self._loop is not None:
                 try:
-                    models = self._loaded(parameter.value)
+                    models = self._get_models(parameter.value)
                 except InputError as error:
-                    return self._refused(str(error))
+                    return self._refuse(str(error))
         self._candidates = models
         return SetParametersResult(successful=True)
 
-    def _refused(self, reason: str) -> SetParametersResult:
+    def _refuse(self, reason: str) -> SetParametersResult:
         self.get_logger().warning(f'parameter refused: {reason}')
         return SetParametersResult(successful=False, reason=reason)
 
@@ -150,14 +150,14 @@ class CompensatorNode(LifecycleNode):
         if self._loop is None:
             return
         if 'direction_timeout' in names:
-            self._loop.direction.timeout = self._of('direction_timeout')
+            self._loop.direction.timeout = self._value('direction_timeout')
         if 'model_files' in names and self._candidates is not None:
             models, self._candidates = self._candidates, None
             for index, model in enumerate(models):
                 self._loop.law.set_model(index, model)
             self._set_limits()
-            self.get_logger().info(f'activated {", ".join(self._of("model_files"))}')
-            self._say_left_out()
+            self.get_logger().info(f'activated {", ".join(self._value("model_files"))}')
+            self._warn_left_out()
         if names & {'law', 'breakaway_gain', 'current_limit'}:
             self._loop.law.retune(*self._tuning())
             self._set_limits()
@@ -165,26 +165,26 @@ class CompensatorNode(LifecycleNode):
             self.get_logger().info('{}, breakaway_gain {:g}, current_limit {:g} A'.format(
                 *self._tuning()))
 
-    def _of(self, name: str) -> Any:
+    def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
 
     def _tuning(self) -> tuple[str, float, float]:
-        return self._of('law'), self._of('breakaway_gain'), self._of('current_limit')
+        return self._value('law'), self._value('breakaway_gain'), self._value('current_limit')
 
     def _set_limits(self) -> None:
         drives = [model.drive for model in self._loop.law.models]
-        self._loop.port.limits = [min(drive.current_limit, self._of('current_limit'))
+        self._loop.port.limits = [min(drive.current_limit, self._value('current_limit'))
                                   for drive in drives]
         self._loop.port.torques = [drive.torque_per_current for drive in drives]
 
-    def _say_left_out(self) -> None:
-        if self._of('law') == 'paper':
+    def _warn_left_out(self) -> None:
+        if self._value('law') == 'paper':
             self.get_logger().warning(
                 "law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
                 'over-estimate of friction drives the joint')
         for joint, model in zip(self._joints, self._loop.law.models):
             if model.joint not in ('', joint):
-                self.get_logger().warning(f"{joint}: its model file is that of '{model.joint}'")
+                self.get_logger().warning(f"{joint}: its model file is for joint '{model.joint}'")
         for index, effect, why in self._loop.law.never_applied:
             self.get_logger().warning(f'{self._joints[index]}: {effect} is not fed back: {why}')
 
@@ -200,30 +200,30 @@ class CompensatorNode(LifecycleNode):
             self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
-            # rclpy would swallow it.
+            # rclpy would hide it.
             self._failure = f'configuration failed: {error!r}'
             self.get_logger().error(traceback.format_exc())
             return TransitionCallbackReturn.FAILURE
-        self._say_left_out()
-        self._went('inactive', 'configured')
+        self._warn_left_out()
+        self._set_state('inactive', 'configured')
         return super().on_configure(state)
 
     def _configure(self) -> None:
-        if self._of('law') not in LAWS:
+        if self._value('law') not in LAWS:
             raise InputError(
-                f'parameter law: must be one of {", ".join(LAWS)}, not {self._of("law")!r}')
-        models = self._load(names_in(self._of('model_files')))
+                f'parameter law: must be one of {", ".join(LAWS)}, not {self._value("law")!r}')
+        models = self._load(names_in(self._value('model_files')))
         kind, gain, limit = self._tuning()
-        law = CompensationLaw(models, kind, gain, limit, gravity=self._of('gravity'))
+        law = CompensationLaw(models, kind, gain, limit, gravity=self._value('gravity'))
         warm_up(law, len(self._joints))
         simulated = self.get_parameter('use_sim_time').value
         self._loop = CompensationLoop(
             self._joints, law, CommandPort(self, [0.0] * len(models), [0.0] * len(models),
                                            self._interface), self._faults,
-            self._timeout, self._of('direction_timeout'), rests=simulated)
+            self._timeout, self._value('direction_timeout'), rests=simulated)
         self._set_limits()
         self._loop.watchdog.start()
-        # The direction comes first: where both wait, the executor takes it before the states.
+        # The direction comes first: the executor takes its messages before the states.
         self._inputs = [self.create_subscription(*which, self._qos) for which in (
             (Int8MultiArray, 'direction', self._on_direction),
             (JointState, 'direction_stamped', self._on_stamped_direction),
@@ -231,41 +231,41 @@ class CompensatorNode(LifecycleNode):
             (JointState, 'joint_states', self._on_joint_states))]
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
-        """Answer joint states from now on."""
+        """Start to answer joint states."""
         self._loop.activate(self._loop.port.others())
         self._loop.port.open()
-        self._went('active', 'active: commands the motor')
+        self._set_state('active', 'active: commands the motor')
         return super().on_activate(state)
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
-        """Command zero current and fall silent."""
-        self._rest()
-        self._went('inactive', 'inactive: zero current')
+        """Command zero current and stop publishing."""
+        self._stop_commanding()
+        self._set_state('inactive', 'inactive: zero current')
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: Any) -> TransitionCallbackReturn:
-        """Let go of topics and models."""
+        """Release topics and models."""
         self._disconnect()
-        self._went('unconfigured', 'cleaned up')
+        self._set_state('unconfigured', 'cleaned up')
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: Any) -> TransitionCallbackReturn:
-        """Command zero current if the node was active, and let go of everything."""
+        """Command zero current if the node was active, and release everything."""
         self._disconnect()
-        self._went('finalized', 'shut down')
+        self._set_state('finalized', 'shut down')
         return super().on_shutdown(state)
 
     def on_error(self, state: Any) -> TransitionCallbackReturn:
         """Command zero current; the node can be configured again."""
         self._disconnect()
-        self._went('unconfigured', 'an error in a transition')
+        self._set_state('unconfigured', 'an error in a transition')
         return TransitionCallbackReturn.SUCCESS
 
-    def _went(self, state: str, words: str) -> None:
+    def _set_state(self, state: str, words: str) -> None:
         self._state = state
         self.get_logger().info(words)
 
-    def _rest(self) -> None:
+    def _stop_commanding(self) -> None:
         if self._loop is not None:
             self._loop.leave()
             self._loop.port.close()
@@ -273,17 +273,17 @@ class CompensatorNode(LifecycleNode):
     def _disconnect(self) -> None:
         if self._loop is None:
             return
-        self._rest()
+        self._stop_commanding()
         self._loop.watchdog.close()
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         self._loop = None
 
-    def let_go(self) -> None:
+    def stop_motor(self) -> None:
         """Command zero current permanently; may be called from any thread."""
         loop = self._loop
         if loop is not None:
-            loop.port.zero(for_good=True)
+            loop.port.zero(permanent=True)
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""
@@ -314,11 +314,11 @@ class CompensatorNode(LifecycleNode):
         self._rate.tick()
         if self._state != 'active':
             return
-        # The same as the node's clock where no /clock overrides it, at a third of the cost.
+        # Equal to the node's clock without simulated time, at a third of the cost.
         simulated = self.get_clock().ros_time_is_active
         now = self.get_clock().now().nanoseconds if simulated else time.time_ns()
         if now == 0:
-            # A simulation's time before its first tick: nothing can be told from its states yet.
+            # Simulated time before its first tick: the age of states is not known yet.
             self._faults.seen('clock', 'no /clock, although use_sim_time is set', WARN)
             return
         received = info['received_timestamp']
@@ -334,7 +334,7 @@ class CompensatorNode(LifecycleNode):
             if silent:
                 self._faults.seen(
                     'direction silent', f'the direction of {", ".join(silent)} was not renewed '
-                    f'for {self._of("direction_timeout"):g} s and counts as 0', WARN)
+                    f'for {self._value("direction_timeout"):g} s and counts as 0', WARN)
         else:
             self._faults.look()
 
@@ -360,7 +360,7 @@ class CompensatorNode(LifecycleNode):
         loop, joints = self._loop, self._joints
         stamp = loop.states.stamp
         values = {
-            'law': self._of('law'), 'model_files': list(self._of('model_files')),
+            'law': self._value('law'), 'model_files': list(self._value('model_files')),
             **per_joint(joints, 'command [A]', loop.port.last)}
         for name, term in loop.law.terms.items():
             values.update(per_joint(joints, f'{name} [A]', term))
@@ -377,10 +377,10 @@ class CompensatorNode(LifecycleNode):
             'listeners to the command': loop.port.listeners,
             'left_out': '; '.join(f'{joint}: {effect} ({why})' for joint, effect, why in [
                 *((joints[j], *rest) for j, *rest in loop.law.never_applied),
-                *self._missing()])})
+                *self._missing_signals()])})
         return values
 
-    def _missing(self) -> list[tuple[str, str, str]]:
+    def _missing_signals(self) -> list[tuple[str, str, str]]:
         """Return joint, effect and reason for what the last joint state could not feed back."""
         missing = []
         for index, effect, signals in self._loop.law.missing:

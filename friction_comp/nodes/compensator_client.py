@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and sets the compensator's model files by its parameters."""
+"""Reads and sets the compensator's model files through its parameters."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from friction_comp.errors import InputError
 
-# s that an answer may take; a compensator checks a new model before it answers.
-_PATIENCE = 20.0
+# Timeout of an answer, s; a compensator validates a new model before it answers.
+_TIMEOUT = 20.0
 
 
-class _Turn:
-    """Awaited, gives the executor its turn."""
+class _YieldOnce:
+    """Awaitable that returns control to the executor once."""
 
     def __await__(self) -> Generator[None, None, None]:
         yield
 
 
-async def turn() -> None:
-    """Let the executor do something else."""
-    await _Turn()
+async def yield_to_executor() -> None:
+    """Return control to the executor once."""
+    await _YieldOnce()
 
 
 class CompensatorClient:
@@ -38,61 +38,61 @@ class CompensatorClient:
     ----------
     node : rclpy.node.Node
     name : str
-        Of its node.
+        Name of its node.
     """
 
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
-        # How often models were exchanged: what was asked before the last time is out of date.
-        self.exchanges = 0
+        # Number of model changes: answers to earlier requests are outdated.
+        self.model_changes = 0
         self._get = node.create_client(GetParameters, f'{name}/get_parameters')
         self._set = node.create_client(SetParameters, f'{name}/set_parameters')
 
     @property
-    def there(self) -> bool:
+    def is_available(self) -> bool:
         """Whether a compensator answers."""
         return self._get.service_is_ready() and self._set.service_is_ready()
 
     async def files(self) -> dict[str, str]:
-        """Return the model file of each joint; empty where no compensator is running.
+        """Return the model file of each joint; empty if no compensator is running.
 
         Raises
         ------
         InputError
             If it does not answer.
         """
-        if not self.there:
+        if not self.is_available:
             return {}
-        reply = await self._answer(self._get.call_async(
+        reply = await self._wait_for(self._get.call_async(
             GetParameters.Request(names=['joints', 'model_files'])))
         joints, files = (parameter_value_to_python(value) for value in reply.values)
         return dict(zip(joints or (), files or ()))
 
     async def load(self, joint: str, path: str) -> str:
-        """Have the compensator take a model over for one joint, and return the file it had.
+        """Load a model for one joint into the compensator, and return the previous file.
 
         Raises
         ------
         InputError
-            If there is no compensator of the joint, or it refuses.
+            If no compensator has the joint, or it refuses the model.
         """
         files = await self.files()
         if joint not in files:
             raise InputError(f'no compensator of {joint} is running as {self.name}')
-        before, files[joint] = files[joint], path
-        reply = await self._answer(self._set.call_async(SetParameters.Request(parameters=[
+        previous, files[joint] = files[joint], path
+        reply = await self._wait_for(self._set.call_async(SetParameters.Request(parameters=[
             ParameterMessage(name='model_files', value=Parameter(
                 'model_files', value=list(files.values())).get_parameter_value())])))
         result = reply.results[0]
         if not result.successful:
             raise InputError(f'{self.name} refuses the model: {result.reason}')
-        self.exchanges += 1
-        return before
+        self.model_changes += 1
+        return previous
 
-    async def _answer(self, future: Any) -> Any:
-        end = time.monotonic() + _PATIENCE
+    async def _wait_for(self, future: Any) -> Any:
+        end = time.monotonic() + _TIMEOUT
         while not future.done():
             if time.monotonic() > end:
                 raise InputError(f'{self.name} does not answer')
-            await turn()
+            await yield_to_executor()
         return future.result()

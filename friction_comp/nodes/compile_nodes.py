@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles what the nodes run at installation, so that their first start is fast."""
+"""Compiles the nodes' kernels at installation, so that their first start is fast."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from friction_comp.simulation.joint import Plant
 
 
 def compile_nodes() -> None:
-    """Compile compensator, identification and plant, and cache that beside their modules.
+    """Compile compensator, identification and plant into the cache beside their modules.
 
-    It takes seconds, and ten times as many on a busy machine.
+    It takes seconds, and up to ten times as long on a busy machine.
     """
     model = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
     warm_up(CompensationLaw([model]), 1)

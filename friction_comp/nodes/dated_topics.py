@@ -24,9 +24,8 @@ from friction_comp.nodes.recorded_topic import RecordedTopic
 from friction_comp.topics import TOPICS
 
 STATES = 'joint_states'
-# Topic, message class, and whether its stamp dates it. Others find the subscriptions of a node in
-# the order in which it made them: who has found the last, as a plant that waits for its listeners,
-# has found them all.
+# Topic, message class, and whether its stamp is used. Subscriptions are discovered in the order of
+# their creation: a plant that waits for a subscription to joint_states, the last, has found all.
 _SUBSCRIBED = (
     ('current_command', Float64MultiArray, False),
     ('direction', Int8MultiArray, False),
@@ -34,25 +33,25 @@ _SUBSCRIBED = (
     ('reference', JointState, True),
     ('interaction_wrench', WrenchStamped, True),
     ('motor_temperature', Temperature, True),
-    # Stamped by the clock of its node, which need not be that of the joint states.
+    # Stamped by the clock of its node, which may differ from that of the joint states.
     ('/diagnostics', DiagnosticArray, False),
     (STATES, JointState, True),
 )
 RECORDED = {**TOPICS, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
 """Topic to message type of all that is recorded."""
-# Joint states that are remembered to date messages without stamp.
+# Joint states that are kept to date messages without a stamp.
 _MEMORY = 20_000
-# Real s between looks at who publishes.
-_LOOK = 0.1
+# Real s between checks of the publishers.
+_CHECK_PERIOD = 0.1
 _STAMP = struct.Struct('<iI')
 _STAMP_BIG_ENDIAN = struct.Struct('>iI')
 
 
 def stamp_of(cdr: bytes) -> int:
-    """Return the stamp in ns that a serialised message with a header begins with.
+    """Return the stamp in ns of a serialised message that begins with a header.
 
-    0, as of an empty stamp, for one that is no time: before 1970, or of a thousand million
-    nanoseconds and more; and for a message that is too short to have one.
+    Invalid stamps (before 1970, or with 1e9 ns or more) and messages that are too short give 0, as
+    an empty stamp does.
     """
     if len(cdr) < 4 + _STAMP.size:
         return 0
@@ -62,9 +61,9 @@ def stamp_of(cdr: bytes) -> int:
 
 
 def diagnosed_nodes(cdr: bytes) -> str:
-    """Return whose status a serialised diagnostic message holds; each node sends its own.
+    """Return the nodes in a serialised diagnostic message; each node sends its own.
 
-    Empty for one that cannot be read.
+    Empty if the message cannot be read.
     """
     try:
         message = deserialize_message(cdr, DiagnosticArray)
@@ -76,10 +75,10 @@ def diagnosed_nodes(cdr: bytes) -> str:
 class DatedTopics:
     """Subscribes to the package's topics and gives each message a time.
 
-    Messages with a stamp keep it. One without a stamp gets that of the joint state that was sent
-    just before it: all publishers' system clocks agree on one machine, whereas joint states may
-    carry simulated time. A command so gets the time of the state that it answers, however late
-    either arrived.
+    Messages with a stamp keep it. A message without a stamp gets that of the last joint state sent
+    before it, by the system time of publication, which all publishers on a machine share; joint
+    states may have simulated time. A command thus gets the time of the state that it answers, even
+    if one of them arrives late.
 
     Parameters
     ----------
@@ -93,8 +92,8 @@ class DatedTopics:
     ----------
     topics : dict of str to RecordedTopic
     waiting : deque
-        Messages without stamp whose joint states have not come yet: system time in ns at which
-        they were sent, topic and content.
+        Messages without a stamp whose joint states have not arrived: system time of publication
+        in ns, topic and content.
     """
 
     def __init__(self, node: Node, take: Callable[[str, int, bytes], None],
@@ -108,46 +107,47 @@ class DatedTopics:
             node, kind, topic, partial(self._on_stamped if stamped else self._on_unstamped, topic),
             diagnosed_nodes if kind is DiagnosticArray else None)
             for topic, kind, stamped in _SUBSCRIBED if topic not in left_out}
-        node.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(
+            _CHECK_PERIOD, self._check_publishers, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _look(self) -> None:
+    def _check_publishers(self) -> None:
         for topic in self.topics.values():
             topic.look()
 
     def finish(self) -> None:
-        """Take all that has arrived, and date what still waits."""
+        """Process all messages that have arrived or are waiting."""
         for topic in self.topics.values():
             topic.drain()
-        self._date(all_of_them=True)
+        self._forward_waiting(flush=True)
 
     def _on_stamped(self, topic: str, cdr: bytes, info: dict[str, Any]) -> None:
         stamp, sent = stamp_of(cdr), info['source_timestamp']
         if not stamp:
-            # Where joint states carry no stamp either, both clocks agree.
-            stamp = (self._date_of(sent) if self._stamped else None) or sent
+            # If joint states have no stamp either, both clocks are the same.
+            stamp = (self._stamp_at(sent) if self._stamped else None) or sent
         elif topic == STATES:
             self._stamped = True
         if topic == STATES:
             if not self._sent or sent >= self._sent[-1]:
                 self._sent.append(sent)
                 self._stamps.append(stamp)
-            self._date()
+            self._forward_waiting()
         self._take(topic, stamp, cdr)
 
     def _on_unstamped(self, topic: str, cdr: bytes, info: dict[str, Any]) -> None:
         self.waiting.append((info['source_timestamp'], topic, cdr))
-        self._date()
+        self._forward_waiting()
 
-    def _date(self, all_of_them: bool = False) -> None:
-        """Hand on the messages without stamp for which the joint states around them have come."""
-        while self.waiting and (all_of_them or (
+    def _forward_waiting(self, flush: bool = False) -> None:
+        """Forward the messages without a stamp whose joint states have arrived."""
+        while self.waiting and (flush or (
                 self._sent and self._sent[-1] >= self.waiting[0][0])):
             sent, topic, cdr = self.waiting.popleft()
-            date = self._date_of(sent)
-            self._take(topic, sent if date is None else date, cdr)
+            stamp = self._stamp_at(sent)
+            self._take(topic, sent if stamp is None else stamp, cdr)
 
-    def _date_of(self, sent: int) -> int | None:
-        """Return the stamp in ns of the joint state sent last before; None without any."""
+    def _stamp_at(self, sent: int) -> int | None:
+        """Return the stamp in ns of the last joint state sent before; None if there is none."""
         if not self._sent:
             return None
         if sent >= self._sent[-1]:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's own ROS 2 node: action client, service calls and diagnostics."""
+"""A ROS 2 node for the demo: action client, service calls and diagnostics."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from friction_comp.errors import InputError
 
 Client = TypeVar('Client', bound='DemoClient')
 
-# A request that is not answered within this time is sent again, s.
+# Time after which an unanswered request is sent again, s.
 ANSWER_TIME = 5.0
-# s for a cancellation to go out.
-_FAREWELL = 0.5
+# Time to send a cancellation, s.
+_CANCEL_TIME = 0.5
 
 
 class DemoClient:
@@ -39,9 +39,9 @@ class DemoClient:
     Parameters
     ----------
     check : callable
-        Called while waiting; may raise.
+        Called while waiting; may raise an error to stop it.
     patience : float
-        s that anything but an identification may take.
+        Timeout in s of everything but an identification.
     """
 
     def __init__(self, check: Callable[[], object] = lambda: None,
@@ -71,12 +71,12 @@ class DemoClient:
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
-            # diagnostic_updater's form: node: task.
+            # As diagnostic_updater names it: 'node: task'.
             name = status.name.partition(':')[0]
             self._status[name] = {item.key: item.value for item in status.values}
 
     def value(self, node: str, key: str) -> str | None:
-        """Return what a node last said of a key in its diagnostics, or None."""
+        """Return the last value of a key in a node's diagnostics, or None."""
         return self._status.get(node, {}).get(key)
 
     def forget(self, node: str) -> None:
@@ -90,7 +90,7 @@ class DemoClient:
         Raises
         ------
         InputError
-            If it takes too long; `what` names it.
+            If it does not hold in time; `what` names it.
         """
         end = time.monotonic() + (patience or self._patience)
         while not condition():
@@ -100,7 +100,7 @@ class DemoClient:
             self._executor.spin_once(timeout_sec=0.05)
 
     def until_connected(self, topic: str, publishers: int, subscriptions: int) -> None:
-        """Wait until a topic has so many publishers and subscriptions."""
+        """Wait until a topic has the given numbers of publishers and subscriptions."""
         self.until(
             lambda: (self._node.count_publishers(topic) >= publishers
                      and self._node.count_subscribers(topic) >= subscriptions),
@@ -108,7 +108,7 @@ class DemoClient:
 
     @contextmanager
     def hearing_directions(self) -> Iterator[None]:
-        """Listen to the announced directions for the block: the sign that an exercise waits for."""
+        """Subscribe to the direction within the block: the exercise waits for a subscription."""
         subscription = self._node.create_subscription(
             Int8MultiArray, 'direction', lambda _: None, 10)
         try:
@@ -117,7 +117,7 @@ class DemoClient:
             self._node.destroy_subscription(subscription)
 
     def subscriptions(self, topic: str) -> int:
-        """Return how many subscriptions a topic has."""
+        """Return the number of subscriptions of a topic."""
         return self._node.count_subscribers(topic)
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
@@ -133,7 +133,7 @@ class DemoClient:
             self.until(client.service_is_ready, f'the parameters of {node}')
             request = SetParameters.Request(parameters=[ParameterMessage(
                 name=name, value=Parameter(name, value=value).get_parameter_value())])
-            result = self._answered(
+            result = self._request(
                 lambda: client.call_async(request), f'the parameters of {node}').results[0]
         finally:
             self._node.destroy_client(client)
@@ -153,28 +153,28 @@ class DemoClient:
         Raises
         ------
         InputError
-            If the goal is refused or not reached.
+            If the goal is refused or fails.
         """
-        nobody = IdentifyFriction.Goal(**{**goal, 'joint': 'nobody'})
-        return self.reach(self._action, IdentifyFriction.Goal(**goal), nobody, report,
+        refused_goal = IdentifyFriction.Goal(**{**goal, 'joint': 'nobody'})
+        return self.reach(self._action, IdentifyFriction.Goal(**goal), refused_goal, report,
                           'identification')
 
     def refine(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
-        """Send a goal to the refinement node, as `identify` does to its own."""
-        nobody = RefineModel.Goal(**{**goal, 'joint': 'nobody'})
-        return self.reach(self._refinement, RefineModel.Goal(**goal), nobody, report, 'refinement')
+        """Send a goal to the refinement node and return its result, as `identify` does."""
+        refused_goal = RefineModel.Goal(**{**goal, 'joint': 'nobody'})
+        return self.reach(
+            self._refinement, RefineModel.Goal(**goal), refused_goal, report, 'refinement')
 
     def reach(self, action: ActionClient, goal: Any, refused: Any, report: Callable[[Any], None],
               what: str) -> Any:
-        """Send a goal until it is accepted, and return its result; interrupted, cancel it.
+        """Send a goal until it is accepted, and return its result; cancel it if interrupted.
 
         Parameters
         ----------
         action : ActionClient
         goal : message
         refused : message
-            A goal that is refused whenever it comes: its answer shows that both ends have found
-            each other.
+            A goal that is always refused: its answer shows that the connection works both ways.
         report : callable
             Called with each feedback message.
         what : str
@@ -183,14 +183,14 @@ class DemoClient:
         Raises
         ------
         InputError
-            If the goal is refused or not reached.
+            If the goal is refused or fails.
         """
         self.until(action.server_is_ready, f'the action of {what}')
-        self._answered(lambda: action.send_goal_async(refused), 'an answer to the goal')
+        self._request(lambda: action.send_goal_async(refused), 'an answer to the goal')
         handle = None
         end = time.monotonic() + self._patience
         while handle is None or not handle.accepted:
-            # Refused at first where the node has not heard of its joint yet.
+            # The goal is refused while the node has no joint states yet.
             if time.monotonic() > end:
                 reason = self.value(what, 'last refusal')
                 raise InputError(f'{what} refuses the goal{": " if reason else ""}{reason or ""}')
@@ -204,21 +204,21 @@ class DemoClient:
             future = handle.get_result_async()
             self.until(future.done, f'the result of {what}', 3600.0)
         except BaseException:
-            # Not every server knows when nobody waits for it any more.
+            # Not every server notices that its client is gone.
             handle.cancel_goal_async()
-            self.spin(_FAREWELL)
+            self.spin(_CANCEL_TIME)
             raise
         outcome = future.result()
         if outcome.status != GoalStatus.STATUS_SUCCEEDED:
-            said = outcome.result
-            raise InputError(f'{what} failed: '
-                             f"{getattr(said, 'message', '') or getattr(said, 'error_string', '')}")
+            result = outcome.result
+            text = getattr(result, 'message', '') or getattr(result, 'error_string', '')
+            raise InputError(f'{what} failed: {text}')
         return outcome.result
 
-    def _answered(self, send: Callable[[], Any], what: str) -> Any:
-        """Return the answer to a request that does no harm when it is sent again.
+    def _request(self, send: Callable[[], Any], what: str) -> Any:
+        """Return the answer to an idempotent request, which is repeated until it is answered.
 
-        A reply is lost that is sent before the two ends have found each other both ways.
+        A reply is lost if it is sent before both ends have discovered each other.
         """
         end = time.monotonic() + self._patience
         while time.monotonic() < end:
@@ -230,13 +230,13 @@ class DemoClient:
         raise InputError(f'{what}: nothing within {self._patience:g} s')
 
     def spin(self, seconds: float) -> None:
-        """Attend to messages for a while, whatever has become of the nodes."""
+        """Process messages for a while without calling `check`."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
 
     def wait(self, seconds: float) -> None:
-        """Attend to messages for a while."""
+        """Process messages for a while."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._check()

@@ -15,20 +15,20 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class Diagnostics:
-    """Publishes a node's state once a second of real time, also while simulated time rests.
+    """Publishes a node's state once per second of real time, even while simulated time stops.
 
-    The name is made as diagnostic_updater makes it, ``node: task``, so that aggregators and
-    plotting tools find it; numbers stand alone in their values, one for each joint.
+    The name is ``node: task``, as in diagnostic_updater, so that aggregators and plotting tools
+    find it. Each value is a single number, one for each joint.
 
     Parameters
     ----------
     node : rclpy.node.Node
     report : callable
-        Returns (level, message, values) with values a dict of what str() can show.
+        Returns (level, message, values), with values a dict.
     hardware : str
-        What the node works on, for instance its joints.
+        Hardware of the node, for instance its joints.
     task : str
-        What the node does, in a word or two.
+        Task of the node, in a word or two.
     """
 
     def __init__(self, node: Any, report: Callable[[], tuple[Any, ...]], hardware: str = '',
@@ -61,7 +61,7 @@ class Rate:
 
     def __init__(self) -> None:
         self.count = 0
-        self._asked = (time.monotonic(), 0)
+        self._last_call = (time.monotonic(), 0)
 
     def tick(self) -> None:
         """Count one."""
@@ -70,6 +70,6 @@ class Rate:
     def per_second(self) -> float:
         """Return the rate in Hz since the last call."""
         now = time.monotonic()
-        before, count = self._asked
-        self._asked = (now, self.count)
+        before, count = self._last_call
+        self._last_call = (now, self.count)
         return (self.count - count) / max(now - before, 1e-3)

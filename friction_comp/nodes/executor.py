@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An executor for nodes that process a fast stream of messages."""
+"""An executor for nodes that process frequent messages."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities
 
-# Real time in s between looks at everything that is not a stream. It also bounds how long a
-# signal waits, since Python handles one only when the executor comes back from the middleware.
-_BREATH = 0.02
+# Real s between polls of everything but the streams. It also limits the delay of signals, which
+# Python handles only when the executor returns from the middleware.
+_POLL_PERIOD = 0.02
 _NANO = 1_000_000_000
 
 
 class _Streams:
-    """What is waited for with every message: the subscriptions and fast timers of a node.
+    """The subscriptions and fast timers of a node, in one wait set.
 
-    The wait set is made once, and again only when the node has got or lost a subscription.
+    The wait set is rebuilt only when the node's subscriptions have changed.
 
-    Subscriptions come in the order in which the node made them. Before a message is taken from
-    one, all that has arrived for those before it has been taken: a node whose answer to one topic
-    depends on what came before it over another makes the other subscription first.
+    Subscriptions are processed in the order of their creation: before a message is taken from one,
+    all messages of those before it are taken. A node whose answer to a topic depends on earlier
+    messages of another topic subscribes to that one first.
     """
 
     def __init__(self, node: Any, timers: list[Any], guard: GuardCondition) -> None:
@@ -43,26 +43,26 @@ class _Streams:
         self._subscriptions: list[tuple[Any, Any, bool, Any, bool]] = []
         self._wait_set: Any = None
 
-    def renew(self) -> None:
-        """Take note of which subscriptions there are now."""
+    def rebuild(self) -> None:
+        """Rebuild the wait set from the present subscriptions."""
         self._held.close()
         subscriptions = list(self._node.subscriptions)
-        # Held, so that none goes while it is waited for.
-        for one in (*subscriptions, *self._timers, self._guard, self._node.context):
-            self._held.enter_context(one.handle)
+        # Hold the handles, so that none is destroyed while it is in the wait set.
+        for entity in (*subscriptions, *self._timers, self._guard, self._node.context):
+            self._held.enter_context(entity.handle)
         self._subscriptions = [
-            (one.handle, one.msg_type, one.raw, one.callback,
-             one._callback_type is Subscription.CallbackType.MessageOnly)
-            for one in subscriptions]
+            (entity.handle, entity.msg_type, entity.raw, entity.callback,
+             entity._callback_type is Subscription.CallbackType.MessageOnly)
+            for entity in subscriptions]
         self._wait_set = _rclpy.WaitSet(
             len(subscriptions), 1, len(self._timers), 0, 0, 0, self._node.context.handle)
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Release the handles."""
         self._held.close()
 
     def wait(self, seconds: float) -> list[Any]:
-        """Wait until something has come, and take it; return callbacks that go on later."""
+        """Wait for messages or timers and process them; return unfinished coroutines."""
         wait_set = self._wait_set
         wait_set.clear_entities()
         for handle, *_ in self._subscriptions:
@@ -71,40 +71,40 @@ class _Streams:
             wait_set.add_timer(timer.handle)
         wait_set.add_guard_condition(self._guard.handle)
         wait_set.wait(int(seconds * _NANO))
-        begun: list[Any] = []
+        coroutines: list[Any] = []
         for timer in self._timers:
             if timer.handle.is_timer_ready():
                 timer.handle.call_timer()
-                _add(timer.callback(), begun)
+                _collect(timer.callback(), coroutines)
         last = -1
         for index in range(len(self._subscriptions)):
             if wait_set.is_ready('subscription', index):
                 last = index
         for index in range(last + 1):
-            taken = self._take(index, begun)
+            taken = self._take(index, coroutines)
             while taken and index < last:
-                taken = self._take(index, begun)
-        return begun
+                taken = self._take(index, coroutines)
+        return coroutines
 
-    def _take(self, index: Any, begun: Any) -> bool:
+    def _take(self, index: Any, coroutines: Any) -> bool:
         handle, kind, raw, callback, message_only = self._subscriptions[index]
         message = handle.take_message(kind, raw)
         if message is None:
             return False
-        _add(callback(message[0]) if message_only else callback(*message), begun)
+        _collect(callback(message[0]) if message_only else callback(*message), coroutines)
         return True
 
 
-def _add(result: Any, begun: Any) -> None:
+def _collect(result: Any, coroutines: Any) -> None:
     if inspect.iscoroutine(result):
-        begun.append(result)
+        coroutines.append(result)
 
 
-class _Rest:
+class _SlowEntities:
     """The entities that are polled less often: services, actions, events, other timers.
 
-    A wait set that is made once, and again only when the node has got or lost something, tells
-    whether there is anything to do. rclpy makes one for every look, which takes milliseconds.
+    One wait set, rebuilt only when the node's entities have changed, shows whether any of them is
+    ready. rclpy builds a wait set for every poll, which takes milliseconds.
 
     To rclpy's executor this is the node, without the fast streams, which are processed here.
     """
@@ -124,7 +124,7 @@ class _Rest:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._node, name)
 
-    def renew(self) -> None:
+    def rebuild(self) -> None:
         """Update the list of entities."""
         self._held.close()
         node = self._node
@@ -137,63 +137,63 @@ class _Rest:
         for waitable in self._waitables:
             count += waitable.get_num_entities()
             self._held.enter_context(waitable)
-        for one in (*self._slow, *(one for several in kinds.values() for one in several),
+        for entity in (*self._slow, *(entity for entities in kinds.values() for entity in entities),
                     node.context):
-            self._held.enter_context(one.handle)
+            self._held.enter_context(entity.handle)
         self._wait_set = _rclpy.WaitSet(
             count.num_subscriptions, count.num_guard_conditions, count.num_timers,
             count.num_clients, count.num_services, count.num_events, node.context.handle)
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Release the handles."""
         self._held.close()
 
     def call_timers(self) -> list[Any]:
-        """Call the timers that are due; return callbacks that go on later."""
-        begun: list[Any] = []
+        """Call the timers that are due; return unfinished coroutines."""
+        coroutines: list[Any] = []
         for timer in self._slow:
             if timer.handle.is_timer_ready():
                 timer.handle.call_timer()
-                _add(timer.callback(), begun)
-        return begun
+                _collect(timer.callback(), coroutines)
+        return coroutines
 
     def is_waiting(self) -> bool:
         """Return whether any of them is ready."""
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for kind, several in self._entities.items():
+        for kind, entities in self._entities.items():
             add = getattr(wait_set, f'add_{kind}')
-            for one in several:
-                add(one.handle)
+            for entity in entities:
+                add(entity.handle)
         for waitable in self._waitables:
             waitable.add_to_wait_set(wait_set)
         wait_set.wait(0)
         ready = False
-        for kind, several in self._entities.items():
-            for index, one in enumerate(several):
+        for kind, entities in self._entities.items():
+            for index, entity in enumerate(entities):
                 if wait_set.is_ready(kind, index):
                     ready = True
                     if kind == 'guard_condition':
-                        # Looking has taken its trigger; so rclpy knows of it all the same.
-                        one._executor_triggered = True
+                        # Waiting has consumed the trigger: pass it on to rclpy.
+                        entity._executor_triggered = True
         for waitable in self._waitables:
             ready = waitable.is_ready(wait_set) or ready
         return ready
 
 
 class StreamExecutor(Executor):
-    """Waits for messages alone, and looks at services, actions and timers fifty times a second.
+    """Waits for messages only, and polls services, actions and timers fifty times a second.
 
-    rclpy builds its wait set again for every callback, from all that a node has: parameter and
-    lifecycle services, an action server's five sockets, events, timers. Here a message waits for
-    none of that.
+    rclpy rebuilds its wait set for every callback from all entities of a node: parameter and
+    lifecycle services, five entities of each action server, events and timers. Here none of them
+    delays a message.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        The one node to execute. Its attribute `fast_timers` names timers that are not to wait
-        for the next look; with an attribute `nap` in s, messages may wait for each other so long,
-        and are then taken together, which is cheaper.
+        The only node to execute. Its attribute `fast_timers` lists timers that must not wait for
+        the next poll. With an attribute `nap` in s, messages may be delayed by that time and are
+        then processed together, which is cheaper.
     """
 
     def __init__(self, node: Any) -> None:
@@ -203,67 +203,67 @@ class StreamExecutor(Executor):
         self._is_changed = True
         self.add_node(node)
         self._streams = _Streams(node, list(node.fast_timers), self._changed)
-        self._rest = _Rest(node, node.fast_timers)
+        self._slow_entities = _SlowEntities(node, node.fast_timers)
         self._nap = getattr(node, 'nap', 0.0)
         self._due = 0.0
 
     def wake(self) -> None:
-        """Take note that the node has got or lost something."""
+        """Note that the node's entities have changed."""
         super().wake()
         if self._changed is not None:
             self._is_changed = True
             self._changed.trigger()
 
     def shutdown(self, timeout_sec: Any = None) -> Any:
-        """Let go of the node."""
+        """Release the node."""
         self._streams.close()
-        self._rest.close()
+        self._slow_entities.close()
         return super().shutdown(timeout_sec)
 
     def spin_once(self, timeout_sec: Any = None) -> None:
         """Process ready messages, and poll the rest when it is due or when not waiting."""
         left = max(0.0, self._due - time.monotonic())
-        self._attend(left if timeout_sec is None else min(left, timeout_sec))
+        self._process_streams(left if timeout_sec is None else min(left, timeout_sec))
         if timeout_sec == 0.0 or time.monotonic() >= self._due:
-            self._look()
-            self._due = time.monotonic() + _BREATH
+            self._poll()
+            self._due = time.monotonic() + _POLL_PERIOD
 
-    def _attend(self, seconds: Any) -> None:
-        self._renew()
-        for one in self._streams.wait(0.0 if self._nap else seconds):
-            self.create_task(one)
+    def _process_streams(self, seconds: Any) -> None:
+        self._rebuild()
+        for coroutine in self._streams.wait(0.0 if self._nap else seconds):
+            self.create_task(coroutine)
         if self._nap:
             time.sleep(min(self._nap, seconds))
 
-    def _renew(self) -> None:
+    def _rebuild(self) -> None:
         if self._is_changed:
             self._is_changed = False
-            self._streams.renew()
-            self._rest.renew()
+            self._streams.rebuild()
+            self._slow_entities.rebuild()
 
-    def _look(self) -> None:
-        """Attend to everything that is not a stream."""
+    def _poll(self) -> None:
+        """Process everything but the streams."""
         if not self.context.ok():
             raise ExternalShutdownException
-        for one in self._rest.call_timers():
-            self.create_task(one)
-        self._go_on_with_tasks()
-        # What a callback has destroyed must not be waited for.
-        self._renew()
-        if self._rest.is_waiting():
-            while self._execute_rest():
+        for coroutine in self._slow_entities.call_timers():
+            self.create_task(coroutine)
+        self._continue_tasks()
+        # Callbacks may have destroyed entities.
+        self._rebuild()
+        if self._slow_entities.is_waiting():
+            while self._execute_slow():
                 pass
 
-    def _go_on_with_tasks(self) -> None:
+    def _continue_tasks(self) -> None:
         with self._tasks_lock:
-            self._tasks[:] = [one for one in self._tasks if not one[0].done()]
+            self._tasks[:] = [entry for entry in self._tasks if not entry[0].done()]
             tasks = [task for task, *_ in self._tasks if not task.executing()]
         for task in tasks:
             _execute(task)
 
-    def _execute_rest(self) -> bool:
+    def _execute_slow(self) -> bool:
         try:
-            handler, _, _ = self.wait_for_ready_callbacks(0.0, [self._rest])
+            handler, _, _ = self.wait_for_ready_callbacks(0.0, [self._slow_entities])
         except (ConditionReachedException, ShutdownException, TimeoutException):
             return False
         _execute(handler)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shows a movement to the person, the note's or that of a file, and announces its directions."""
+"""Publishes a reference movement, of the note or from a file, and announces its directions."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, se
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints
 
-# Each end of a connection finds the other in its own time; real s.
-_MOMENT = 0.5
-# Reports, one a second, after which a joint that is still missing is told in the log.
-_PATIENCE = 3
+# Discovery may finish at different times at both ends of a connection; real s.
+_DISCOVERY_TIME = 0.5
+# Reports, one per second, after which missing joints are logged.
+_REPORTS_BEFORE_WARNING = 3
 
 
 class ExerciseNode(Node):
-    """Publishes `reference` and `direction` from where the joints stand when it begins.
+    """Publishes `reference` and `direction`, relative to the positions at the beginning.
 
-    With `clock: ticks` it follows `/clock` tick by tick: first the direction goes out, then the
-    reference with the tick's stamp. A plant in lockstep that waits for the reference sends its
-    next joint states after it; since the middleware delivers to a process in the order of
-    arrival, the compensator has the direction before these states in every run.
+    With `clock: ticks`, every tick of `/clock` is answered by the direction and then the reference
+    with the tick's stamp. A plant in lockstep publishes its next joint states after the reference.
+    Since the middleware delivers in order of arrival, the compensator always receives the direction
+    before these states.
     """
 
     def __init__(self) -> None:
@@ -50,13 +50,13 @@ class ExerciseNode(Node):
         self._movement = self._declare_movement()
         self._moving = self._declare_moving()
         file = declare(
-            self, 'exercise_file', '', 'YAML file that says which joint goes where and when, '
+            self, 'exercise_file', '', 'YAML file with the movement of each joint, '
             "instead of the note's movement", read_only=True)
         self._script = load_exercise(file).of(self._joints) if file else None
         self._duration = (self._script or self._movement).duration
         self._when_done = declare(
-            self, 'when_done', 'hold', 'after the last repetition: hold the joints where they '
-            'began, or exit', read_only=True, constraints='hold or exit')
+            self, 'when_done', 'hold', 'after the last repetition: hold the joints at their '
+            'initial positions, or exit', read_only=True, constraints='hold or exit')
         if self._when_done not in ('hold', 'exit'):
             raise InputError(
                 f'parameter when_done: must be hold or exit, not {self._when_done!r}')
@@ -64,7 +64,7 @@ class ExerciseNode(Node):
             self, 'wait_for_listeners', 0,
             'subscriptions to the direction that must be there before the exercise begins',
             0, 1000, read_only=True)
-        rate = declare(self, 'rate', 100.0, 'references a second of the node clock [Hz]', 1.0,
+        rate = declare(self, 'rate', 100.0, 'references per second of the node clock [Hz]', 1.0,
                        1000.0, read_only=True)
         clock = declare(
             self, 'clock', 'timer', 'timer: at `rate` by the node clock; ticks: once for each '
@@ -73,7 +73,7 @@ class ExerciseNode(Node):
             raise InputError(f'parameter clock: must be timer or ticks, not {clock!r}')
 
         self._start: int | None = None
-        self._found: float | None = None
+        self._connected_since: float | None = None
         self._last: int | None = None
         self._first: int | None = None
         self._ticking = clock == 'ticks'
@@ -89,7 +89,7 @@ class ExerciseNode(Node):
         self._origin: np.ndarray | None = None
         # Several drivers may each publish some of the joints.
         self._received = np.full(len(self._joints), np.nan)
-        self._told_of: set[str] = set()
+        self._named_joints: set[str] = set()
         self._reports = 0
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
@@ -141,32 +141,32 @@ class ExerciseNode(Node):
     def _on_joint_states(self, message: Any) -> None:
         if self._ticking and (
                 self._first is None or nanoseconds(message.header.stamp) < self._first):
-            # What came before the first tick came by chance; a run must not depend on it.
+            # States before the first tick arrive at random, and would make runs differ.
             return
         position, _, _ = self._columns.read(message)
         self._received = np.where(np.isfinite(position), position, self._received)
-        self._told_of.update(message.name)
+        self._named_joints.update(message.name)
         if np.isfinite(self._received).all():
             self._origin = self._received
 
     def _on_tick(self, now: Any) -> None:
-        # Once it is over, time is not to go on by as many ticks as come before the node has left.
-        if self.finished or not self._listened_to():
+        # Ignore ticks after the end, so that time stops at a reproducible tick.
+        if self.finished or not self._has_listeners():
             return
         if now == self._last:
-            # A tick comes again when its answer was lost.
+            # A tick is repeated if its answer was lost.
             self._references.publish(self._reference)
             return
         if self._ticking and self._origin is None and self._first is not None:
-            # The joint states since the first tick have not found the way here yet. A plant that
-            # waits for an answer sends the last of them again; until then no time is to pass.
+            # The joint states since the first tick have not arrived yet. A plant that waits for an
+            # answer repeats the last of them; until then time must not advance.
             return
         self._last = now
         if self._first is None:
             self._first = now
         set_stamp(self._reference.header.stamp, now)
         if self._origin is None:
-            # Time must go on for joint states to come; nobody holds the joints until then.
+            # Joint states need time to advance; nobody holds the joints until then.
             self._reference.name = []
             self._references.publish(self._reference)
             return
@@ -175,19 +175,19 @@ class ExerciseNode(Node):
                 self.destroy_subscription(self._origin_subscription)
             self._start = now
             self._reference.name = list(self._joints)
-        self._show((now - self._start) / NANO)
+        self._publish((now - self._start) / NANO)
 
-    def _listened_to(self) -> bool:
+    def _has_listeners(self) -> bool:
         """Return whether all listeners have been connected for a moment."""
         if self._start is not None or not self._listeners:
             return True
         if self._directions.get_subscription_count() < self._listeners:
-            self._found = None
+            self._connected_since = None
             return False
-        self._found = self._found or monotonic()
-        return monotonic() - self._found > _MOMENT
+        self._connected_since = self._connected_since or monotonic()
+        return monotonic() - self._connected_since > _DISCOVERY_TIME
 
-    def _show(self, time: float) -> None:
+    def _publish(self, time: float) -> None:
         position, velocity, direction = self._at(time)
         values = direction.astype(int).tolist()
         self._values = values
@@ -209,7 +209,7 @@ class ExerciseNode(Node):
 
     def _report(self) -> Any:
         if self._start is None:
-            return WARN, self._waits_for(), {}
+            return WARN, self._describe_wait(), {}
         time = (self._last - self._start) / NANO
         position, velocity, _ = self._at(time)
         values = {
@@ -219,25 +219,25 @@ class ExerciseNode(Node):
             'direction': self._values}
         return OK, 'moving' if time < self._duration else 'done', values
 
-    def _waits_for(self) -> str:
-        """Return what keeps the exercise from beginning."""
-        if not self._listened_to():
+    def _describe_wait(self) -> str:
+        """Return what the exercise waits for before it begins."""
+        if not self._has_listeners():
             return 'waits for listeners to the direction'
         if self._origin is not None:
             return 'waits for /clock'
-        if not self._told_of:
+        if not self._named_joints:
             return 'waits for joint_states'
         missing = [joint for joint, position in zip(self._joints, self._received)
                    if not np.isfinite(position)]
         words = (f'waits for a position of {", ".join(missing)}: joint_states hold '
-                 f'{", ".join(sorted(self._told_of))}')
+                 f'{", ".join(sorted(self._named_joints))}')
         self._reports += 1
-        if self._reports == _PATIENCE:
+        if self._reports == _REPORTS_BEFORE_WARNING:
             self.get_logger().warning(words)
         return words
 
     def leave(self) -> None:
-        """Take the announcement back."""
+        """Announce no direction."""
         if self.context.ok() and any(self._values):
             self._direction.data = array('b', [0] * len(self._joints))
             self._directions.publish(self._direction)

@@ -23,7 +23,7 @@ class _Fault:
 
 
 class Faults:
-    """The faults that a node has now, and those that stay until they are reset.
+    """Present faults of a node, and latched ones that remain until they are reset.
 
     May be used from several threads.
 
@@ -32,7 +32,7 @@ class Faults:
     logger : object
         With methods `error`, `warning` and `info`.
     hold : float
-        s after which a fault that is not seen any more has ended: one that flickers is one.
+        s without a report after which a fault has ended, so that an intermittent fault is one.
     clock : callable
         Returns s.
     """
@@ -46,17 +46,17 @@ class Faults:
         self.count = 0
 
     def seen(self, cause: str, text: str, level: bytes = ERROR, lasting: bool = False) -> None:
-        """Report a fault.
+        """Report a fault that is present now.
 
         Parameters
         ----------
         cause : str
-            Names the fault; the text may differ from one time to the next.
+            Identifies the fault; the text may vary.
         text : str
         level : bytes
             WARN or ERROR.
         lasting : bool
-            Whether it goes on until `gone` is called.
+            Whether it lasts until `gone` is called.
         """
         now = self._clock()
         with self._lock:
@@ -85,7 +85,7 @@ class Faults:
         self._log(ERROR, f'{text}; stays until ~/reset_faults is called')
 
     def reset(self) -> list[str]:
-        """Clear what is latched and return it in words."""
+        """Clear latched faults and return their texts."""
         with self._lock:
             texts, self._latched = list(self._latched.values()), {}
         for text in texts:
@@ -93,7 +93,7 @@ class Faults:
         return texts
 
     def look(self) -> None:
-        """Let faults end that are not seen any more; to be called now and then."""
+        """End faults that are no longer reported; to be called regularly."""
         now, ended = self._clock(), []
         with self._lock:
             for cause, fault in list(self._faults.items()):
@@ -126,7 +126,7 @@ class Faults:
                 fault.text for fault in self._faults.values() if fault.level == level)
 
     def _log(self, level: Any, text: str) -> None:
-        # One call each: rclpy keeps one severity for each place in the code.
+        # Separate calls: rclpy allows only one severity per source line.
         if level == ERROR:
             self._logger.error(text)
         else:

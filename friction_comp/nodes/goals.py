@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Converts between the actions' messages and the procedures' own types."""
+"""Converts between action messages and the types of the procedures."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def declare_defaults(node: Any) -> Any:
 
 
 def make_goal(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
-    """Turn a goal message into (number of the joint, IdentificationGoal).
+    """Convert a goal message to (joint index, IdentificationGoal).
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def make_goal(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
     Raises
     ------
     InputError
-        If the joint is unknown, or the drive cannot do what is asked.
+        If the joint is unknown, or the drive cannot reach the goal.
     """
     if request.joint and request.joint not in joints:
         raise InputError(f'unknown joint {request.joint!r}; known: {", ".join(joints)}')
@@ -68,7 +68,7 @@ def make_goal(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
 
 
 def make_trajectory(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
-    """Turn a PlayTrajectory goal into (number of the joint, TrajectoryGoal).
+    """Convert a PlayTrajectory goal to (joint index, TrajectoryGoal).
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def make_trajectory(request: Any, joints: Any, drives: Any, defaults: Any) -> An
     Raises
     ------
     InputError
-        If it is not of one known joint, or the drive cannot do what is asked.
+        If it is not for exactly one known joint, or the drive cannot reach the goal.
     """
     names, points = list(request.trajectory.joint_names), request.trajectory.points
     if len(names) != 1:
@@ -99,7 +99,7 @@ def make_trajectory(request: Any, joints: Any, drives: Any, defaults: Any) -> An
 
 
 def len_or_value(value: Any) -> Any:
-    """Return a number as it is, of a sequence its length."""
+    """Return a number unchanged, or the length of a sequence."""
     return value if isinstance(value, (int, float)) else len(value)
 
 
@@ -117,7 +117,7 @@ def fill_result(message: Any, result: Any) -> None:
 
 
 def compile_ahead(drive: Any) -> None:
-    """Have what a goal runs compiled, and its modules read, before the first one comes."""
+    """Import and compile everything a goal needs before the first one arrives."""
     goal = IdentificationGoal(
         speeds=(0.4, 0.8), ramp_slope=drive.current_limit / 10.0, ramp_period=1.0)
     identification = IdentificationRun(goal, drive)

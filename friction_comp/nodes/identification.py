@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moves a joint with currents, as two actions: to measure its friction, and along a trajectory.
+"""Moves a joint by motor currents in two actions: friction identification and trajectories.
 
-Friction is measured by the note's sections 2.3 and 2.4. Both actions share the joint, its
-supervision and the way in which every fault ends in zero current.
+Friction is measured as in sections 2.3 and 2.4 of the note. Both actions share the supervision of
+the joint, and end with zero current after every fault.
 """
 
 from __future__ import annotations
@@ -51,29 +51,28 @@ from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.slow_inputs import MotorTemperature
 from friction_comp.nodes.watchdog import Watchdog
 
-# Real time in s between looks at who else is there: publishers of joint_states, other commanders,
-# and the client.
-_LOOK = 0.1
-# Real s within which joint states must have come for a goal to be accepted. A busy machine may
-# leave them unread for long; the joint is not driven before a fresh one has come.
-_RECENT = 2.0
+# Real s between checks of the publishers of joint_states, other commanders, and the client.
+_CHECK_PERIOD = 0.1
+# Largest real age in s of the last joint state for a goal to be accepted. It is long since a busy
+# machine may delay reading; the joint is not driven before a new state has arrived.
+_MAX_AGE = 2.0
 
 
 @dataclass(frozen=True)
-class Served:
-    """One of the actions.
+class Action:
+    """One action of the node.
 
     Parameters
     ----------
     kind : type
-        Of the action.
+        Action type.
     name : str
     goal : callable
-        Makes joint and goal of a request; raises InputError.
+        Converts a request to (joint index, goal); raises InputError.
     run : callable
-        Makes the run of a goal and a drive.
+        Creates the run from goal and drive.
     finish : callable
-        Fills in the result of a finished run, given the joint.
+        Called with finished run, joint name and result message, which it fills.
     """
 
     kind: Any
@@ -86,8 +85,8 @@ class Served:
 class IdentificationNode(Node):
     """Serves one goal at a time; a second one is rejected while the first runs.
 
-    The node has a publisher of currents during a goal only, commands one for every joint state,
-    and leaves the drive at zero current however the goal ends.
+    The node has a publisher of currents only during a goal, publishes one command per joint state,
+    and ends every goal with zero current.
     """
 
     finished = False
@@ -101,8 +100,8 @@ class IdentificationNode(Node):
             'is used', read_only=True), self._joints)
         self._drives = [model.drive for model in models]
         self._output = declare(
-            self, 'output_folder', '.', 'folder that takes the model files, named after their '
-            'joints')
+            self, 'output_folder', '.', 'folder for the model files, which are named after '
+            'their joints')
         timeout = declare(
             self, 'joint_state_timeout', 0.05, 'silence of joint_states that ends a goal, in real '
             'time, and largest age [s]', 0.001, 10.0, read_only=True)
@@ -124,23 +123,24 @@ class IdentificationNode(Node):
         self._run: SupervisedRun | None = None
         self._done: Future | None = None
         self._started: int | None = None
-        self._shown: float | None = None
+        self._last_feedback: float | None = None
         self._last_end = ''
         self._refused = ''
         compile_ahead(self._drives[0])
         self.create_subscription(Temperature, 'motor_temperature', self._on_temperature, qos)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
-        self.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._served = (
-            Served(IdentifyFriction, 'identify_friction', self._identification_goal,
+        self.create_timer(
+            _CHECK_PERIOD, self._check_connections, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._actions = (
+            Action(IdentifyFriction, 'identify_friction', self._identification_goal,
                    IdentificationRun, self._finish_identification),
-            Served(PlayTrajectory, 'play_trajectory', self._trajectory_goal, TrajectoryRun,
+            Action(PlayTrajectory, 'play_trajectory', self._trajectory_goal, TrajectoryRun,
                    _finish_trajectory))
-        self._now = self._served[0]
+        self._active_action = self._actions[0]
         self._servers = [ActionServer(
-            self, one.kind, one.name, functools.partial(self._execute, one),
-            goal_callback=functools.partial(self._on_goal, one),
-            cancel_callback=self._on_cancel) for one in self._served]
+            self, action.kind, action.name, functools.partial(self._execute, action),
+            goal_callback=functools.partial(self._on_goal, action),
+            cancel_callback=self._on_cancel) for action in self._actions]
         Diagnostics(self, self._report, ', '.join(self._joints), 'identification')
 
     # The actions.
@@ -155,13 +155,13 @@ class IdentificationNode(Node):
             request, self._joints, self._drives, self._defaults)
         return goal
 
-    def _on_goal(self, served: Served, request: Any) -> Any:
+    def _on_goal(self, action: Action, request: Any) -> Any:
         try:
             if self._busy:
                 raise InputError('another goal is running')
-            index, _ = served.goal(request)
+            index, _ = action.goal(request)
             self._check_states(index)
-            self._check_surroundings()
+            self._check_other_commanders()
         except InputError as error:
             self._refused = str(error)
             self.get_logger().warning(f'goal rejected: {error}')
@@ -171,15 +171,15 @@ class IdentificationNode(Node):
         return GoalResponse.ACCEPT
 
     def _check_states(self, index: Any) -> None:
-        if time.monotonic() - self._received > _RECENT:
+        if time.monotonic() - self._received > _MAX_AGE:
             raise InputError('there are no joint_states')
-        if time.monotonic() - self._fresh > _RECENT:
-            raise InputError(self._states.wrong or 'joint_states bring nothing new')
+        if time.monotonic() - self._fresh > _MAX_AGE:
+            raise InputError(self._states.wrong or 'joint_states are not updated')
         if self._joints[index] in self._states.missing:
             raise InputError(f'joint_states lack {self._joints[index]}')
 
-    def _check_surroundings(self) -> None:
-        """Raise InputError where the joint must not be driven, or to no purpose."""
+    def _check_other_commanders(self) -> None:
+        """Raise InputError if another node may command the motor."""
         others = self._port.others()
         if others:
             raise InputError(f'{", ".join(others)} may command the motor: deactivate it first')
@@ -188,22 +188,22 @@ class IdentificationNode(Node):
         self._end('canceled', 'cancelled on request')
         return CancelResponse.ACCEPT
 
-    async def _execute(self, served: Served, goal_handle: Any) -> Any:
-        result = served.kind.Result()
+    async def _execute(self, action: Action, goal_handle: Any) -> Any:
+        result = action.kind.Result()
         try:
-            self._now = served
-            self._index, goal = served.goal(goal_handle.request)
+            self._active_action = action
+            self._index, goal = action.goal(goal_handle.request)
             joint = self._joints[self._index]
             self._goal_handle = goal_handle
-            self._started = self._shown = None
-            self._done, self._silent, self._accompanied = Future(), False, False
+            self._started = self._last_feedback = None
+            self._done, self._silent, self._had_client = Future(), False, False
             self._states.forget()
             self._port.open()
-            run = self._run = served.run(goal, self._drives[self._index])
-            self.get_logger().info(f'{served.name}: moves {joint}')
+            run = self._run = action.run(goal, self._drives[self._index])
+            self.get_logger().info(f'{action.name}: moves {joint}')
             end, result.message = await self._done
             if end == 'done':
-                served.finish(run, joint, result)
+                action.finish(run, joint, result)
         except InputError as error:
             end, result.message = 'aborted', str(error)
         except Exception:
@@ -225,7 +225,7 @@ class IdentificationNode(Node):
         return result
 
     def _finish_identification(self, run: Any, joint: str, result: Any) -> None:
-        """Fit, write the model file, and fill the result in."""
+        """Fit the model, write its file, and fill the result."""
         outcome = run.result()
         path = Path(self.get_parameter('output_folder').value) / f'{joint}.yaml'
         path = path.absolute()
@@ -235,7 +235,7 @@ class IdentificationNode(Node):
         result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
     def _end(self, end: Any, message: Any) -> None:
-        """End the run, if one is on: currents first, words later."""
+        """End the present run, if any: first zero current, then the result."""
         if self._run is None:
             return
         run, self._run = self._run, None
@@ -261,7 +261,7 @@ class IdentificationNode(Node):
             message, now, 0 if simulated else info['received_timestamp'],
             info['publication_sequence_number'] or 0)
         self._received = time.monotonic()
-        # A simulation whose time rests, since nobody commands, sends its last state again.
+        # While nobody commands, a simulation in lockstep repeats its last state.
         if verdict == joint_states.NEW or (verdict == joint_states.AGAIN and simulated):
             self._fresh = self._received
         if self._run is None:
@@ -304,16 +304,16 @@ class IdentificationNode(Node):
         commands[index] = 0.0 if self._run.finished else current
         simulated = self.get_clock().ros_time_is_active
         self._port.answer(commands, ticket, states.stamp if simulated else 0)
-        self._feed_back(at, sample)
+        self._publish_feedback(at, sample)
         if self._run.finished:
             self._end('done', '')
 
-    def _feed_back(self, at: Any, sample: Any) -> None:
+    def _publish_feedback(self, at: Any, sample: Any) -> None:
         now = time.monotonic()
-        if self._shown is not None and now - self._shown < self._feedback_period:
+        if self._last_feedback is not None and now - self._last_feedback < self._feedback_period:
             return
-        self._shown = now
-        feedback = self._now.kind.Feedback(
+        self._last_feedback = now
+        feedback = self._active_action.kind.Feedback(
             phase=self._run.phase, progress=float(self._run.progress),
             remaining_seconds=float(self._run.remaining), time=at, position=sample[0],
             velocity=sample[1], current=sample[2])
@@ -324,21 +324,21 @@ class IdentificationNode(Node):
         self._port.zero()
         self._silent = True
 
-    def _look(self) -> None:
+    def _check_connections(self) -> None:
         """Check the publishers, and end a goal whose client is gone."""
         self._states.publishers = rivals(self, 'joint_states')
         if self._run is None:
             return
         states = self.resolve_topic_name('joint_states')
-        client = self.resolve_service_name(f'{self._now.name}/_action/get_result')
+        client = self.resolve_service_name(f'{self._active_action.name}/_action/get_result')
         others, clients = self._port.others(), self.count_clients(client)
-        self._accompanied = self._accompanied or clients > 0
-        # A simulation's time may rest: then its last state is as fresh as ever.
+        self._had_client = self._had_client or clients > 0
+        # Simulated time may stop: its last state then stays valid.
         if self._silent and not self.get_clock().ros_time_is_active:
             self._end('aborted', 'joint_states fell silent')
         elif not self.count_publishers(states):
             self._end('aborted', 'joint_states have no publisher any more')
-        elif self._accompanied and not clients:
+        elif self._had_client and not clients:
             self._end('aborted', 'the client that asked for it has gone')
         elif others:
             self._end('aborted', f'{", ".join(others)} may command the motor too')
@@ -352,16 +352,16 @@ class IdentificationNode(Node):
                 'joint': self._joints[self._index], 'phase': self._run.phase,
                 'progress': float(self._run.progress),
                 **per_joint(self._joints, 'command [A]', self._port.last)})
-            return OK, f'{self._now.name}: moves {self._joints[self._index]}', values
+            return OK, f'{self._active_action.name}: moves {self._joints[self._index]}', values
         if self._last_end.startswith('aborted'):
             return ERROR, self._last_end, values
         if not self._states.stamp:
             return WARN, 'no joint_states yet', values
         return OK, 'ready', values
 
-    def let_go(self) -> None:
+    def stop_motor(self) -> None:
         """Command zero current permanently; may be called from any thread."""
-        self._port.zero(for_good=True)
+        self._port.zero(permanent=True)
 
     def leave(self) -> None:
         """End a running goal with zero current."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes motor currents, or torques of joints: shared by the nodes that drive a motor."""
+"""Publishes motor currents or joint torques, for all nodes that drive a motor."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from friction_comp.nodes.joint_states import NANO
 from friction_comp.nodes.parameters import declare
 from friction_comp.topics import TORQUE_UNIT
 
-# Deep enough that a reader may pause for seconds and miss nothing.
+# Deep enough for a reader that pauses for seconds.
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
-# A state that comes again was sent again because its answer was lost only if it left its sender
-# this long after the answer; an earlier one had merely crossed with it.
-_CROSSING = NANO // 10
-# Real s that a new publisher waits for its listeners.
-_MATCHING = 1.0
-# Label of a command that answers no joint state: zero of the commander's own accord. A motor obeys
-# it as any other; a simulation whose time rests must not take it for the answer it waits for.
+# A repeated state means that its answer was lost only if it was sent this long after the answer,
+# ns; otherwise both were under way at the same time.
+_CROSSING_TIME = NANO // 10
+# Real s that a new publisher waits for its subscriptions.
+_DISCOVERY_TIME = 1.0
+# Label of a zero command that answers no joint state. A drive obeys it as any other; a simulation
+# in lockstep must not take it for the answer it waits for.
 UNASKED = 'unasked'
 JOINT = 'joint'
-# What a robot's controller takes, and how a command names its unit.
+# Command interface to the unit in the label of a command.
 UNIT_OF = {'current': 'A', 'effort': TORQUE_UNIT}
-# A current below this is zero: what decays would end in denormal numbers, A.
-_NOTHING = 1e-12
-# Real s that the watchdog waits for a publication under way before it publishes beside it.
-_UNDER_WAY = 0.005
+# Smaller currents are set to zero, since decaying ones would become denormal numbers, A.
+_NEGLIGIBLE = 1e-12
+# Real s that the watchdog waits for a blocked publication before it publishes zero.
+_LOCK_TIMEOUT = 0.005
 
 
 def input_qos(node: Any) -> QoSProfile:
     """Declare `input_reliability` and return the quality of service for the node's inputs.
 
-    Best effort receives from every publisher. Reliable receives from reliable ones only, but loses
-    nothing, which the lockstep of the simulated plant is faster with.
+    Best effort receives from every publisher. Reliable receives only from reliable ones, but
+    without losses, which makes lockstep with the simulated plant faster.
     """
     kind = declare(
         node, 'input_reliability', 'best_effort',
@@ -61,7 +61,7 @@ def command_interface(node: Any) -> str:
     Raises
     ------
     InputError
-        If it is none of `UNIT_OF`.
+        If it is not a key of `UNIT_OF`.
     """
     kind = declare(
         node, 'command_interface', 'current',
@@ -72,14 +72,14 @@ def command_interface(node: Any) -> str:
     return str(kind)
 
 
-def unit_said(message: Any) -> str:
-    """Return the unit that a command names, '' where it names none."""
+def command_unit(message: Any) -> str:
+    """Return the unit in the label of a command, '' if there is none."""
     dimensions = message.layout.dim
     return str(dimensions[1].label) if len(dimensions) > 1 else ''
 
 
 def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
-    """Declare `effort_holds`; return A for each unit of effort in joint states, a joint each.
+    """Declare `effort_holds`; return the current per unit of effort in joint states by joint.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
     Raises
     ------
     InputError
-        If it is neither torque nor current.
+        If the parameter is neither torque nor current.
     """
     kind = declare(
         node, 'effort_holds', 'torque',
@@ -102,9 +102,9 @@ def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
 
 
 def publishers(node: Any, topic: str) -> list[str]:
-    """Return who publishes a topic, by full node name, once for each publisher.
+    """Return the full node name of each publisher of a topic.
 
-    The middleware may hear of a publisher some time before it hears of its node.
+    A publisher may be discovered some time before its node.
     """
     return sorted('a node not known yet' if info.node_name == '_NODE_NAME_UNKNOWN_' else
                   f'{info.node_namespace.rstrip("/")}/{info.node_name}'
@@ -112,9 +112,9 @@ def publishers(node: Any, topic: str) -> list[str]:
 
 
 def rivals(node: Any, *topics: str) -> list[str]:
-    """Return who publishes topics of which there should be one publisher; empty where there is.
+    """Return the publishers of topics that should have only one; empty if there is only one.
 
-    Of several topics one node may publish each. Counting alone takes microseconds, names more.
+    One node may publish several of the topics. Counting takes microseconds, names take longer.
     """
     counts = [node.count_publishers(node.resolve_topic_name(topic)) for topic in topics]
     if sum(counts) < 2:
@@ -125,18 +125,18 @@ def rivals(node: Any, *topics: str) -> list[str]:
 
 
 class CommandPort:
-    """Publishes `current_command`: one message for each joint state, so that they pair up.
+    """Publishes `current_command`, one message for each joint state.
 
-    Float64MultiArray carries no stamp. A plant in lockstep sends a state again when no answer
-    came; that must neither be answered twice nor, if the first answer was lost, not at all. In
-    simulated time an answer's label therefore is the stamp of its state, and the plant passes over
-    what answers another.
+    Float64MultiArray has no stamp. A plant in lockstep repeats a state that was not answered. The
+    repetition must not be answered twice, but must be answered if the first answer was lost. In
+    simulated time, the label of an answer is therefore the stamp of its state, and the plant
+    ignores answers to other states.
 
-    There is a publisher only while the port is open: whoever has one may command the motor, and
-    the others can count.
+    The publisher exists only while the port is open: every node with a publisher may command the
+    motor, and the others can see it.
 
-    Zero current may be commanded from any thread, and overtakes: what was asked for before it, by
-    its `ticket`, does not go out after it.
+    Zero current may be commanded from any thread and takes precedence: currents with an earlier
+    `ticket` are not published after it.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class CommandPort:
     Attributes
     ----------
     ticket : int
-        To be taken before a current is computed.
+        Number to be read before a current is computed; increases with every zero command.
     last : list of float
         The last command in A.
     """
@@ -182,13 +182,13 @@ class CommandPort:
         return message
 
     def open(self) -> None:
-        """Make the publisher."""
+        """Create the publisher."""
         self._publisher = self._node.create_publisher(Float64MultiArray, self._topic, RELIABLE)
-        self._opened, self._matched = time.monotonic(), False
+        self._opened, self._discovered = time.monotonic(), False
         self.last, self._answered = [0.0] * len(self.limits), 0
 
     def close(self) -> None:
-        """Give the publisher back when its readers have what it said."""
+        """Destroy the publisher after its readers have received everything, or a timeout."""
         if self._publisher is None:
             return
         self.wait()
@@ -198,42 +198,42 @@ class CommandPort:
 
     @property
     def ready(self) -> bool:
-        """Whether the port is open and has found those who listen, or waited for them."""
+        """Whether the port is open and has discovered its subscriptions, or waited for them."""
         if self._publisher is None:
             return False
-        if not self._matched:
+        if not self._discovered:
             known = self._node.count_subscribers(self._topic)
-            self._matched = (0 < known <= self.listeners
-                             or time.monotonic() - self._opened > _MATCHING)
-        return self._matched
+            self._discovered = (0 < known <= self.listeners
+                             or time.monotonic() - self._opened > _DISCOVERY_TIME)
+        return self._discovered
 
     def is_lost(self, sent: int) -> bool:
-        """Return whether a state that comes again was sent since its answer was lost.
+        """Return whether a repeated state was sent because its answer was lost.
 
         Parameters
         ----------
         sent : int
-            System time in ns at which its sender published it.
+            System time of its publication in ns.
         """
-        return sent > self._answered + _CROSSING
+        return sent > self._answered + _CROSSING_TIME
 
     def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> bool:
-        """Publish currents in A, one a joint, unless zero was commanded since the ticket.
+        """Publish currents in A, one per joint, unless zero was commanded since the ticket.
 
-        A value that is not finite goes out as zero, one beyond the limit as the limit.
+        Values that are not finite become zero, values beyond the limit the limit.
 
         Parameters
         ----------
         currents : sequence of float
         ticket : int
-            As it was before they were computed.
+            Value of the attribute before they were computed.
         stamp : int
-            Of the simulated joint state that they answer, ns; 0 in real time.
+            Stamp of the simulated joint state that they answer, ns; 0 in real time.
 
         Returns
         -------
         bool
-            Whether the currents went out.
+            Whether the currents were published.
         """
         values = []
         for value, limit in zip(np.asarray(currents).tolist(), self.limits):
@@ -241,7 +241,7 @@ class CommandPort:
                 if not math.isfinite(value):
                     value = 0.0
                 value = min(max(value, -limit), limit)
-            elif -_NOTHING < value < _NOTHING:
+            elif -_NEGLIGIBLE < value < _NEGLIGIBLE:
                 value = 0.0
             values.append(value)
         with self._lock:
@@ -253,7 +253,7 @@ class CommandPort:
             self.last, self._stamp = values, stamp
             self._publisher.publish(self._message)
             if ticket != self.ticket:
-                # Zero went out meanwhile, beside a publication that hung: it has the last word.
+                # Zero was published while this publication was blocked: repeat it.
                 self.last = [0.0] * len(self.limits)
                 self._publisher.publish(self._zero)
                 return False
@@ -264,12 +264,12 @@ class CommandPort:
         """Publish the last answer again."""
         self.answer(self.last, self.ticket, self._stamp)
 
-    def zero(self, for_good: bool = False) -> None:
-        """Command zero current on all joints, now; `for_good` lets nothing out after it."""
-        self._sealed = self._sealed or for_good
+    def zero(self, permanent: bool = False) -> None:
+        """Command zero current on all joints now; `permanent` blocks all later commands."""
+        self._sealed = self._sealed or permanent
         self.ticket += 1
-        # A publication that hangs must not keep zero from going out.
-        taken = self._lock.acquire(timeout=_UNDER_WAY)
+        # A blocked publication must not prevent the zero command.
+        taken = self._lock.acquire(timeout=_LOCK_TIMEOUT)
         try:
             self.ticket += 1
             self.last = [0.0] * len(self.limits)
@@ -282,26 +282,26 @@ class CommandPort:
                 self._lock.release()
 
     def others(self) -> list[str]:
-        """Return who else has a publisher of the same topic, by node name."""
+        """Return the names of other nodes that publish the same topic."""
         own = 0 if self._publisher is None else 1
         if self._node.count_publishers(self._topic) <= own:
             return []
         names = publishers(self._node, self._topic)
-        mine = self._node.get_fully_qualified_name()
-        if own and mine in names:
-            names.remove(mine)
+        own_name = self._node.get_fully_qualified_name()
+        if own and own_name in names:
+            names.remove(own_name)
         return sorted(names)
 
     def wait(self, patience: float = 0.2) -> None:
-        """Wait at most `patience` s until every reliable reader has confirmed what was published.
+        """Wait at most `patience` s until all reliable readers have acknowledged the messages.
 
-        Confirmations come with the middleware's heartbeat, which may take seconds: this only
-        gives a lost message a chance before the publisher goes.
+        Acknowledgements come with the middleware's heartbeat, which may take seconds. This only
+        allows a lost message to be sent again before the publisher is destroyed.
         """
         if self._publisher is not None and self._node.context.ok():
             self._publisher.wait_for_all_acked(Duration(seconds=patience))
 
     @property
     def listeners(self) -> int:
-        """Number of subscriptions that the commands reach."""
+        """Number of connected subscriptions."""
         return 0 if self._publisher is None else self._publisher.get_subscription_count()

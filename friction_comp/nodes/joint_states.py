@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Validates joint states: selects by name, merges publishers, and checks age and order."""
+"""Validates joint states: selects joints by name, merges publishers, checks age and order."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import numpy as np
 
 NANO = 1_000_000_000
 
-# What a joint state is, by its stamp: only the first says something about the joint now.
+# Verdicts on a joint state; only a new one is used.
 NEW = 'new'
-PART = 'part'       # some joints only; the others of the same round are still to come
-AGAIN = 'again'     # the stamp of the one before
-LATE = 'late'       # overtaken by a newer one
+PART = 'part'       # some joints only; the others of the same round have not arrived yet
+AGAIN = 'again'     # the same stamp as the one before
+LATE = 'late'       # older than the one before
 STALE = 'stale'     # older than the timeout by the node's clock
 AHEAD = 'ahead'     # stamped in the future by more than the timeout
 MALFORMED = 'malformed'  # arrays of different lengths, or a joint named twice
 CONTESTED = 'contested'  # several publishers publish the same joint
 
-# Sets of names that are told apart; more than any robot has publishers.
-_MOST_SOURCES = 100
+# Largest number of different sets of names; more than any robot has publishers.
+_MAX_SOURCES = 100
 # ns for which no joint state is used after two publishers sent the same joint.
 _CONTESTED_FOR = NANO
 
@@ -39,7 +39,7 @@ def set_stamp(stamp: Any, value: int) -> None:
 
 
 class JointColumns:
-    """Picks the node's joints out of joint states, whatever their order and company.
+    """Selects the node's joints from joint states of any order and with other joints.
 
     Parameters
     ----------
@@ -57,26 +57,26 @@ class JointColumns:
     def read(self, message: Any) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         """Return position, velocity and effort, each (J,), NaN where there is no value.
 
-        Velocity is None where the message has none. The attribute `missing` names the joints
-        that the message lacks, `twice` those that it names more than once.
+        Velocity is None if the message has none. The attribute `missing` lists the joints that
+        are not in the message, `twice` those that are in it more than once.
         """
         if message.name != self._names:
             self.find(list(message.name))
-        return (self._pick(message.position),
-                self._pick(message.velocity) if len(message.velocity) else None,
-                self._pick(message.effort))
+        return (self._select(message.position),
+                self._select(message.velocity) if len(message.velocity) else None,
+                self._select(message.effort))
 
     def find(self, names: list[str]) -> None:
         """Find the indices of the joints in the names of a message."""
         index_of = {name: k for k, name in enumerate(names)}
         columns = [index_of.get(name, -1) for name in self._joints]
-        # As they stand, the most frequent case, needs no picking.
+        # The same order, the most frequent case, needs no selection.
         self._columns = None if columns == list(range(len(names))) else columns
         self.missing = [name for name in self._joints if name not in index_of]
         self.twice = [name for name in self._joints if names.count(name) > 1]
         self._names, self._count = names, len(names)
 
-    def _pick(self, values: Any) -> Any:
+    def _select(self, values: Any) -> Any:
         if len(values) != self._count:
             return np.full(len(self._joints), np.nan)
         if self._columns is None:
@@ -85,15 +85,15 @@ class JointColumns:
 
 
 class JointStateInput:
-    """The stream of joint states of a node: what is new in it, and what it says.
+    """Validates and merges the joint states that a node receives.
 
-    A state is new when its stamp is later than that of the one before from the same joints, and
-    within the timeout of the node's clock. One that is earlier by more than the timeout, yet
-    fresh by the clock, begins a new time base (a simulation or a driver started again).
+    A state is new if its stamp is later than that of the last state of the same joints, and within
+    the timeout of the node's clock. A stamp that is earlier by more than the timeout, but within
+    the timeout of the clock, begins a new time base (a restarted simulation or driver).
 
-    States may hold some of the joints only, from several publishers: they are put together by
-    name. A round is complete, and new, when all joints that were heard within the timeout have
-    come; a joint that was not is missing, and its values are NaN.
+    States of some of the joints, from several publishers, are merged by name. A round is complete,
+    and new, when all joints received within the timeout have arrived; the values of other joints
+    are missing (NaN).
 
     Parameters
     ----------
@@ -108,21 +108,21 @@ class JointStateInput:
     position, effort : ndarray, shape (J,)
         rad, N·m; NaN where there is no value.
     velocity : ndarray or None
-        rad/s. None where it is missing for a joint whose position is there: NaN in a velocity
-        is how ros2_control says that there is none.
+        rad/s. None if it is missing for a joint whose position is known; ros2_control publishes
+        NaN for a velocity that is not measured.
     missing : list of str
-        Joints of which the last new state knows nothing.
+        Joints that are not in the last new state.
     gap, restarted : bool
-        Whether the last new state came after a gap longer than the timeout by its stamps, and
-        whether it began a new time base.
+        Whether the last new state followed a gap of stamps longer than the timeout, and whether
+        it began a new time base.
     passed_over : int
-        Number of states so far that were late.
+        Number of late states so far.
     publishers : list of str
-        Who publishes joint states, where there are several: to be set by the node now and then.
-        Each numbers its messages: where the numbers of a joint do not rise, two of them send
-        it, and nobody knows which is right.
+        Publishers of joint states if there are several; to be updated by the node. Publishers
+        number their messages: if the numbers of a joint do not increase, two of them publish it,
+        and its value is ambiguous.
     wrong : str
-        What is wrong with the state that was judged last, where something is.
+        Fault of the last state, or empty.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int) -> None:
@@ -133,7 +133,7 @@ class JointStateInput:
         self.forget()
 
     def forget(self) -> None:
-        """Take the next state as new whatever its stamp."""
+        """Accept the next state as new, whatever its stamp."""
         size = len(self._joints)
         self.stamp, self.gap, self.restarted, self.age = 0, False, False, 0
         self.position = self.effort = np.full(size, np.nan)
@@ -148,7 +148,7 @@ class JointStateInput:
         self._fresh = [False] * size
         self._numbers = [0] * size
         self._clash: int | None = None
-        self._rivals = self.wrong = ''
+        self._clash_text = self.wrong = ''
 
     def take(self, message: Any, now: int, received: int = 0, sequence: int = 0) -> str:
         """Validate a joint state, and keep its values if it is new.
@@ -159,18 +159,18 @@ class JointStateInput:
         now : int
             The node's clock in ns.
         received : int
-            When the middleware received it, ns of the same clock; stands in for a stamp of zero.
+            When the middleware received it, ns of the same clock; replaces a stamp of zero.
         sequence : int
             Its publisher's number of it; 0 where the middleware gives none.
 
         Returns
         -------
         str
-            NEW, or why it is not.
+            NEW, or another verdict.
         """
         self.wrong = ''
         stamp = nanoseconds(message.header.stamp)
-        bears = stamp != 0
+        has_stamp = stamp != 0
         stamp = stamp or received or now
         if message.name != self._named:
             self._named, self._key = list(message.name), tuple(message.name)
@@ -179,7 +179,7 @@ class JointStateInput:
         if sequence and self._contested(sequence, now):
             return CONTESTED
         last = self._last.get(names, 0)
-        if last and bears:
+        if last and has_stamp:
             if stamp == last:
                 return AGAIN
             if 0 < last - stamp <= self._timeout:
@@ -187,12 +187,12 @@ class JointStateInput:
                 return LATE
         self.age = now - stamp
         if abs(self.age) > self._timeout:
-            self.wrong = self._of_another_time()
+            self.wrong = self._describe_age()
             return STALE if self.age > 0 else AHEAD
         if self._malformed(message, len(names)):
             return MALFORMED
         restarted = stamp < last
-        if restarted or len(self._last) > _MOST_SOURCES:
+        if restarted or len(self._last) > _MAX_SOURCES:
             self._last.clear()
         self._last[names] = stamp
         position, velocity, effort = self._columns.read(message)
@@ -209,12 +209,12 @@ class JointStateInput:
         self.restarted = restarted
         self.gap = not restarted and bool(self.stamp) and stamp - self.stamp > self._timeout
         self.stamp, self.position, self.effort = stamp, position, effort
-        self.velocity = _known(velocity, position)
+        self.velocity = _velocity_if_complete(velocity, position)
         return NEW
 
     def _merge(self, stamp: int, position: np.ndarray, velocity: np.ndarray | None,
                effort: np.ndarray | None, restarted: bool) -> tuple[Any, ...] | None:
-        """Add some joints to the round; return the round when it is complete, else None."""
+        """Add joints to the round; return the round if it is complete, else None."""
         if restarted:
             self._received = [0] * len(self._joints)
         absent = set(self._columns.missing)
@@ -225,8 +225,8 @@ class JointStateInput:
                 continue
             self._round[:, j] = position[j], velocity[j], effort[j]
             self._received[j], self._fresh[j] = stamp, True
-        lost = [not fresh and stamp - max(heard, self._whole) > self._timeout
-                for fresh, heard in zip(self._fresh, self._received)]
+        lost = [not fresh and stamp - max(last_received, self._whole) > self._timeout
+                for fresh, last_received in zip(self._fresh, self._received)]
         if not all(fresh or gone for fresh, gone in zip(self._fresh, lost)):
             return None
         self._round[:, lost] = np.nan
@@ -244,7 +244,7 @@ class JointStateInput:
         return bool(self.wrong)
 
     def _contested(self, sequence: int, now: int) -> bool:
-        """Return whether two publishers send a joint of the message now."""
+        """Return whether several publishers publish a joint of the message."""
         known, clashing = self._numbers, []
         for j, joint in enumerate(self._joints):
             if joint not in self._columns.missing:
@@ -253,14 +253,14 @@ class JointStateInput:
                 known[j] = sequence
         if clashing and len(self.publishers) > 1:
             self._clash = now
-            self._rivals = (f'joint_states of {", ".join(clashing)} come from several publishers: '
-                            + ', '.join(self.publishers))
+            self._clash_text = (f'joint_states of {", ".join(clashing)} come from several '
+                                f'publishers: {", ".join(self.publishers)}')
         if self._clash is None or abs(now - self._clash) >= _CONTESTED_FOR:
             return False
-        self.wrong = self._rivals
+        self.wrong = self._clash_text
         return True
 
-    def _of_another_time(self) -> str:
+    def _describe_age(self) -> str:
         if self.age < 0:
             return (f'joint_states are stamped {-self.age / NANO:.3g} s ahead'
                     ' (clocks differ, or /clock stands still?)')
@@ -269,17 +269,17 @@ class JointStateInput:
 
 
 def are_finite(values: np.ndarray) -> bool:
-    """Return whether all of a few values are finite; several times as fast as with numpy."""
+    """Return whether all of a few values are finite; several times faster than with numpy."""
     return all(map(math.isfinite, values.tolist()))
 
 
 def within(values: np.ndarray, limit: float) -> bool:
-    """Return whether all of a few values are numbers and not beyond a limit; as fast."""
+    """Return whether all of a few values are within ±limit; faster than with numpy."""
     return all(-limit <= value <= limit for value in values.tolist())
 
 
-def _known(velocity: np.ndarray, position: np.ndarray) -> Any:
-    """Return the velocity where it is known for every joint with a position, else None."""
+def _velocity_if_complete(velocity: np.ndarray, position: np.ndarray) -> Any:
+    """Return the velocity if it is known for every joint with a position, else None."""
     if velocity is None:
         return None
     if are_finite(velocity):

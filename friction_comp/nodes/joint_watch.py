@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compares a joint's model, and a new one on trial, with measured currents."""
+"""Compares the model of a joint, and a new model on trial, with measured currents."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from sensor_msgs.msg import JointState, Temperature
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
 
-# ns between the states that are looked at, age at which a load or a temperature says nothing more.
-_STEP, _LOAD_AGE, _HEAT_AGE = 8_000_000, 200_000_000, 60_000_000_000
-# Messages of a topic that may wait for the states of their time, which come after them: some
-# seconds' worth at a kilohertz, as long as a busy machine may keep the node from taking them.
-_WAITING = 10_000
-# A new model is judged by so many blocks of motion, and by no fewer than the first number.
-_FEWEST, _ENOUGH = 30, 300
-# Errors that differ by less are as good as each other.
-_WORSE = 1.05
+# Period of the states that are used, and largest age of a load and of a temperature, ns.
+_STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 200_000_000, 60_000_000_000
+# Messages of a topic kept for the states of their time, which may be read later: ten seconds at a
+# kilohertz, for a busy machine.
+_MAX_KEPT = 10_000
+# Fewest blocks of motion to judge a new model, and blocks after which its trial ends.
+_FEWEST_BLOCKS, _TRIAL_BLOCKS = 30, 300
+# A new model is worse if its error is larger by this factor.
+_WORSE_FACTOR = 1.05
 
 
 def frame_of(cdr: bytes) -> str:
@@ -37,19 +37,19 @@ def frame_of(cdr: bytes) -> str:
 
 
 def value_at(values: Any, index: int) -> float:
-    """Return an element of an array in a message; NaN where the array is shorter."""
+    """Return an element of an array in a message; NaN if the array is shorter."""
     return float(values[index]) if len(values) > index else math.nan
 
 
 def values_of(message: Any, joint: str) -> tuple[float, float, float]:
-    """Return position, velocity and effort of a joint that a joint state names."""
+    """Return position, velocity and effort of a joint in a joint state."""
     index = message.name.index(joint)
     return (value_at(message.position, index), value_at(message.velocity, index),
             value_at(message.effort, index))
 
 
 class LiveSignals:
-    """Rows for `LiveResidual` from serialised messages, a hundred or so a second.
+    """Converts serialised messages to rows for `LiveResidual`, some hundred per second.
 
     Parameters
     ----------
@@ -65,15 +65,15 @@ class LiveSignals:
         self._rows: list[list[list[float]]] = [[] for _ in joints]
 
     def hold(self, topic: str, stamp: int, cdr: bytes) -> None:
-        """Keep a message of a topic on one joint (its frame_id) for the states of its time."""
-        held = self._held.setdefault((topic, frame_of(cdr)), deque(maxlen=_WAITING))
+        """Keep a message about one joint (its frame_id) for the states of its time."""
+        held = self._held.setdefault((topic, frame_of(cdr)), deque(maxlen=_MAX_KEPT))
         if held and stamp < held[-1][0]:
-            # Time started over.
+            # Time went back.
             held.clear()
         held.append((stamp, bytes(cdr)))
 
     def see(self, stamp: int, cdr: bytes) -> None:
-        """Take a joint state, unless the one before has only just been taken."""
+        """Add a joint state, unless it is within a period of the last one."""
         if stamp < self._last:
             self._due = 0
         self._last = stamp
@@ -94,14 +94,14 @@ class LiveSignals:
         return math.nan if message is None else message.wrench.torque.z
 
     def _temperature(self, joint: str, stamp: int) -> Any:
-        message = self._fresh('motor_temperature', joint, stamp, Temperature, _HEAT_AGE)
+        message = self._fresh('motor_temperature', joint, stamp, Temperature, _TEMPERATURE_AGE)
         return math.nan if message is None else message.temperature
 
     def _fresh(self, topic: str, joint: str, stamp: int, kind: Any, age: Any) -> Any:
         held = self._held.get((topic, joint))
         if held is None:
             return None
-        # Several may have been taken at once, the newest of them long after this state.
+        # Several may have been read at once, the newest of them long after this state.
         while len(held) > 1 and held[1][0] <= stamp:
             held.popleft()
         return None if abs(stamp - held[0][0]) > age else deserialize_message(held[0][1], kind)
@@ -134,40 +134,40 @@ class JointWatch:
         self.before: tuple[str, LiveResidual] | None = None
 
     def use(self, path: str) -> None:
-        """Watch the model of a file, if it is not watched already."""
+        """Compare with the model of a file, unless it is in use already."""
         if path != self.file:
             self.file = path
             self.residual = LiveResidual(FrictionModel.load(path), self._tolerance)
             self.before = None
 
     def try_out(self, path: str) -> None:
-        """Watch a new model, and the one before it on the same motion."""
+        """Compare a new model and the present one on the same motion."""
         before, old = self.file, FrictionModel.load(self.file)
         self.use(path)
         self.before = before, LiveResidual(old, self._tolerance)
 
     def take(self, rows: np.ndarray) -> None:
-        """Take measurements, as `LiveResidual` does."""
+        """Add measurements, as in `LiveResidual`."""
         if self.residual is not None:
             self.residual.take(rows)
         if self.before is not None:
             self.before[1].take(rows)
 
     def worse(self) -> str:
-        """Return in words that the new model is worse than the one before; empty if it is not.
+        """Return why the new model is worse than the previous one; empty if it is not.
 
-        The trial ends by itself when there was motion enough.
+        The trial ends after enough motion.
         """
         if self.before is None or self.residual is None:
             return ''
         old, new = self.before[1].watch, self.residual.watch
         blocks = min(old.blocks, new.blocks)
-        if blocks < _FEWEST:
+        if blocks < _FEWEST_BLOCKS:
             return ''
         errors = old.error(blocks), new.error(blocks)
-        if blocks >= _ENOUGH:
+        if blocks >= _TRIAL_BLOCKS:
             self.before = None
-        if errors[1] <= _WORSE * errors[0]:
+        if errors[1] <= _WORSE_FACTOR * errors[0]:
             return ''
         return (f'on {blocks} blocks of motion its error is {1e3 * errors[1]:.3g} mA, that of '
-                f'the model before {1e3 * errors[0]:.3g} mA')
+                f'the previous model {1e3 * errors[0]:.3g} mA')

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Feeds the live page from the running system, in a thread of its own."""
+"""Feeds the live page from the running system in a separate thread."""
 
 from __future__ import annotations
 
@@ -28,28 +28,28 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.dated_topics import stamp_of
 from friction_comp.nodes.executor import StreamExecutor
-from friction_comp.nodes.joint_io import unit_said
+from friction_comp.nodes.joint_io import command_unit
 from friction_comp.nodes.joint_watch import frame_of, value_at, values_of
 from friction_comp.nodes.ros_start import start_ros
-from friction_comp.recordings.activity import compensator_says
+from friction_comp.recordings.activity import compensator_activity
 from friction_comp.samples import Samples
 from friction_comp.topics import TORQUE_UNIT
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-# A command must still be there when the state that was measured under it is looked at: of states
-# the oldest of five is.
+# A command must still be in its queue when the state measured under it is read, which may be the
+# oldest of five.
 _COMMAND_QOS = QoSProfile(depth=25, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Commands that are remembered, and how many of their intervals one holds: at least a step shown.
-_REMEMBERED, _HOLDS = 64, 3
-# ns between the states that are shown, rows kept for each joint, s after which a word is old.
-_STEP, _KEPT, _OLD = 20_000_000, 3000, 5.0
+# Commands that are kept, and intervals for which one is valid, at least a step of the page.
+_MAX_COMMANDS, _VALID_INTERVALS = 64, 3
+# Period of the states shown, ns; rows kept for each joint; age of an outdated status, s.
+_STEP, _MAX_ROWS, _STATUS_AGE = 20_000_000, 3000, 5.0
 _COLUMNS = ('time', 'position', 'velocity', 'torque', 'load', 'command', 'direction',
             'reference_velocity')
 _LEVELS = {0: 'ok', 1: 'warning', 2: 'problem', 3: 'problem'}
 
 
 class _Listener(Node):
-    """Hears without haste: a page is drawn five times a second."""
+    """Processes messages in batches: the page is drawn five times a second."""
 
     fast_timers = ()
     nap = 0.01
@@ -59,27 +59,27 @@ class _Listener(Node):
 
 
 class SentCommands:
-    """The last commands and when they were sent, to show the one under which a state was measured.
+    """The last commands and their send times, to find the one under which a state was measured.
 
-    A page is drawn on a machine that is busy with something else, and listens without asking for
-    what it missed: the last command heard may be older or younger than the state beside it.
+    The page may run on a busy machine and subscribes best effort, so the last command received may
+    be older or newer than the last state.
     """
 
     def __init__(self) -> None:
-        self._received: deque[tuple[int, bytes]] = deque(maxlen=_REMEMBERED)
+        self._received: deque[tuple[int, bytes]] = deque(maxlen=_MAX_COMMANDS)
 
     def take(self, cdr: bytes, sent: int) -> None:
-        """Remember a serialised command, sent at a system time in ns."""
+        """Add a serialised command, sent at a system time in ns."""
         self._received.append((sent, cdr))
 
     def at(self, sent: int) -> Any:
-        """Return the command that held at a system time in ns; None if unknown."""
+        """Return the command that was valid at a system time in ns; None if unknown."""
         times = [time for time, _ in self._received]
         last = next((k for k in reversed(range(len(times))) if times[k] <= sent), None)
         if last is None:
             return None
-        usual = np.median(np.diff(times)) if len(times) > 1 else 0
-        if sent - times[last] > max(_HOLDS * usual, _STEP):
+        interval = np.median(np.diff(times)) if len(times) > 1 else 0
+        if sent - times[last] > max(_VALID_INTERVALS * interval, _STEP):
             return None
         return deserialize_message(self._received[last][1], Float64MultiArray)
 
@@ -90,9 +90,9 @@ class LiveFeed:
     Parameters
     ----------
     joints : list of str
-        The order of arrays on topics; that of the joint states where it is empty.
+        In the order of arrays on topics; if empty, those of the joint states.
     models : sequence of FrictionModel
-        One for each joint, in that order; where there are none, those that the compensator uses.
+        One for each joint, in that order; if empty, those of the compensator.
     arguments : list of str
         ROS arguments.
     """
@@ -117,8 +117,8 @@ class LiveFeed:
         self._context = Context()
         start_ros('watch', arguments, self._context)
         self._node = _Listener(self._context)
-        # A second reader of a topic costs its publisher little; the first one, a motor's driver,
-        # does: 45 us for each command (bench/watch_cost.py).
+        # The first subscription of a topic, that of a motor's driver, costs its publisher 45 us per
+        # command, a second one little (bench/watch_cost.py).
         self._commands = SentCommands()
         self._node.create_subscription(
             Float64MultiArray, 'current_command', lambda cdr, info: self._commands.take(
@@ -126,7 +126,7 @@ class LiveFeed:
         self._node.create_subscription(
             JointState, 'reference', lambda cdr: self._held.__setitem__('reference', cdr), _QOS,
             raw=True)
-        # A planner uses one of them; of two, the later message counts.
+        # A planner uses one of them; with both, the later message is valid.
         for kind, topic in ((Int8MultiArray, 'direction'), (JointState, 'direction_stamped')):
             self._node.create_subscription(
                 kind, topic, lambda cdr, kind=kind: self._held.__setitem__('direction', (
@@ -138,28 +138,28 @@ class LiveFeed:
         self._node.create_subscription(
             JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
         self._executor = StreamExecutor(self._node)
-        self._over = threading.Event()
+        self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._spin, name='live feed', daemon=True)
         self._thread.start()
 
     def _spin(self) -> None:
         with contextlib.suppress(ExternalShutdownException):
-            while not self._over.is_set():
+            while not self._stopped.is_set():
                 self._executor.spin_once(timeout_sec=0.1)
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:
             self._status[status.name] = (
                 _LEVELS.get(ord(status.level), 'note'), status.message, time.monotonic())
-            said = None if self._given else compensator_says(status)
-            for joint, path in said.models.items() if said else ():
+            activity = None if self._given else compensator_activity(status)
+            for joint, path in activity.models.items() if activity else ():
                 self._use(joint, path)
 
     def _use(self, joint: str, path: str) -> None:
         """Show a joint with the model that its compensator reports."""
         if self._loaded.get(joint, ('', None))[0] != path:
             model = None
-            # A model file on another machine cannot be shown here.
+            # The model file may be on another machine.
             with contextlib.suppress(InputError):
                 model = FrictionModel.load(path, joint)
             self._loaded[joint] = path, model
@@ -187,7 +187,7 @@ class LiveFeed:
                            directions.get(joint, math.nan),
                            value_at(reference.velocity, list(reference.name).index(joint))
                            if reference and joint in reference.name else math.nan)
-                    self._rows.setdefault(joint, deque(maxlen=_KEPT)).append(row)
+                    self._rows.setdefault(joint, deque(maxlen=_MAX_ROWS)).append(row)
 
     def _directions(self) -> dict[str, float]:
         kind, cdr = self._held.get('direction', (None, b''))
@@ -199,11 +199,11 @@ class LiveFeed:
         return dict(zip(message.name, np.sign(message.velocity).tolist()))
 
     def _current(self, command: Any, joint: str, index: int) -> float:
-        """Return a joint's command in A; NaN where it is not known, or a torque without a model."""
+        """Return a joint's command in A; NaN if unknown, or if it is a torque and has no model."""
         if command is None:
             return math.nan
         value = value_at(command.data, index)
-        if unit_said(command) != TORQUE_UNIT:
+        if command_unit(command) != TORQUE_UNIT:
             return value
         model = self._model(joint)
         return math.nan if model is None else value / model.drive.torque_per_current
@@ -213,7 +213,7 @@ class LiveFeed:
         return math.nan if cdr is None else deserialize_message(cdr, WrenchStamped).wrench.torque.z
 
     def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
-        """Return the signals of the last s."""
+        """Return the signals of the last `length` s."""
         with self._lock:
             table = np.array(self._rows.get(joint, ())).reshape(-1, len(_COLUMNS))
         if len(table):
@@ -242,25 +242,25 @@ class LiveFeed:
                           velocity=velocity, load=load)
         with contextlib.suppress(InputError):
             data['predicted'] = model.predict(samples)
-            # What person's share is known counts, though the sensor may have begun later.
+            # The load is used where it is known; its sensor may have started later.
             data['residual'] = model.measured(
                 samples.with_(load=data['load'])) - data['predicted']
 
     def status(self) -> list[tuple[str, str, str]]:
-        """Return what the nodes say of themselves, worst first."""
+        """Return the status of the nodes, worst first."""
         now = time.monotonic()
         entries = [(level, name, words) for name, (level, words, since) in sorted(
-            self._status.items()) if now - since < _OLD]
+            self._status.items()) if now - since < _STATUS_AGE]
         if now - self._received > 1.0:
             entries.append(('problem', 'joint_states', 'none'))
         order = list(dict.fromkeys(('problem', 'warning', 'note', 'ok')))
         return sorted(entries, key=lambda item: order.index(item[0])) or [
-            ('note', 'nodes', 'none of them says anything')]
+            ('note', 'nodes', 'no diagnostics')]
 
     def close(self) -> None:
         """Stop listening."""
-        # The thread must be out of the middleware before that is taken down.
-        self._over.set()
+        # The thread must leave the middleware before it is shut down.
+        self._stopped.set()
         self._thread.join()
         self._executor.shutdown()
         self._node.destroy_node()

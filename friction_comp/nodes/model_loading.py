@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Loads and validates models in a thread of their own while the control loop runs."""
+"""Loads and validates models in a separate thread while the control loop runs."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rclpy.parameter_service import ParameterService
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.compensator_client import turn
+from friction_comp.nodes.compensator_client import yield_to_executor
 
-# s that files may take to be read and checked.
+# Timeout of reading and validating files, s.
 PATIENCE = 10.0
-# Samples for which a model is run before it is activated.
+# Samples of the trial run of a model before its activation.
 _TRIAL = 300
 
 
@@ -34,46 +34,45 @@ class Loading:
     ----------
     files : sequence of str
     load : callable
-        Takes the files, returns what they hold, raises InputError.
+        Called with the files; returns the models or raises InputError.
     patience : float
-        s until they are given up. The thread is then left to itself: it hangs on a file system,
-        and nobody waits for it.
+        Timeout in s. A thread that is still blocked by a file system is then abandoned.
     """
 
     def __init__(self, files: Sequence[str], load: Callable[[Sequence[str]], Any],
                  patience: float = PATIENCE) -> None:
         self.files = tuple(files)
-        self._load, self._end = load, time.monotonic() + patience
+        self._load, self._deadline = load, time.monotonic() + patience
         self._patience = patience
-        self._loaded: Future[Any] = Future()
-        # A daemon, unlike an executor's threads: one that hangs does not keep the node from ending.
+        self._future: Future[Any] = Future()
+        # A daemon thread, unlike those of an executor, does not block the exit of the node.
         threading.Thread(target=self._run, name='model loading', daemon=True).start()
 
     def _run(self) -> None:
         try:
-            self._loaded.set_result(self._load(self.files))
+            self._future.set_result(self._load(self.files))
         except InputError as error:
-            self._loaded.set_exception(error)
+            self._future.set_exception(error)
         except Exception as error:
-            self._loaded.set_exception(InputError(f'{", ".join(self.files)}: {error!r}'))
+            self._future.set_exception(InputError(f'{", ".join(self.files)}: {error!r}'))
 
     @property
     def done(self) -> bool:
         """Whether `result` has an answer."""
-        return self._loaded.done() or time.monotonic() > self._end
+        return self._future.done() or time.monotonic() > self._deadline
 
     def result(self) -> Any:
-        """Return what was loaded.
+        """Return the models.
 
         Raises
         ------
         InputError
-            If it could not be, or not in time.
+            If loading failed or timed out.
         """
-        if not self._loaded.done():
+        if not self._future.done():
             raise InputError(
                 f'{", ".join(self.files)}: not read within {self._patience:g} s')
-        return self._loaded.result()
+        return self._future.result()
 
 
 def try_model(model: FrictionModel, gravity: str, path: str) -> None:
@@ -82,7 +81,7 @@ def try_model(model: FrictionModel, gravity: str, path: str) -> None:
     Raises
     ------
     InputError
-        If that ends in anything but currents.
+        If the law fails or gives currents that are not finite.
     """
     try:
         law = CompensationLaw([model], gravity=gravity)
@@ -100,7 +99,7 @@ def try_model(model: FrictionModel, gravity: str, path: str) -> None:
 
 
 def warm_up(law: CompensationLaw, joints: int) -> None:
-    """Have everything compiled before the first sample."""
+    """Compile everything before the first sample."""
     zeros = np.zeros(joints)
     law.update(0.0, zeros, zeros, zeros)
     law.update(0.0, zeros, None, zeros)
@@ -108,19 +107,19 @@ def warm_up(law: CompensationLaw, joints: int) -> None:
 
 
 class PatientParameterService(ParameterService):
-    """The parameter services of a node that wait for models to be loaded, and the node does not.
+    """Parameter services that wait for models to be loaded without blocking the node.
 
     Parameters
     ----------
     node : rclpy.node.Node
-        Its method `prepare` takes the parameters that are about to be set and returns a Loading,
-        or None where there is nothing to load.
+        Its method `prepare` is called with the parameters that are about to be set and returns a
+        Loading, or None if there is nothing to load.
     """
 
     def __init__(self, node: Any) -> None:
         before = set(node.services)
         super().__init__(node)
-        # Of the node's own group nothing else would run while a service waits.
+        # In the node's default group, a waiting service would block all other callbacks.
         group = ReentrantCallbackGroup()
         for service in set(node.services) - before:
             service.callback_group = group
@@ -128,15 +127,15 @@ class PatientParameterService(ParameterService):
         self._group = group
 
     async def _set_parameters_callback(self, request: Any, response: Any) -> Any:
-        await self._prepared(request)
+        await self._prepare(request)
         return super()._set_parameters_callback(request, response)
 
     async def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
-        await self._prepared(request)
+        await self._prepare(request)
         return super()._set_parameters_atomically_callback(request, response)
 
-    async def _prepared(self, request: Any) -> None:
+    async def _prepare(self, request: Any) -> None:
         loading = self._get_node().prepare(
             [Parameter.from_parameter_msg(message) for message in request.parameters])
         while loading is not None and not loading.done:
-            await turn()
+            await yield_to_executor()

@@ -25,14 +25,14 @@ from friction_comp.compiling import compile_rest, import_numba
 from friction_comp.errors import InputError
 from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.peers import Peers
-from friction_comp.nodes.ros_start import start_ros, without_places
+from friction_comp.nodes.ros_start import start_ros, without_source_locations
 
-_LAST_ROUNDS = 10
-# All that would end the process without a word, as far as a process may prevent it.
+_FINAL_SPINS = 10
+# All signals that would kill the process and can be caught.
 SIGNALS = [getattr(signal, name) for name in (
     'SIGINT', 'SIGTERM', 'SIGHUP', 'SIGQUIT', 'SIGABRT', 'SIGUSR1', 'SIGUSR2', 'SIGALRM',
     'SIGVTALRM', 'SIGPROF', 'SIGXCPU', 'SIGIO', 'SIGPWR', 'SIGSTKFLT') if hasattr(signal, name)]
-# s after which one thread lets another run: a model that is loaded must not hold up the loop.
+# Switch interval of threads, s: loading a model must not delay the control loop.
 _SWITCH_INTERVAL = 5e-4
 
 
@@ -45,8 +45,8 @@ def run(name: str, description: str, make_node: Callable[[], Any],
         argv: Sequence[str] | None = None) -> int:
     """Start a node, spin it until it is done or stopped, and shut it down in order.
 
-    Signals are not left to rclpy: it would tear the context down at once, and then no zero
-    current could be sent any more.
+    Signals are not handled by rclpy, which would shut the context down at once, so that zero
+    current could no longer be published.
 
     Parameters
     ----------
@@ -55,16 +55,16 @@ def run(name: str, description: str, make_node: Callable[[], Any],
     description : str
         One sentence for ``--help``.
     make_node : callable
-        Returns the node. Its method `leave()` is called however the node ends; `let_go()`, where
-        it has one, as soon as a signal comes, and in another thread; its attribute `finished`
-        (False) ends it from within, `fast_timers` is the executor's.
+        Returns the node. Its method `leave()` is always called at the end. Its method
+        `stop_motor()`, if any, is called in another thread as soon as a signal arrives. It ends by
+        itself when its attribute `finished` is True; `fast_timers` is for the executor.
     argv : list of str, optional
         Arguments, ROS arguments included; those of the process when omitted.
 
     Returns
     -------
     int
-        0 when it ended on its own or by one of SIGNALS, 1 after an exception.
+        0 if it ended by itself or by one of SIGNALS, 1 after an exception.
 
     Raises
     ------
@@ -80,23 +80,22 @@ def run(name: str, description: str, make_node: Callable[[], Any],
     try:
         own = remove_ros_args([name, *argv])[1:]
     except Exception as error:
-        raise InputError(f'ROS arguments: {without_places(error)}') from None
+        raise InputError(f'ROS arguments: {without_source_locations(error)}') from None
     start_ros(name, argv)
     try:
         parser.parse_args(own)
-        # Where kernels are compiled at once: numba would import the rest of itself, and more, at
-        # the first call.
+        # If kernels are compiled at once, import all of numba before the first call.
         if 'numba' in sys.modules:
             import_numba()
         try:
             node = make_node()
         except _rclpy.RCLError as error:
-            # Keys that are missing, a middleware without security.
-            raise InputError(without_places(error)) from None
-        signals.tell(getattr(node, 'let_go', None))
+            # For instance missing keys, or a middleware without security.
+            raise InputError(without_source_locations(error)) from None
+        signals.set_callback(getattr(node, 'stop_motor', None))
         Peers(node)
         executor = StreamExecutor(node)
-        # What lives until the end is not to be searched for garbage between two samples.
+        # Exclude long-lived objects from garbage collection between samples.
         gc.collect()
         gc.freeze()
         threading.Thread(
@@ -105,8 +104,8 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             return _spin(executor, node, signals.caught)
         finally:
             node.leave()
-            # What leaving has set off, such as an action's result, is to go out.
-            for _ in range(_LAST_ROUNDS):
+            # Publish what leaving has caused, such as the result of an action.
+            for _ in range(_FINAL_SPINS):
                 executor.spin_once(0.0)
             node.destroy_node()
     finally:
@@ -114,26 +113,26 @@ def run(name: str, description: str, make_node: Callable[[], Any],
 
 
 def _compile(logger: Any) -> None:
-    """Exchange kernels that began as plain Python for compiled ones, while the node spins."""
+    """Replace kernels in plain Python by compiled ones while the node spins."""
     begin = time.monotonic()
     try:
         if compile_rest():
             logger.info(f'compiled code is in place after {time.monotonic() - begin:.2g} s')
     except Exception as error:
-        logger.warning(f'goes on in plain Python, since compiled code cannot be had: {error!r}')
+        logger.warning(f'continues in plain Python, since compilation failed: {error!r}')
 
 
 class _Signals:
     """Catches signals.
 
-    Python's own handlers wait until the main thread comes back from what it does. A thread hears
-    of the signal through a pipe that the interpreter writes to without waiting for anything.
+    Python runs signal handlers only in the main thread, when it returns to the interpreter. A
+    separate thread is notified at once through the interpreter's wakeup pipe.
     """
 
     def __init__(self) -> None:
         self.caught: list[int] = []
-        self._tell: Callable[[], None] | None = None
-        self._came = False
+        self._callback: Callable[[], None] | None = None
+        self._arrived = False
         for signum in SIGNALS:
             signal.signal(signum, lambda signum, _: self.caught.append(signum))
         end, begin = os.pipe()
@@ -142,18 +141,18 @@ class _Signals:
         threading.Thread(
             target=self._listen, args=(end,), name='signals', daemon=True).start()
 
-    def tell(self, whom: Any) -> None:
-        """Call a function, from another thread, when a signal comes, or now if one came."""
-        self._tell = whom
-        if self._came and whom is not None:
-            whom()
+    def set_callback(self, callback: Any) -> None:
+        """Set the function to call, in another thread, at a signal; call it now if one arrived."""
+        self._callback = callback
+        if self._arrived and callback is not None:
+            callback()
 
     def _listen(self, end: Any) -> None:
         while True:
             if set(os.read(end, 16)) & set(SIGNALS):
-                self._came = True
-                if self._tell is not None:
-                    self._tell()
+                self._arrived = True
+                if self._callback is not None:
+                    self._callback()
 
 
 def _spin(executor: Any, node: Any, caught: Any) -> Any:

@@ -15,7 +15,7 @@ from friction_comp.errors import errors_name, InputError
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
 
-# A range needs an upper end; what has none in nature gets this one.
+# Upper end of ranges that have no natural one.
 LARGE = 1e6
 
 
@@ -28,20 +28,20 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
     node : rclpy.node.Node
     name : str
     default : bool, int, float, str or list of str
-        Also fixes the type; an empty list of strings is one of strings.
+        Also determines the type; an empty list is a list of strings.
     description : str
         Meaning and unit.
     low, high : float or int, optional
-        Range of a number, ends included.
+        Range of a number, inclusive.
     read_only : bool
         Whether a change needs a restart.
     constraints : str
-        Further demands in words.
+        Further constraints, as text.
 
     Raises
     ------
     InputError
-        If the value given at the start has another type or lies outside the range.
+        If the initial value has another type or is out of range.
     """
     descriptor = ParameterDescriptor(
         description=description, read_only=read_only, additional_constraints=constraints)
@@ -60,12 +60,12 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
     try:
         return node.declare_parameter(name, default, descriptor).value
     except Exception as error:
-        # rclpy's errors on bad start values share no base class of their own.
+        # rclpy's errors for bad initial values have no common base class.
         raise InputError(f'parameter {name}: {error}') from None
 
 
 def names_in(values: Sequence[str]) -> list[str]:
-    """Return a string array without the empty strings that stand for 'none' in ROS."""
+    """Return a string array without empty strings, which represent 'none' in ROS."""
     return [value for value in values if value]
 
 
@@ -75,7 +75,7 @@ def declare_joints(node: Any) -> list[str]:
     Raises
     ------
     InputError
-        If a name is empty or comes twice.
+        If a name is empty or duplicate.
     """
     joints = declare(
         node, 'joints', ['joint'],
@@ -92,11 +92,10 @@ def load_models(model_files: Sequence[str], joints: Sequence[str],
     Parameters
     ----------
     model_files : list of str
-        One path per joint; the file of a whole arm may stand for each of its joints.
+        One path per joint; the file of an arm may be given for each of its joints.
     joints : list of str
     for_motor : bool
-        Whether a motor is to be given their currents: then they must also be what a model of a
-        drive can be.
+        Whether a motor will be driven by the models; they are then checked more strictly.
 
     Returns
     -------
@@ -117,7 +116,7 @@ def load_models(model_files: Sequence[str], joints: Sequence[str],
 
 
 def _load(path: str, joint: str, joints: Sequence[str] | None) -> FrictionModel:
-    # Nodes without a model start in half the time without what models need.
+    # Imported here: nodes without a model start in half the time.
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.model.schema import check_for_motor
 

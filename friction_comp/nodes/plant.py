@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Simulates joints as a node: in real time, or in lockstep with the nodes that command them."""
+"""Simulates joints in real time, or in lockstep with the nodes that command them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
 from friction_comp.nodes.joint_io import (
     command_interface,
+    command_unit,
     RELIABLE,
     UNASKED,
     UNIT_OF,
-    unit_said,
 )
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
@@ -33,49 +33,49 @@ from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.person import ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
 
-# Real time between looks at a plant in lockstep that waits. What it waits for is asked for again
-# at the second look without an answer: in between, everything that had arrived has been taken in.
-_LOOK = 0.1
-# Simulated time begins here: in ROS a stamp of zero means that there is none.
-_BEGINNING = NANO
-# A real-time plant that falls further behind than this many samples lets the time go.
+# Real s between checks of a waiting plant in lockstep. It repeats its request at the second check
+# without an answer: by then, everything that had arrived has been processed.
+_CHECK_PERIOD = 0.1
+# Start of simulated time: in ROS, a stamp of zero means that there is none.
+_START_TIME = NANO
+# Samples of delay after which a real-time plant skips time.
 _LARGEST_LAG = 50
 
 
 class Pace:
-    """Holds simulated time to so many s a real second."""
+    """Limits the rate of simulated time."""
 
-    # What was waited for longer than this is not made up for: time is looked at every `_LOOK`, ns.
-    _MOST = 2.0 * _LOOK * NANO
+    # Longest delay that is caught up, ns.
+    _MAX_DELAY = 2.0 * _CHECK_PERIOD * NANO
 
     def __init__(self) -> None:
         self._due = 0.0
 
-    def goes_on(self, pace: float, step: int, now: int) -> bool:
-        """Return whether a step may be taken now; if so, it is taken to be.
+    def may_step(self, pace: float, step: int, now: int) -> bool:
+        """Return whether a step may be taken now; if so, it is counted as taken.
 
         Parameters
         ----------
         pace : float
-            Simulated per real time; 0 for as fast as may be.
+            Simulated per real time; 0: no limit.
         step, now : int
-            Simulated and real time, ns.
+            Length of the step and present real time, ns.
         """
         if not pace:
             return True
         if now < self._due:
             return False
-        self._due = max(self._due, now - self._MOST) + step / pace
+        self._due = max(self._due, now - self._MAX_DELAY) + step / pace
         return True
 
 
 class PlantNode(Node):
     """Simulated geared joints with their sensors and the person who moves them.
 
-    In lockstep the order of events within one sample is fixed, whatever the machine's load: on a
-    tick of the clock, `/clock` and the wait for the `reference` of this tick (if asked for); then
-    `joint_states`, the wait for one `current_command`, and the step. Time does not begin before all
-    `wait_for_listeners` are there: who records has every state, the first one included.
+    In lockstep, the order of events within a sample does not depend on the machine's load: at a
+    tick of the clock, publish `/clock` and wait for the `reference` of this tick (if requested);
+    then publish `joint_states`, wait for one `current_command`, and step. Time starts when all
+    `wait_for_listeners` are connected, so that a recording contains the first state.
     """
 
     finished = False
@@ -128,13 +128,13 @@ class PlantNode(Node):
             'temperature_period', 0.1, 'time between motor temperatures [s]', 1e-3, 60.0)
         declare(
             self, 'wait_for_reference', False,
-            'in lockstep, wait at every tick for the reference that bears its stamp')
+            'in lockstep, wait at every tick for the reference with its stamp')
         declare(
             self, 'pace', 0.0, 'in lockstep, simulated per real seconds that are not exceeded; '
             '0: as fast as the others answer', 0.0, 1000.0)
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
-            'in lockstep, subscriptions to joint_states that must be there before time begins',
+            'in lockstep, subscriptions to joint_states that must exist before time starts',
             0, 1000, read_only=True)
         self._hold = ReferenceHold(declare(
             self, 'reference_timeout', 0.5,
@@ -142,13 +142,13 @@ class PlantNode(Node):
             read_only=True))
         self._command_timeout = round(NANO * declare(
             self, 'command_timeout', 0.1,
-            'time without command after which a real-time plant takes it as zero [s]', 0.001, 10.0,
+            'time without command after which a real-time plant assumes zero [s]', 0.001, 10.0,
             read_only=True))
 
     def _make_ports(self) -> None:
         self._states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
-        self._heat = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
+        self._temperature = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
         self.create_subscription(JointState, 'reference', self._on_reference, RELIABLE)
         interface = command_interface(self)
         self._unit = UNIT_OF[interface]
@@ -158,14 +158,14 @@ class PlantNode(Node):
         Diagnostics(self, self._report, ', '.join(self._joints), 'simulation')
 
     def _begin_lockstep(self) -> None:
-        self._origin = _BEGINNING
+        self._origin = _START_TIME
         self._ticks = self.create_publisher(ClockMessage, '/clock', RELIABLE)
-        self._answered = self._shown = self._nobody_holds = False
+        self._answered = self._published = self._nobody_holds = False
         self._reference_stamp: int | None = None
-        self._waiting_since = -1
+        self._ticked_sample = -1
         self._pace = Pace()
-        self._looks = 0
-        self.create_timer(_LOOK, self._look, clock=self._steady)
+        self._checks = 0
+        self.create_timer(_CHECK_PERIOD, self._repeat_requests, clock=self._steady)
         self._advance()
 
     def _begin_real_time(self, sample_time: float) -> None:
@@ -183,7 +183,7 @@ class PlantNode(Node):
         if engine == 'mujoco':
             if not file:
                 raise InputError('parameter arm_file: engine mujoco needs an MJCF or URDF')
-            # Only where it is asked for: MuJoCo need not be installed.
+            # Imported here: MuJoCo is optional.
             from friction_comp.simulation.mujoco_plant import MujocoPlant
 
             return MujocoPlant(file, self._joints, models, seed, undeclared, sample_time)
@@ -195,7 +195,7 @@ class PlantNode(Node):
     def _load_undeclared(self) -> Any:
         files = declare(
             self, 'undeclared_effect_files', [],
-            "per joint, a file with an effect that no model knows of, or ''", read_only=True)
+            "per joint, a file with an effect that is in no model, or ''", read_only=True)
         if not any(files):
             return None
         if len(files) != len(self._joints):
@@ -207,17 +207,17 @@ class PlantNode(Node):
     def _make_messages(self) -> None:
         self._state_message = JointState(name=list(self._joints))
         self._wrench_messages = [WrenchStamped() for _ in self._joints]
-        self._heat_messages = [Temperature() for _ in self._joints]
-        for joint, wrench, heat in zip(
-                self._joints, self._wrench_messages, self._heat_messages):
-            wrench.header.frame_id = heat.header.frame_id = joint
+        self._temperature_messages = [Temperature() for _ in self._joints]
+        for joint, wrench, temperature_message in zip(
+                self._joints, self._wrench_messages, self._temperature_messages):
+            wrench.header.frame_id = temperature_message.header.frame_id = joint
         self._clock_message = ClockMessage()
 
-    # What both clocks share.
+    # Both clocks.
 
     @property
     def _stamp(self) -> Any:
-        """Stamp of the present state in ns."""
+        """Stamp of the present state, ns."""
         return self._origin + self._samples * self._sample
 
     def _step(self) -> None:
@@ -229,7 +229,7 @@ class PlantNode(Node):
         self._rate.tick()
 
     def _publish(self) -> None:
-        """Publish what the sensors show: joint states last, since a command answers them."""
+        """Publish the sensor values: joint states last, since a command answers them."""
         state, stamp = self._plant.state, self._stamp
         if self._samples % self._wrench_every == 0:
             for wrench, torque in zip(self._wrench_messages, state.interaction_torque.tolist()):
@@ -237,10 +237,11 @@ class PlantNode(Node):
                 wrench.wrench.torque.z = torque
                 self._wrench.publish(wrench)
         if self._samples % self._temperature_every == 0:
-            for heat, temperature in zip(self._heat_messages, state.temperature.tolist()):
-                set_stamp(heat.header.stamp, stamp)
-                heat.temperature = temperature
-                self._heat.publish(heat)
+            for message, temperature in zip(self._temperature_messages,
+                                            state.temperature.tolist()):
+                set_stamp(message.header.stamp, stamp)
+                message.temperature = temperature
+                self._temperature.publish(message)
         message = self._state_message
         set_stamp(message.header.stamp, stamp)
         message.position = array('d', state.position.tobytes())
@@ -251,7 +252,7 @@ class PlantNode(Node):
     def _take_command(self, message: Any) -> None:
         values = np.array(message.data)
         if (values.shape != self._command.shape or not np.isfinite(values).all()
-                or unit_said(message) not in ('', self._unit)):
+                or command_unit(message) not in ('', self._unit)):
             self._bad_commands += 1
             values = np.zeros_like(self._command)
         self._command = values / self._per_current
@@ -268,7 +269,7 @@ class PlantNode(Node):
 
     def _on_command(self, message: Any) -> None:
         if self._lockstep:
-            if self._shown and not self._answered and self._is_answer(message):
+            if self._published and not self._answered and self._is_answer(message):
                 self._take_command(message)
                 self._answered = True
                 self._advance()
@@ -279,21 +280,21 @@ class PlantNode(Node):
     # Lockstep.
 
     def _is_answer(self, message: Any) -> bool:
-        """Return whether a command answers the present state, as far as it says."""
+        """Return whether a command answers the present state, or is not labelled."""
         label = message.layout.dim[0].label if message.layout.dim else ''
         return label != UNASKED and (not label.isdigit() or int(label) == self._stamp)
 
     def _advance(self) -> None:
-        """Go as far as what has come allows."""
+        """Advance until an input is missing."""
         while True:
-            if not self._shown:
+            if not self._published:
                 tick = self._samples % self._clock_every == 0
-                if tick and self._waiting_since != self._samples:
-                    if not self._pace.goes_on(
+                if tick and self._ticked_sample != self._samples:
+                    if not self._pace.may_step(
                             self.get_parameter('pace').value,
                             self._clock_every * self._sample, self._steady.now().nanoseconds):
                         return
-                    self._waiting_since = self._samples
+                    self._ticked_sample = self._samples
                     self._tick()
                 if (tick and self._reference_stamp != self._stamp
                         and self.get_parameter('wait_for_reference').value):
@@ -301,31 +302,31 @@ class PlantNode(Node):
                 if not self._samples and (
                         self._states.get_subscription_count() < self._listeners):
                     return
-                self._shown = True
+                self._published = True
                 self._publish()
             if not self._answered:
                 return
-            self._answered = self._shown = False
-            self._looks = 0
+            self._answered = self._published = False
+            self._checks = 0
             self._step()
 
     def _tick(self) -> None:
-        """Publish the present tick; again, where someone had not heard of it."""
+        """Publish the present tick, possibly again."""
         since = self._samples % self._clock_every
         set_stamp(self._clock_message.clock, self._stamp - since * self._sample)
         self._ticks.publish(self._clock_message)
 
-    def _look(self) -> None:
+    def _repeat_requests(self) -> None:
         """Repeat requests without an answer, since discovery takes time."""
         self._advance()
-        self._looks += 1
-        if self._looks >= 2:
-            self._looks = 0
+        self._checks += 1
+        if self._checks >= 2:
+            self._checks = 0
             self._tick()
-            if self._shown and self._states.get_subscription_count():
+            if self._published and self._states.get_subscription_count():
                 self._publish()
             elif self._samples and self._nobody_holds:
-                # The exercise has not heard yet where the joints are.
+                # The exercise has not received the positions yet.
                 self._states.publish(self._state_message)
 
     # Real time.
@@ -354,7 +355,7 @@ class PlantNode(Node):
             'command [A]': self._command.tolist(),
             'commands not usable': self._bad_commands}
         if self._lockstep:
-            values['waits for'] = self._waits_for()
+            values['waits for'] = self._describe_wait()
         else:
             values['overruns'] = self._overruns
         if self._bad_commands:
@@ -362,8 +363,8 @@ class PlantNode(Node):
                     'zero', values)
         return OK, 'running', values
 
-    def _waits_for(self) -> str:
-        if self._shown:
+    def _describe_wait(self) -> str:
+        if self._published:
             return 'current_command'
         listeners = self._states.get_subscription_count()
         if not self._samples and listeners < self._listeners:
@@ -371,7 +372,7 @@ class PlantNode(Node):
         return 'reference'
 
     def leave(self) -> None:
-        """Nothing is left behind: the simulated motor ends with its node."""
+        """Do nothing: the simulated motor ends with its node."""
 
 
 def main(argv: list[str] | None = None) -> Any:

@@ -13,14 +13,14 @@ from friction_comp.errors import InputError
 from friction_comp.recordings.writer import RecordingWriter
 
 NANO = 1_000_000_000
-# Two stamps in a row this much older than the newest of their topic, ns, mean that time started
-# over; one alone is wrong. Between topics such a difference says only that one was taken from its
-# queue before the other.
+# Two successive stamps this much older than the newest of their topic, ns, mean that time went
+# back; a single one is an outlier. Topics are compared separately, since their queues may be read
+# at different times.
 _BACK = NANO
 
 
 class Message(NamedTuple):
-    """One message: its date in ns, topic, type and serialised content."""
+    """One message: its time in ns, topic, type and serialised content."""
 
     stamp: int
     topic: str
@@ -29,34 +29,34 @@ class Message(NamedTuple):
 
 
 class RecentPast:
-    """Keeps messages for a time, within a limit of memory.
+    """Keeps messages for a limited time and within a limited memory.
 
     Parameters
     ----------
     seconds : float
-        How long a message is kept, by the messages' own time.
+        How long a message is kept, in the time of the messages.
     size : int
-        Bytes of content kept at most; the oldest go first.
+        Largest size of the contents, bytes; the oldest messages are removed first.
     """
 
     def __init__(self, seconds: float, size: int):
-        self._seconds, self._most = seconds, size
+        self._seconds, self._max_size = seconds, size
         self._messages: deque[Message] = deque()
         self.size = 0
         self._newest = 0
         self._newest_of: dict[str, int] = {}
-        self._odd: dict[str, Message] = {}
+        self._outliers: dict[str, Message] = {}
 
     def add(self, message: Message) -> None:
-        """Keep a message, and let go of those that are too old or too many."""
-        odd = self._odd.pop(message.topic, None)
+        """Add a message, and remove those beyond the limits."""
+        outlier = self._outliers.pop(message.topic, None)
         newest = self._newest_of.get(message.topic)
-        if newest is not None and not self._follows(message.stamp, newest):
-            if odd is None or not self._follows(message.stamp, odd.stamp):
-                self._odd[message.topic] = message
+        if newest is not None and not self._is_plausible_after(message.stamp, newest):
+            if outlier is None or not self._is_plausible_after(message.stamp, outlier.stamp):
+                self._outliers[message.topic] = message
                 return
             self.forget()
-            self.add(odd)
+            self.add(outlier)
         self._newest_of[message.topic] = max(
             self._newest_of.get(message.topic, 0), message.stamp)
         self._newest = max(self._newest, message.stamp)
@@ -64,22 +64,22 @@ class RecentPast:
         self.size += len(message.cdr)
         oldest = self._newest - self._seconds * NANO
         while self._messages and (
-                self.size > self._most or self._messages[0].stamp < oldest):
+                self.size > self._max_size or self._messages[0].stamp < oldest):
             self.size -= len(self._messages.popleft().cdr)
 
-    def _follows(self, stamp: int, before: int) -> bool:
+    def _is_plausible_after(self, stamp: int, before: int) -> bool:
         return -_BACK <= stamp - before <= self._seconds * NANO
 
     def forget(self) -> None:
-        """Keep nothing."""
-        self._odd.clear()
+        """Remove all messages."""
+        self._outliers.clear()
         self._messages.clear()
         self._newest_of.clear()
         self.size = self._newest = 0
 
     @property
     def span(self) -> float:
-        """How many s are kept."""
+        """Duration of the messages, s."""
         if not self._messages:
             return 0.0
         return (self._newest - self._messages[0].stamp) / NANO
@@ -98,7 +98,7 @@ def write_messages(path: Path, messages: Sequence[Message]) -> None:
     Raises
     ------
     InputError
-        If there are none, or the folder cannot be written.
+        If there are no messages, or the folder cannot be written.
     """
     if not messages:
         raise InputError('nothing is kept of the recent past')

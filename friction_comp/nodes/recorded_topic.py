@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Subscribes to one topic without losing its first messages, and counts what is lost."""
+"""Subscribes to one topic without losing its first messages, and counts lost messages."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from friction_comp.nodes.losses import Losses
 from friction_comp.recordings.writer import qos_profile
 
-# Seconds of a topic at a kilohertz that may wait to be taken.
+# Length of the queue: ten seconds at a kilohertz.
 DEPTH = 10_000
-# Messages remembered to know what came twice.
-_REMEMBERED = 2 * DEPTH
-# The same while there is one subscription: a second one may bring what a new publisher has said
-# before it was found.
-_RECENT = 2_000
-# Looks after which what one subscription received must have come by the other.
-_CONFIRMED = 5
+# Messages remembered to detect duplicates.
+_MAX_SEEN = 2 * DEPTH
+# The same with one subscription: a second one may receive earlier messages of a publisher.
+_MAX_SEEN_SINGLE = 2_000
+# Checks after which a message of one subscription must have arrived at the other.
+_CONFIRMING_CHECKS = 5
 
 Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
 _BEST_EFFORT: Offer = (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
@@ -33,13 +32,12 @@ _ONLY = {offer: frozenset((offer,)) for offer in (_BEST_EFFORT, _RELIABLE, _LAST
 
 
 class RecordedTopic:
-    """Hears a topic with the quality of service that its publishers offer.
+    """Subscribes to a topic with the quality of service (QoS) of its publishers.
 
-    What they offer is known only after they are found, and messages may come before: until then
-    the topic is heard reliably. Where its publishers are heard better otherwise, a second
-    subscription is made, and each message counts once. A publisher may serve the one long before
-    it has found the other: the first is given up only when all that is heard for a while comes by
-    the second.
+    Their QoS is known only after discovery, and messages may arrive earlier: the first subscription
+    is reliable. If another QoS fits the publishers better, a second subscription is created, and
+    duplicates are removed. Since publishers may discover the second subscription much later, the
+    first one is destroyed only when the second has received all messages for a while.
 
     Parameters
     ----------
@@ -48,15 +46,15 @@ class RecordedTopic:
         Message class.
     topic : str
     take : callable
-        Called with the serialised message and the middleware's information on it.
+        Called with the serialised message and the middleware's message info.
     sender : callable, optional
-        Tells from a serialised message who sent it, where several publishers that speak seldom
-        share a topic: rclpy does not say, and numbers alone cannot tell them apart.
+        Returns the sender of a serialised message, for topics with several slow publishers, which
+        sequence numbers cannot distinguish; rclpy does not provide it.
 
     Attributes
     ----------
     name : str
-        Topic as it is called on the wire.
+        Resolved name of the topic.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str,
@@ -66,8 +64,8 @@ class RecordedTopic:
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._subscriptions: dict[Offer, Any] = {}
         self._seen: dict[tuple[int, int], frozenset[Offer]] = {}
-        self._looks = 0
-        self._received_at: deque[tuple[int, tuple[int, int]]] = deque(maxlen=_REMEMBERED)
+        self._checks = 0
+        self._received_at: deque[tuple[int, tuple[int, int]]] = deque(maxlen=_MAX_SEEN)
         self._sender = sender
         self._losses: defaultdict[str, Losses] = defaultdict(Losses)
         self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
@@ -80,17 +78,17 @@ class RecordedTopic:
 
     @property
     def lost(self) -> int:
-        """Messages that were published and never arrived."""
+        """Number of lost messages."""
         return sum(one.count for one in self._losses.values())
 
     @property
     def publishers(self) -> int:
-        """Number of publishers that are received."""
+        """Number of connected publishers."""
         return max(one.get_publisher_count() for one in self._subscriptions.values())
 
     def look(self) -> None:
-        """Look who publishes, and subscribe with the quality of service that fits them."""
-        self._looks += 1
+        """Check the publishers, and subscribe with a QoS that fits them."""
+        self._checks += 1
         publishers = frozenset(
             (bytes(info.endpoint_gid),
              (info.qos_profile.reliability, info.qos_profile.durability))
@@ -103,7 +101,7 @@ class RecordedTopic:
                 self._subscribe(best)
         self._publishers = publishers
         if publishers and len(self._subscriptions) > 1:
-            self._settle()
+            self._drop_redundant()
 
     def _best(self, publishers: frozenset[tuple[bytes, Offer]]) -> Offer:
         offers = [offer for _, offer in publishers]
@@ -112,13 +110,13 @@ class RecordedTopic:
         lasting = all(durability == DurabilityPolicy.TRANSIENT_LOCAL for _, durability in offers)
         return _LASTING if lasting else _RELIABLE
 
-    def _settle(self) -> None:
-        """End the other subscriptions once the best one receives all that they do."""
+    def _drop_redundant(self) -> None:
+        """End the other subscriptions when the best one receives all their messages."""
         best = self._best(self._publishers)
         if self._subscriptions[best].get_publisher_count() < len(self._publishers):
             return
         due = []
-        while self._received_at and self._received_at[0][0] <= self._looks - _CONFIRMED:
+        while self._received_at and self._received_at[0][0] <= self._checks - _CONFIRMING_CHECKS:
             due.append(self._received_at.popleft()[1])
         if not due or not all(best in self._seen.get(key, ()) for key in due):
             return
@@ -128,7 +126,7 @@ class RecordedTopic:
         self._received_at.clear()
 
     def offered(self) -> list[dict[str, Any]]:
-        """Return the publishers' quality of service as a recording notes it, if known."""
+        """Return the publishers' QoS for a recording; empty if unknown."""
         offers = {offer for _, offer in self._publishers} or {
             (info.qos_profile.reliability, info.qos_profile.durability)
             for info in self._node.get_publishers_info_by_topic(self.name)}
@@ -137,11 +135,11 @@ class RecordedTopic:
 
     def _on_message(self, offer: Offer, message: bytes, info: dict[str, Any]) -> None:
         self._receive(offer, message, info)
-        # The executor gives one message at a time, at the price of a look at everything.
+        # The executor takes one message per poll of all entities.
         self._drain(offer)
 
     def drain(self) -> None:
-        """Take all that has arrived."""
+        """Process all messages that have arrived."""
         for offer in list(self._subscriptions):
             self._drain(offer)
 
@@ -166,8 +164,8 @@ class RecordedTopic:
         self._seen[key] = _ONLY[offer]
         several = len(self._subscriptions) > 1
         if several:
-            self._received_at.append((self._looks, key))
-        while len(self._seen) > (_REMEMBERED if several else _RECENT):
+            self._received_at.append((self._checks, key))
+        while len(self._seen) > (_MAX_SEEN if several else _MAX_SEEN_SINGLE):
             self._seen.pop(next(iter(self._seen)))
         if sequence:
             self._losses[self._sender(message) if self._sender else ''].see(sequence)

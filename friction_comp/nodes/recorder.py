@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records the package's topics into a rosbag2 folder that evaluate, refine and ros2 bag read."""
+"""Records the package's topics to a rosbag2 folder for evaluate, refine and ros2 bag."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class RecorderNode(Node):
 
     finished = False
     fast_timers = ()
-    # Nothing waits for a recording: messages are taken in handfuls.
+    # Nothing waits for a recording: messages are processed in batches.
     nap = 0.005
 
     def __init__(self) -> None:
@@ -35,21 +35,21 @@ class RecorderNode(Node):
         output = declare(
             self, 'output', 'recording', 'folder to create', read_only=True)
         model = declare(
-            self, 'model_file', '', 'model that is active, noted in the metadata', read_only=True)
+            self, 'model_file', '', 'active model, stored in the metadata', read_only=True)
         compression = declare(
             self, 'compression', 'none', 'none, message or storage', read_only=True)
         size = declare(
-            self, 'max_file_size', 0.0, 'MB after which the next file begins, 0.01 at least; 0: '
+            self, 'max_file_size', 0.0, 'MB after which the next file begins, at least 0.01; 0: '
             'never', low=0.0, read_only=True)
         duration = declare(
-            self, 'max_file_duration', 0.0, 's after which the next file begins, 0.1 at least; 0: '
+            self, 'max_file_duration', 0.0, 's after which the next file begins, at least 0.1; 0: '
             'never', low=0.0, read_only=True)
         self._rate = Rate()
         self._counts = dict.fromkeys(RECORDED, 0)
         self._failed = ''
-        # Nothing more is taken: a driver does not fall silent because nobody records it.
-        self._over = False
-        self._lost_before = self._lost_told = 0
+        # No more messages are written.
+        self._finished = False
+        self._lost_before = self._lost_reported = 0
         data = {'recorded_by': 'friction_comp recorder'}
         if model:
             data['model_file'] = model
@@ -62,7 +62,7 @@ class RecorderNode(Node):
         Diagnostics(self, self._report, output, 'recording')
 
     def _flush(self) -> None:
-        if self._failed or self._over:
+        if self._failed or self._finished:
             return
         try:
             self._writer.flush()
@@ -71,67 +71,66 @@ class RecorderNode(Node):
             raise
 
     def _write(self, topic: str, stamp: int, cdr: bytes) -> None:
-        if self._failed or self._over:
-            # The node is about to leave; what comes until then has no place any more.
+        if self._failed or self._finished:
+            # The node is about to end.
             return
         source, kind = self._topics[topic], RECORDED[topic]
         if not self._counts[topic]:
-            # Now its publishers are known.
+            # Its publishers are known now.
             self._writer.add_topic(source.name, kind, source.offered())
         self._counts[topic] += 1
         self._rate.tick()
         try:
-            # As it is called here, so that a recording from a namespace or with remapped topics
-            # plays back as it was.
+            # With the resolved name, so that namespaces and remappings are kept in playback.
             self._writer.write(source.name, kind, stamp, cdr)
         except InputError as error:
             self._failed = str(error)
             raise
 
-    def _lost(self) -> str:
-        """Return how many messages of which topics were lost; '' if none."""
+    def _describe_lost(self) -> str:
+        """Return the number of lost messages by topic as text; '' if none."""
         return ', '.join(f'{topic.lost} {name}' for name, topic in self._topics.items()
                          if topic.lost)
 
     def _report(self) -> tuple[Any, str, dict[str, Any]]:
         lost = sum(topic.lost for topic in self._topics.values())
-        # Heard, though not written before the joint states that date them have come.
+        # Received, but not written before the joint states that date them arrive.
         waiting = Counter(topic for _, topic, *_ in self._dated.waiting)
         values = {'messages per second of real time': self._rate.per_second(),
                   'messages lost': lost,
                   **{topic: count + waiting[topic] for topic, count in self._counts.items()},
                   **{f'publishers of {name}': topic.publishers
                      for name, topic in self._topics.items()}}
-        # Once it has stood for a second: what seemed lost may have been a slow publisher's.
-        if lost == self._lost_before and lost > self._lost_told:
-            self.get_logger().warning(f'messages lost so far: {self._lost()}')
-            self._lost_told = lost
+        # Warn when the number is stable for a second: it may decrease if a publisher was slow.
+        if lost == self._lost_before and lost > self._lost_reported:
+            self.get_logger().warning(f'messages lost so far: {self._describe_lost()}')
+            self._lost_reported = lost
         self._lost_before = lost
         if self._failed:
             return ERROR, self._failed, values
         if lost:
-            return WARN, f'messages lost: {self._lost()}', values
+            return WARN, f'messages lost: {self._describe_lost()}', values
         if not self._counts[STATES]:
             return WARN, 'no joint_states yet', values
         return OK, 'recording', values
 
     def leave(self) -> None:
-        """Take what is still waiting and finish the recording."""
+        """Write the waiting messages and finish the recording."""
         if self._failed:
             return
         try:
             self._dated.finish()
             for topic, kind in RECORDED.items():
                 self._writer.add_topic(self._topics[topic].name, kind)
-            if self._lost():
-                self._writer.custom_data['messages_lost'] = self._lost()
-            self._over = True
+            if self._describe_lost():
+                self._writer.custom_data['messages_lost'] = self._describe_lost()
+            self._finished = True
             self._writer.close()
         except InputError as error:
             self._failed = str(error)
             raise
-        if self._lost():
-            self.get_logger().error(f'{self._writer.path}: messages lost: {self._lost()}')
+        if self._describe_lost():
+            self.get_logger().error(f'{self._writer.path}: messages lost: {self._describe_lost()}')
         self.get_logger().info(f'{self._writer.path}: ' + ', '.join(
             f'{count} {topic}' for topic, count in self._counts.items() if count))
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs one refinement in a process of its own, so that the node stays responsive."""
+"""Runs one refinement in a separate process, so that the node stays responsive."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.recent_past import Message, write_messages
 
-# Refinement is in no hurry; the control loop is.
+# The control loop has priority over refinement.
 _NICE = 10
-_PATIENCE = 2.0
+_KILL_TIMEOUT = 2.0
 
 
 @dataclass(frozen=True)
 class JobResult:
-    """What a refinement left behind.
+    """Result of a refinement.
 
     Parameters
     ----------
@@ -44,35 +44,35 @@ class JobResult:
 
     @property
     def before(self) -> float:
-        """Error of the model at the start on data that were not fitted, A."""
+        """Error of the initial model on held-out data, A."""
         return float(self.report['before']['held_out_rmse'])
 
     @property
     def after(self) -> float:
-        """The same of the refined model."""
+        """Error of the refined model on held-out data, A."""
         return float(self.report['after']['held_out_rmse'])
 
     @property
     def verdict(self) -> str:
-        """How far to believe it, in the words of report.json."""
+        """Verdict in report.json."""
         return str(self.report.get('verdict', ''))
 
     @property
     def reasons(self) -> str:
-        """The verdict and why, in a line."""
+        """The verdict and its reasons as one line."""
         why = '; '.join(str(line).rstrip('.') for line in self.report.get('reasons') or ())
         return f'{self.verdict}: {why}' if why else self.verdict
 
     def refusal(self, old: FrictionModel) -> str:
-        """Return why the model must not be loaded in place of an old one; empty if it may."""
+        """Return why the model must not replace the old one; empty if it may."""
         if self.verdict == 'record again':
-            return 'the data do not carry it: record again'
+            return 'the data do not support it: record again'
         if not self.after < self.before:
-            return 'it is not better than the model at the start'
+            return 'it is not better than the initial model'
         if self.model.drive != old.drive:
             return "it has another drive's torque constant, gear ratio or current limit"
         if old.breakaway is not None and self.model.breakaway != old.breakaway:
-            return 'its breakaway currents are not those that were measured'
+            return 'its breakaway currents differ from the measured ones'
         return ''
 
 
@@ -87,16 +87,16 @@ class RefineJob:
     output : path-like
         Folder for report and model.
     recording : path-like, optional
-        What to refine from.
+        Recording to refine from.
     messages : sequence of Message, optional
-        The same from memory; the recording is written to `output` first.
+        Messages to refine from instead; they are first written as a recording to `output`.
 
     Attributes
     ----------
     share : float
-        How much is done, 0 to 1.
+        Progress, 0 to 1.
     step : str
-        What is being done.
+        Present step.
     """
 
     def __init__(self, joint: str, model_file: str | Path, output: str | Path,
@@ -110,9 +110,9 @@ class RefineJob:
         self._cancelled = False
         self._thread: threading.Thread | None = None
         if recording:
-            self._begin()
+            self._start_process()
         else:
-            # Minutes at a kilohertz take seconds to write.
+            # Writing minutes of messages takes seconds.
             self._thread = threading.Thread(target=self._write, daemon=True)
             self._thread.start()
 
@@ -125,9 +125,9 @@ class RefineJob:
             self._error = InputError(str(error))
         self._messages = ()
 
-    def _begin(self) -> None:
+    def _start_process(self) -> None:
         self.share, self.step = 0.05, 'reading'
-        # The environment's own Python may have been restarted for ROS: that holds for it too.
+        # With the same Python and environment, which may have been set up for ROS.
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'friction_comp', 'refine', str(self._recording),
              '--model', str(self._model_file), '--joint', self._joint,
@@ -138,13 +138,13 @@ class RefineJob:
             os.setpriority(os.PRIO_PROCESS, self._process.pid, _NICE)
 
     def poll(self) -> bool:
-        """Look how far it is, and return whether it is over."""
+        """Update the progress, and return whether the job is done."""
         if self._thread is not None:
             if self._thread.is_alive():
                 return False
             self._thread = None
             if self._error is None and not self._cancelled:
-                self._begin()
+                self._start_process()
         if self._process is None:
             return True
         for line in reversed(self._lines()):
@@ -160,33 +160,33 @@ class RefineJob:
         return self._log.read().splitlines()
 
     def cancel(self) -> None:
-        """End it, whatever it does."""
+        """Stop the job."""
         self._cancelled = True
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
             try:
-                self._process.wait(_PATIENCE)
+                self._process.wait(_KILL_TIMEOUT)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
 
     def result(self) -> JobResult:
-        """Return what came of it.
+        """Return the result.
 
         Raises
         ------
         InputError
-            If nothing did; the text says why.
+            If the refinement failed; the text says why.
         """
         if self._cancelled:
             raise InputError('cancelled on request')
         if self._error is not None:
             raise self._error
         if self._process is None or self._process.returncode is None:
-            raise InputError('the refinement is not over')
+            raise InputError('the refinement is not finished')
         if self._process.returncode != 0:
-            said = [line for line in self._lines() if not line.startswith('progress ')]
-            raise InputError(said[-1] if said else
+            messages = [line for line in self._lines() if not line.startswith('progress ')]
+            raise InputError(messages[-1] if messages else
                              f'refine ended with status {self._process.returncode}')
         model_file = (self._output / 'model.yaml').absolute()
         report = json.loads((self._output / 'report.json').read_text(encoding='utf-8'))

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Monitors whether the models still fit, and refines them on request as an action server."""
+"""Monitors how well the models fit, and refines them on request as an action server."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
-from friction_comp.nodes.compensator_client import CompensatorClient, turn
+from friction_comp.nodes.compensator_client import CompensatorClient, yield_to_executor
 from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
 from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
@@ -25,48 +25,48 @@ from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.recent_past import Message, RecentPast
 from friction_comp.nodes.refine_job import JobResult, RefineJob
 
-# Real s between looks at a running refinement and at the residual.
+# Real s between checks of a running refinement and of the residual.
 _LOOK, _WATCH = 0.2, 1.0
-# s of the joint's time without a measured load after which it counts as not measured.
+# Time without a measured load after which it counts as not measured, s.
 _LOAD_SILENCE = 5.0
 _NOT_KEPT = ('reference', '/diagnostics')
-# What `LiveSignals` wants beside the joint states.
+# Topics for `LiveSignals` besides the joint states.
 _SIGNALS = ('interaction_wrench', 'motor_temperature')
 
 
 class RefinementNode(Node):
-    """Serves one goal at a time; commands nothing and moves nothing.
+    """Serves one goal at a time; commands no motor.
 
-    It subscribes to what the recorder records, keeps the last minutes of it, and compares the
-    motor's current with what the model of each joint predicts.
+    It subscribes to the topics of the recorder, keeps the last minutes, and compares the measured
+    current with the model of each joint.
     """
 
     finished = False
     fast_timers = ()
-    # Nothing waits for it: messages are taken in handfuls.
+    # Nothing waits for this node: messages are processed in batches.
     nap = 0.01
 
     def __init__(self) -> None:
         super().__init__('refinement')
         self._joints = declare_joints(self)
         files = declare(
-            self, 'model_files', [], 'model file of each joint, where no compensator says which '
-            'it uses', read_only=True)
+            self, 'model_files', [], 'model file of each joint, used if no compensator reports '
+            'its own', read_only=True)
         models = load_models(files, self._joints)
         self._files = dict(zip(self._joints, (path for path in files if path)))
         self._output = declare(
-            self, 'output_folder', '.', 'folder that takes a folder with model and report for '
+            self, 'output_folder', '.', 'folder that receives a folder with model and report for '
             'each goal')
         tolerance = declare(
             self, 'tolerance', 0.25, 'error of a model as a share of the friction above which it '
             'no longer fits [1]', 0.01, 10.0, read_only=True)
         self._past = RecentPast(declare(
-            self, 'memory', 600.0, 'how much of the past is kept [s]', 1.0, 86400.0,
+            self, 'memory', 600.0, 'duration of the messages kept [s]', 1.0, 86400.0,
             read_only=True), round(1e6 * declare(
-                self, 'memory_size', 500.0, 'largest size of what is kept [MB]', 1.0, 1e5,
+                self, 'memory_size', 500.0, 'largest size of the messages kept [MB]', 1.0, 1e5,
                 read_only=True)))
         self._compensator = CompensatorClient(self, declare(
-            self, 'compensator', 'compensator', 'name of the node that takes refined models over',
+            self, 'compensator', 'compensator', 'name of the node that loads refined models',
             read_only=True))
         self._signals = LiveSignals(
             self._joints, [model.drive.torque_per_current for model in models])
@@ -75,18 +75,18 @@ class RefinementNode(Node):
             self._watches[joint].use(path)
         self._rate = Rate()
         self._job: RefineJob | None = None
-        self._busy = self._looking = False
+        self._busy = self._comparing = False
         self._fits = dict.fromkeys(self._joints, True)
         self._goal_handle = None
-        self._said = self._refused = self._trouble = ''
+        self._last_result = self._last_refusal = self._error = ''
         self._connect()
         Diagnostics(self, self._report, ', '.join(self._joints))
 
     def _connect(self) -> None:
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_LOOK, self._look, clock=steady)
-        # Of the node's own group nothing else would run while it waits for the compensator.
+        self.create_timer(_LOOK, self._publish_progress, clock=steady)
+        # In the node's default group, waiting for the compensator would block all callbacks.
         self.create_timer(
             _WATCH, self._watch, clock=steady, callback_group=ReentrantCallbackGroup())
         self._server = ActionServer(
@@ -104,25 +104,25 @@ class RefinementNode(Node):
         elif topic in _SIGNALS:
             self._signals.hold(topic, stamp, cdr)
 
-    # Watching.
+    # Monitoring.
 
     async def _watch(self) -> None:
-        if self._looking:
+        if self._comparing:
             return
-        self._looking = True
+        self._comparing = True
         try:
             await self._compare()
-            self._trouble = ''
+            self._error = ''
         except InputError as error:
-            self._trouble = str(error)
+            self._error = str(error)
         finally:
-            self._looking = False
+            self._comparing = False
 
     async def _compare(self) -> None:
-        exchanges = self._compensator.exchanges
+        model_changes = self._compensator.model_changes
         files = await self._compensator.files()
-        if exchanges != self._compensator.exchanges:
-            # The answer may be from before the exchange, and would end the new model's trial.
+        if model_changes != self._compensator.model_changes:
+            # The answer may be older than the change, and would end the trial of the new model.
             return
         compensated = self._compensated()
         for joint, rows in zip(self._joints, self._signals.take()):
@@ -130,13 +130,13 @@ class RefinementNode(Node):
             if not self._busy:
                 watch.use(files.get(joint, self._files[joint]))
             if compensated and len(rows):
-                # Without the load, what a person adds to the compensator's own current is unknown.
+                # Use only rows with a measured load: it adds to the compensator's own current.
                 now, rows = rows[-1, 0], rows[rows[:, 4] == rows[:, 4]]
                 if len(rows):
                     watch.last_load = rows[-1, 0]
                 watch.residual.blind = (
-                    'the compensator feeds the model itself forward, and the load that a person '
-                    'adds is not measured' if now - watch.last_load > _LOAD_SILENCE else '')
+                    'the compensator feeds the model itself forward, and the load of a person '
+                    'is not measured' if now - watch.last_load > _LOAD_SILENCE else '')
             watch.take(rows)
             await self._judge(joint, watch)
 
@@ -153,8 +153,8 @@ class RefinementNode(Node):
             await self._compensator.load(joint, before)
             worse = watch.file
             watch.use(before)
-            self._said = f'{joint}: {worse} was taken back: {why}'
-            self.get_logger().warning(self._said)
+            self._last_result = f'{joint}: {worse} was unloaded: {why}'
+            self.get_logger().warning(self._last_result)
         verdict = watch.residual.verdict()
         if verdict.fits != self._fits[joint]:
             self._fits[joint] = verdict.fits
@@ -164,14 +164,14 @@ class RefinementNode(Node):
     # The action.
 
     def _on_goal(self, request: RefineModel.Goal) -> GoalResponse:
-        self._refused = ''
+        self._last_refusal = ''
         if request.joint and request.joint not in self._joints:
-            self._refused = (
+            self._last_refusal = (
                 f'unknown joint {request.joint!r}; known: {", ".join(self._joints)}')
         elif self._busy:
-            self._refused = 'another goal is running'
-        if self._refused:
-            self.get_logger().warning(f'goal rejected: {self._refused}')
+            self._last_refusal = 'another goal is running'
+        if self._last_refusal:
+            self.get_logger().warning(f'goal rejected: {self._last_refusal}')
             return GoalResponse.REJECT
         self._busy = True
         return GoalResponse.ACCEPT
@@ -181,8 +181,8 @@ class RefinementNode(Node):
             self._job.cancel()
         return CancelResponse.ACCEPT
 
-    def _look(self) -> None:
-        """Say how far a refinement is."""
+    def _publish_progress(self) -> None:
+        """Publish the progress of a refinement."""
         if self._job is not None and self._goal_handle is not None:
             self._job.poll()
             self._goal_handle.publish_feedback(RefineModel.Feedback(
@@ -196,7 +196,7 @@ class RefinementNode(Node):
         try:
             refined, start = await self._refine(joint, request)
             _fill(result, refined)
-            result.message = await self._maybe_load(joint, request, refined, start, result)
+            result.message = await self._load_if_requested(joint, request, refined, start, result)
             goal_handle.succeed()
         except InputError as error:
             result.message = str(error)
@@ -211,12 +211,12 @@ class RefinementNode(Node):
         finally:
             self._job = self._goal_handle = None
             self._busy = False
-        self._said = f'{joint}: {result.message}'
-        self.get_logger().info(self._said)
+        self._last_result = f'{joint}: {result.message}'
+        self.get_logger().info(self._last_result)
         return result
 
     async def _refine(self, joint: str, request: RefineModel.Goal) -> tuple[JobResult, str]:
-        """Return what refinement found and the model file it began with."""
+        """Return the result of refinement and the initial model file."""
         files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
         output = _new_folder(Path(self.get_parameter('output_folder').value).absolute(), joint)
@@ -224,47 +224,47 @@ class RefinementNode(Node):
         if not request.recording:
             if self._watches[joint].residual.blind:
                 raise InputError(
-                    f'{joint}: the recent past shows nothing of the friction: '
+                    f'{joint}: the messages kept do not show the friction: '
                     f'{self._watches[joint].residual.blind}')
             messages = self._past.last(request.seconds)
             if not messages:
-                raise InputError('nothing is kept of the recent past')
+                raise InputError('no messages are kept')
         job = self._job = RefineJob(joint, start, output, request.recording, messages)
         while not job.poll():
             end = time.monotonic() + _LOOK
             while time.monotonic() < end:
-                # The executor does not rest while anything awaits its turn.
+                # The executor does not sleep while a coroutine is pending.
                 time.sleep(self.nap)
-                await turn()
+                await yield_to_executor()
         return job.result(), start
 
-    async def _maybe_load(self, joint: str, request: RefineModel.Goal, refined: JobResult,
+    async def _load_if_requested(self, joint: str, request: RefineModel.Goal, refined: JobResult,
                           start: str, result: RefineModel.Result) -> str:
-        """Load the refined model if that was asked for and may be, and say what was done."""
+        """Load the refined model if requested and allowed; return a message about it."""
         watch = self._watches[joint]
         watch.use(start)
         found = ', '.join(result.effects) or 'no effect'
-        said = (f'found {found}; error {1e3 * refined.before:.3g} mA before, '
+        summary = (f'found {found}; error {1e3 * refined.before:.3g} mA before, '
                 f'{1e3 * refined.after:.3g} mA after; verdict: {refined.reasons}')
-        why = refined.refusal(watch.residual.model)
+        refusal = refined.refusal(watch.residual.model)
         if not request.load:
-            return said
-        if why:
-            return f'{said}; not loaded: {why}'
+            return summary
+        if refusal:
+            return f'{summary}; not loaded: {refusal}'
         try:
             await self._compensator.load(joint, str(refined.model_file))
         except InputError as error:
-            return f'{said}; not loaded: {error}'
+            return f'{summary}; not loaded: {error}'
         watch.try_out(str(refined.model_file))
         result.loaded = True
-        return f'{said}; loaded, and on trial beside {start}'
+        return f'{summary}; loaded, and on trial beside {start}'
 
     # Diagnostics.
 
     def _report(self) -> tuple[Any, ...]:
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'kept [s]': self._past.span, 'kept [MB]': self._past.size / 1e6,
-                  'last goal': self._said, 'last refusal': self._refused}
+                  'last goal': self._last_result, 'last refusal': self._last_refusal}
         misfits = []
         for joint, watch in self._watches.items():
             verdict = watch.residual.verdict()
@@ -275,8 +275,8 @@ class RefinementNode(Node):
             values[f'{joint}: on trial'] = watch.before is not None
             if not verdict.fits:
                 misfits.append(f'{joint}: {words}: refine it')
-        if self._trouble:
-            return ERROR, self._trouble, values
+        if self._error:
+            return ERROR, self._error, values
         if misfits:
             return WARN, '; '.join(misfits), values
         if self._job is not None:
@@ -292,7 +292,7 @@ class RefinementNode(Node):
 
 
 def _new_folder(parent: Path, joint: str) -> Path:
-    """Return a folder that is not there yet."""
+    """Return a folder that does not exist yet."""
     stem = time.strftime(f'{joint}_%Y-%m-%d_%H-%M-%S')
     for attempt in range(1, 1000):
         path = parent / (stem if attempt == 1 else f'{stem}_{attempt}')

@@ -15,16 +15,16 @@ from friction_comp.errors import InputError
 
 
 def start_ros(name: str, arguments: Sequence[str], context: Context | None = None) -> None:
-    """Initialise ROS 2, its signal handlers left out.
+    """Initialise ROS 2 without its signal handlers.
 
     Parameters
     ----------
     name : str
-        Of the executable.
+        Name of the executable.
     arguments : sequence of str
-        ROS arguments included.
+        Including ROS arguments.
     context : rclpy.context.Context, optional
-        The process's own by default.
+        Global context by default.
 
     Raises
     ------
@@ -35,14 +35,14 @@ def start_ros(name: str, arguments: Sequence[str], context: Context | None = Non
         rclpy.init(args=[name, *arguments], context=context,
                    signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:
-        # They come as different errors without a common base.
-        words = without_places(error)
+        # The errors have no common base class.
+        words = without_source_locations(error)
         if 'log' in words and 'directory' in words:
             raise InputError(f'ROS 2 cannot write its log: {words}. Set the environment variable '
                              'ROS_LOG_DIR to a folder that can be written') from None
         raise InputError(f'ROS arguments: {words}') from None
 
 
-def without_places(error: Exception) -> str:
+def without_source_locations(error: Exception) -> str:
     """Return an error of rcl without its source locations."""
     return re.sub(r',? at \S+:\d+', '', str(error))

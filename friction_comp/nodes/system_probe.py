@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Observes a running system for some seconds without changing anything in it."""
+"""Observes a running system for some seconds without changing it."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
-from friction_comp.nodes.joint_io import unit_said
+from friction_comp.nodes.joint_io import command_unit
 from friction_comp.nodes.ros_start import start_ros
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 NAME = 'friction_comp_doctor'
-# Hears every publisher.
+# Receives from every publisher.
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-# s that a node may take to tell its parameters, and the most parameters that are asked of one.
-_PATIENCE, _MOST = 3.0, 500
+# Timeout of parameter requests, s, and largest number of parameters per node.
+_TIMEOUT, _MAX_PARAMETERS = 3.0, 500
 
 
 def middleware() -> str:
@@ -43,7 +43,7 @@ def middleware() -> str:
 
 def observe(seconds: float, arguments: list[str],
             progress: Callable[[float, str], None]) -> Observation:
-    """Look at what runs.
+    """Observe a running system.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def observe(seconds: float, arguments: list[str],
     arguments : list of str
         ROS arguments, for namespace and remappings.
     progress : callable
-        Called with the share that is done and what is being done.
+        Called with progress 0..1 and the present step.
     """
     context = Context()
     start_ros('doctor', arguments, context)
@@ -59,14 +59,14 @@ def observe(seconds: float, arguments: list[str],
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
-        return _Look(node, executor, seconds, progress).result()
+        return _Probe(node, executor, seconds, progress).result()
     finally:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown(context=context)
 
 
-class _Look:
+class _Probe:
     def __init__(self, node: Any, executor: Any, seconds: Any, progress: Any) -> None:
         self._node, self._executor = node, executor
         self._seconds, self._progress = seconds, progress
@@ -90,7 +90,7 @@ class _Look:
 
     def _on_command(self, message: Any) -> None:
         self._commands.append((time.time(), list(message.data)))
-        self.seen.command_unit = 'N·m' if unit_said(message) == TORQUE_UNIT else 'A'
+        self.seen.command_unit = 'N·m' if command_unit(message) == TORQUE_UNIT else 'A'
 
     def _on_wrench(self, message: Any) -> None:
         self._load.setdefault(message.header.frame_id, []).append(
@@ -104,40 +104,40 @@ class _Look:
         self.seen.clock = True
 
     def result(self) -> Any:
-        """Look, and return what was seen."""
+        """Observe, and return the observation."""
         begin = time.monotonic()
         while (passed := time.monotonic() - begin) < self._seconds:
-            self._progress(0.8 * passed / self._seconds, 'listens')
+            self._progress(0.8 * passed / self._seconds, 'listening')
             self._executor.spin_once(timeout_sec=0.05)
         seen = self.seen
         seen.nodes = sorted(
             f'{space.rstrip("/")}/{name}'
             for name, space in self._node.get_node_names_and_namespaces()
             if name != NAME and not name.startswith('_'))
-        self._see_topics()
-        seen.states = _states_of(self._states)
+        self._observe_topics()
+        seen.states = _to_arrays(self._states)
         width = max((len(one) for _, one in self._commands), default=0)
         whole = [(when, one) for when, one in self._commands if len(one) == width]
         seen.commands = np.array([one for _, one in whole])
         seen.commanded = np.array([when for when, _ in whole])
         seen.load = {joint: np.array(values) for joint, values in self._load.items()}
         for index, name in enumerate(seen.nodes):
-            self._progress(0.8 + 0.2 * index / len(seen.nodes), f'asks {name}')
+            self._progress(0.8 + 0.2 * index / len(seen.nodes), f'asking {name}')
             seen.parameters[name] = self._parameters(name)
         return seen
 
-    def _see_topics(self) -> None:
+    def _observe_topics(self) -> None:
         wanted = {*TOPICS.values()}
         for name, types in self._node.get_topic_names_and_types():
             if not wanted & set(types):
                 continue
             self.seen.topics[name] = TopicSeen(
                 list(types),
-                self._ends(self._node.get_publishers_info_by_topic(name)),
-                self._ends(self._node.get_subscriptions_info_by_topic(name)))
+                self._endpoints(self._node.get_publishers_info_by_topic(name)),
+                self._endpoints(self._node.get_subscriptions_info_by_topic(name)))
 
     @staticmethod
-    def _ends(infos: Any) -> Any:
+    def _endpoints(infos: Any) -> Any:
         return [Endpoint(
             f'{info.node_namespace.rstrip("/")}/{info.node_name}',
             info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
@@ -147,7 +147,7 @@ class _Look:
     def _parameters(self, name: str) -> Any:
         """Return a node's parameters; empty where it does not answer."""
         listed = self._call(ListParameters, f'{name}/list_parameters', ListParameters.Request())
-        names = list(listed.result.names)[:_MOST] if listed else []
+        names = list(listed.result.names)[:_MAX_PARAMETERS] if listed else []
         values = self._call(GetParameters, f'{name}/get_parameters',
                             GetParameters.Request(names=names)) if names else None
         if values is None:
@@ -157,7 +157,7 @@ class _Look:
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         client = self._node.create_client(kind, name)
         try:
-            end = time.monotonic() + _PATIENCE
+            end = time.monotonic() + _TIMEOUT
             while not client.service_is_ready():
                 if time.monotonic() > end:
                     return None
@@ -172,8 +172,8 @@ class _Look:
             self._node.destroy_client(client)
 
 
-def _states_of(messages: Any) -> Any:
-    """Return joint states as arrays; None where none came."""
+def _to_arrays(messages: Any) -> Any:
+    """Return joint states as arrays; None if there are none."""
     if not messages:
         return None
     joints = list(dict.fromkeys(name for _, message in messages for name in message.name))

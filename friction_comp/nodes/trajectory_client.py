@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plays trajectories: with this package's own currents, or by a robot's trajectory controller."""
+"""Plays trajectories by this package's motor currents or by a robot's trajectory controller."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from friction_comp.errors import InputError
 from friction_comp.nodes.demo_client import DemoClient
 from friction_comp.trajectory import Trajectory
 
-# The way to the first point takes so many s at least, and is this share as fast as the trajectory.
-_SHORTEST, _SLOW = 2.0, 0.3
+# Shortest duration of the approach to the first point, s, and its speed relative to the trajectory.
+_MIN_APPROACH_TIME, _APPROACH_SPEED = 2.0, 0.3
 
 
 def message_of(trajectory: Trajectory, later: float = 0.0) -> Any:
-    """Return a trajectory as a message, so many s later."""
+    """Return a trajectory as a message, delayed by `later` s."""
     message = JointTrajectory(joint_names=list(trajectory.joints))
     moved = Trajectory(trajectory.joints, trajectory.time + later, trajectory.position,
                        trajectory.velocity, trajectory.acceleration)
@@ -43,21 +43,21 @@ class TrajectoryClient(DemoClient):
 
     def play(self, trajectory: Trajectory, report: Callable[[float, str], None],
              ramp_slope: float = 0.0, ramp_period: float = 0.0) -> None:
-        """Have the node `identification` move one joint along a trajectory.
+        """Move one joint along a trajectory by the node `identification`.
 
         Parameters
         ----------
         trajectory : Trajectory
-            Of one joint.
+            Trajectory of one joint.
         report : callable
-            Called with the share that is done and what is being done.
+            Called with progress 0..1 and the present phase.
         ramp_slope, ramp_period : float
-            Of the ramp that breaks the joint free, A/s and s; 0 for the node's own.
+            Ramp that breaks the joint free, A/s and s; 0 for the default of the node.
 
         Raises
         ------
         InputError
-            If the goal is refused or not reached.
+            If the goal is refused or fails.
         """
         action = ActionClient(self._node, PlayTrajectory, 'play_trajectory')
         try:
@@ -70,14 +70,14 @@ class TrajectoryClient(DemoClient):
 
     def play_on(self, controller: str, trajectory: Trajectory,
                 report: Callable[[float, str], None]) -> None:
-        """Have a robot's trajectory controller move its joints along a trajectory.
+        """Move joints along a trajectory by a robot's trajectory controller.
 
-        The joints travel slowly to the first point.
+        The joints first approach the first point slowly.
 
         Parameters
         ----------
         controller : str
-            Its name, before ``/follow_joint_trajectory``.
+            Its name, without ``/follow_joint_trajectory``.
         trajectory : Trajectory
         report : callable
             As for `play`.
@@ -85,16 +85,17 @@ class TrajectoryClient(DemoClient):
         Raises
         ------
         InputError
-            If the type of the action is not installed, the joints are not known, or the goal is
-            refused or not reached.
+            If the action type is not installed, the positions of the joints are unknown, or the
+            goal is refused or fails.
         """
         try:
             kind = importlib.import_module('control_msgs.action').FollowJointTrajectory
         except ModuleNotFoundError:
             raise InputError('the action of trajectory controllers is missing: install '
                              'ros-jazzy-control-msgs') from None
-        way = np.abs(trajectory.position[0] - self._positions(trajectory.joints)).max()
-        later = max(_SHORTEST, 1.875 * way / (_SLOW * np.abs(trajectory.velocity).max()))
+        distance = np.abs(trajectory.position[0] - self._positions(trajectory.joints)).max()
+        speed = _APPROACH_SPEED * np.abs(trajectory.velocity).max()
+        later = max(_MIN_APPROACH_TIME, 1.875 * distance / speed)
         end = later + trajectory.time[-1]
         action = ActionClient(self._node, kind, f'{controller}/follow_joint_trajectory')
 
@@ -102,21 +103,22 @@ class TrajectoryClient(DemoClient):
             at = feedback.desired.time_from_start
             report((at.sec + 1e-9 * at.nanosec) / end, 'trajectory')
         try:
-            # A trajectory of joints that the controller does not have is refused.
+            # A trajectory of unknown joints is refused.
             self.reach(action, kind.Goal(trajectory=message_of(trajectory, later)), kind.Goal(
                 trajectory=JointTrajectory(joint_names=['nobody'])), tell, controller)
         finally:
             action.destroy()
 
     def _positions(self, joints: tuple[str, ...]) -> np.ndarray:
-        """Return where the joints are, rad."""
-        heard: dict[str, float] = {}
+        """Return the positions of the joints, rad."""
+        positions: dict[str, float] = {}
         subscription = self._node.create_subscription(
             JointState, 'joint_states',
-            lambda message: heard.update(zip(message.name, message.position)),
+            lambda message: positions.update(zip(message.name, message.position)),
             qos_profile_sensor_data)
         try:
-            self.until(lambda: set(joints) <= set(heard), f'joint_states of {", ".join(joints)}')
+            self.until(
+                lambda: set(joints) <= set(positions), f'joint_states of {", ".join(joints)}')
         finally:
             self._node.destroy_subscription(subscription)
-        return np.array([heard[joint] for joint in joints])
+        return np.array([positions[joint] for joint in joints])

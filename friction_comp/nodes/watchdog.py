@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Watches a stream from a separate thread, on the monotonic clock.
 
-The thread shares neither executor nor callbacks with what it watches. What it does share is
-Python's interpreter lock: it runs while the watched thread waits, sleeps or computes in Python,
-but not while one call into compiled code holds the lock. The calls of the control loop take
-microseconds. Against a process that hangs altogether, or is killed, only the driver's own
-timeout helps.
+The thread shares neither executor nor callbacks with the watched stream, only Python's interpreter
+lock: it runs while the watched thread waits, sleeps or executes Python, but not during a call of
+compiled code that holds the lock. Such calls of the control loop take microseconds. If the process
+hangs or is killed, only the timeout of the driver helps.
 """
 
 from __future__ import annotations
@@ -19,17 +18,17 @@ import time
 
 from friction_comp.compiling import compiling
 
-# The alarm comes this share of the timeout, at most so many seconds, before its end: what it
-# sets off is to arrive within the timeout.
-_EARLY, _EARLIEST = 0.1, 0.005
-# The same while code is compiled in this process, which may hold up all its threads.
-_EARLY_COMPILING, _EARLIEST_COMPILING = 0.3, 0.02
+# The alarm comes before the end of the timeout by this share of it, at most so many seconds, so
+# that its effect arrives in time.
+_EARLY, _MAX_EARLY = 0.1, 0.005
+# The same while code is compiled in this process, which may block all its threads.
+_EARLY_COMPILING, _MAX_EARLY_COMPILING = 0.3, 0.02
 
 
 class Watchdog:
-    """Calls for help when it is not fed for as long as a timeout.
+    """Calls an alarm if it is not fed within a timeout.
 
-    It begins with the first feeding, calls once, and starts over with the next feeding.
+    It starts with the first `feed`, calls the alarm once, and restarts with the next `feed`.
 
     Parameters
     ----------
@@ -38,24 +37,24 @@ class Watchdog:
     alarm : callable
         Called in the watchdog's thread.
     clock : callable
-        Returns s; `time.monotonic`, but for tests.
+        Returns s; another one than `time.monotonic` is for tests.
     """
 
     def __init__(self, timeout: float, alarm: Callable[[], None],
                  clock: Callable[[], float] = time.monotonic) -> None:
-        self._patience = timeout - min(_EARLY * timeout, _EARLIEST)
-        self._less_patience = timeout - min(_EARLY_COMPILING * timeout, _EARLIEST_COMPILING)
+        self._timeout = timeout - min(_EARLY * timeout, _MAX_EARLY)
+        self._timeout_compiling = timeout - min(_EARLY_COMPILING * timeout, _MAX_EARLY_COMPILING)
         self._alarm, self._clock = alarm, clock
         self._fed: float | None = None
         self._idle = True
         self._closed = False
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
-        self._ends: tuple[int, int] | None = None
+        self._pipe: tuple[int, int] | None = None
 
     def start(self) -> Watchdog:
         """Start the thread and return the watchdog."""
-        self._ends = os.pipe()
+        self._pipe = os.pipe()
         self._thread = threading.Thread(target=self._run, name='watchdog', daemon=True)
         self._thread.start()
         return self
@@ -69,7 +68,7 @@ class Watchdog:
             self._wake()
 
     def rest(self) -> None:
-        """Expect nothing until the next feeding."""
+        """Pause until the next `feed`."""
         with self._lock:
             self._fed = None
 
@@ -80,15 +79,15 @@ class Watchdog:
         self._closed = True
         self._wake()
         self._thread.join()
-        for end in self._ends:
+        for end in self._pipe:
             os.close(end)
 
     def look(self) -> float | None:
-        """Call the alarm if it is time; return the s until it may be, None while idle."""
+        """Call the alarm if it is due; return the time until then in s, None while idle."""
         with self._lock:
             if self._fed is not None:
-                patience = self._less_patience if compiling() else self._patience
-                left = self._fed + patience - self._clock()
+                timeout = self._timeout_compiling if compiling() else self._timeout
+                left = self._fed + timeout - self._clock()
                 if left > 0.0:
                     return left
             alarm = self._fed is not None
@@ -98,13 +97,12 @@ class Watchdog:
         return None
 
     def _wake(self) -> None:
-        if self._ends is not None:
-            os.write(self._ends[1], b'.')
+        if self._pipe is not None:
+            os.write(self._pipe[1], b'.')
 
     def _run(self) -> None:
-        # Waits with `select`: unlike those of threading, its timeouts never follow a clock that
-        # is set.
+        # `select` uses the monotonic clock, unlike timeouts of threading.
         while not self._closed:
-            ready, _, _ = select.select([self._ends[0]], [], [], self.look())
+            ready, _, _ = select.select([self._pipe[0]], [], [], self.look())
             if ready:
-                os.read(self._ends[0], 64)
+                os.read(self._pipe[0], 64)

@@ -12,28 +12,28 @@ from typing import Any
 from rosbags.typesys import get_typestore, Stores
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-# Nodes that command, in whose diagnostics activity is.
+# Nodes that command the motor; their diagnostics report it.
 SOURCES = (b'compensator', b'identification')
-# ns of a recording within which a compensator that runs has said so: it does every second, in
-# which a simulation may have gone on for several.
-_FIRST_WORD = 10_000_000_000
+# A running compensator reports within this time of a recording, ns: it does so every second of real
+# time, in which a simulation may advance by several.
+_FIRST_REPORT = 10_000_000_000
 
 
 @dataclass(frozen=True)
 class Activity:
-    """What a compensator reported from one moment on.
+    """State of a compensator from one time on, as it reported it.
 
     Attributes
     ----------
     time : int
         Receive time in ns.
     state : str
-        Its lifecycle state, for instance 'active'; '' where it did not say; 'identification' while
+        Its lifecycle state, for instance 'active'; '' if not reported; 'identification' while
         that node moved the joint.
     law, model : str
-        Compensation law and model file; '' where it did not say.
+        Compensation law and model file; '' if not reported.
     joints : str
-        The joints that the files of `model` belong to, in their order; '' where it did not say.
+        The joints of the files in `model`, in the same order; '' if not reported.
     """
 
     time: int
@@ -49,14 +49,15 @@ class Activity:
         return dict(zip(joints, models)) if self.model and len(joints) == len(models) else {}
 
     def of(self, joint: str) -> Activity:
-        """Return the same with the model file of one joint, where several are named."""
+        """Return the activity with the model file of one joint, where several are named."""
         return replace(self, model=self.models.get(joint, self.model))
 
 
 def from_diagnostics(messages: Sequence[tuple[int, bytes]], begin: int) -> list[Activity]:
-    """Return what changed, in order of time.
+    """Return the changes of activity in order of time.
 
-    A compensator's first word holds for what was just before it, as it repeats itself every second.
+    A compensator's first report also holds for the time just before it, since reports come every
+    second.
 
     Parameters
     ----------
@@ -75,26 +76,26 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]], begin: int) -> list[
     for time, raw in sorted(messages):
         try:
             message: Any = store.deserialize_cdr(raw, DIAGNOSTICS)
-        # A message that breaks off costs itself.
+        # Skip a truncated message.
         except Exception:
             continue
         for status in message.status:
             if 'identification' in status.name:
-                # It has a phase only while it moves a joint.
+                # The node reports a phase only while it moves a joint.
                 if any(item.key == 'phase' for item in status.values):
-                    _note(activities, Activity(time, 'identification', '', ''))
+                    _append_if_new(activities, Activity(time, 'identification', '', ''))
                 elif activities and activities[-1].state == 'identification':
-                    _note(activities, Activity(time, '', '', ''))
-            elif (now := compensator_says(status, time)) is not None:
-                _note(activities, now)
+                    _append_if_new(activities, Activity(time, '', '', ''))
+            elif (activity := compensator_activity(status, time)) is not None:
+                _append_if_new(activities, activity)
     if activities:
         first = activities[0]
-        if first.time - begin < _FIRST_WORD and first.state != 'identification':
+        if first.time - begin < _FIRST_REPORT and first.state != 'identification':
             activities[0] = replace(first, time=min(first.time, begin))
     return activities
 
 
-def compensator_says(status: Any, time: int = 0) -> Activity | None:
+def compensator_activity(status: Any, time: int = 0) -> Activity | None:
     """Return a compensator's state from a diagnostic status; None for another node's.
 
     Parameters
@@ -108,13 +109,13 @@ def compensator_says(status: Any, time: int = 0) -> Activity | None:
     values = {item.key: item.value for item in status.values}
     model = next((values[key] for key in ('model_file', 'model_files', 'model')
                   if values.get(key, '').strip('[] ')), '')
-    # One file a joint comes as a list: its brackets and quotes are no names.
+    # One file per joint is reported as a list: remove its brackets and quotes.
     return Activity(time, values.get('state', ''), values.get('law', ''),
                     re.sub(r"""['"\[\]]""", '', model), status.hardware_id)
 
 
-def _note(activities: list[Activity], now: Activity) -> None:
-    """Add an activity that differs from the one before."""
+def _append_if_new(activities: list[Activity], activity: Activity) -> None:
+    """Append an activity if it differs from the last one."""
     if not activities or (activities[-1].state, activities[-1].law, activities[-1].model) != (
-            now.state, now.law, now.model):
-        activities.append(now)
+            activity.state, activity.law, activity.model):
+        activities.append(activity)

@@ -37,13 +37,13 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
     progress : callable, optional
         Called with the share 0..1 of everything that has been read.
     layout : Layout, optional
-        What is known of a table's columns.
+        Known columns and units of a table.
 
     Returns
     -------
     dict of str to list of (Samples, RecordingInfo)
-        For each joint that has an effort one entry per recording. The samples' `arm` is the motion
-        of all of them at the times of its own joint states.
+        For each joint with an effort, one entry per recording. The samples' `arm` is the motion of
+        all joints at the times of this joint's states.
 
     Raises
     ------
@@ -57,13 +57,13 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
             if progress:
                 progress((index + share) / len(recordings))
         scan = scan_recording(path, with_states(tuple(TOPICS)), report, layout=layout)
-        everyone = usable_joints(scan, torque_per_current)
-        if result and set(everyone) != set(result):
-            odd = sorted(set(everyone) ^ set(result))[0]
-            raise InputError(f'{path}: joint {odd!r} is not in all recordings: an arm needs the '
+        joints = usable_joints(scan, torque_per_current)
+        if result and set(joints) != set(result):
+            name = sorted(set(joints) ^ set(result))[0]
+            raise InputError(f'{path}: joint {name!r} is not in all recordings: an arm needs the '
                              'same joints in each')
-        for name, (samples, info) in everyone.items():
+        for name, (samples, info) in joints.items():
             samples = samples.with_(recording=np.full(len(samples), index),
-                                    arm=beside(samples, info, everyone))
+                                    arm=beside(samples, info, joints))
             result.setdefault(name, []).append((samples, info))
     return result

@@ -24,8 +24,8 @@ TEMPERATURE = 'sensor_msgs/msg/Temperature'
 
 
 MOST_VALUES = 200
-"""Values or names of one message, more than any robot has joints: arrays that hold every message's
-values side by side would fill the memory for the sake of one."""
+"""Largest number of values or names in one message, more than any robot has joints. Without a limit
+one corrupt message could fill the memory, since all messages share one array."""
 
 
 class _Cursor:
@@ -34,8 +34,8 @@ class _Cursor:
     Attributes
     ----------
     fixed : list of int
-        Byte positions whose content decides the layout: byte order, counts and strings. Padding
-        is left out, since serialisers may leave anything in it.
+        Byte positions that determine the layout: byte order, counts and strings. Padding is
+        excluded, since its content is undefined.
     fields : dict
         Name to (numpy type, byte position, number of values).
     """
@@ -45,19 +45,19 @@ class _Cursor:
             raise ValueError('unknown CDR encapsulation')
         self.data = data
         self.order = '<' if data[1] == 1 else '>'
-        self.at = 4
+        self.position = 4
         self.fixed = [0, 1]
         self.fields: dict[str, tuple[str, int, int]] = {}
 
     def _advance(self, size: int, alignment: int) -> int:
-        start = self.at + -(self.at - 4) % alignment
+        start = self.position + -(self.position - 4) % alignment
         if start + size > len(self.data):
             raise ValueError('message is shorter than its fields')
-        self.at = start + size
+        self.position = start + size
         return start
 
     def count(self, most: float = math.inf) -> int:
-        """Read a length, at most so many, and pin it."""
+        """Read a length, check its limit, and add it to the fixed bytes."""
         start = self._advance(4, 4)
         self.fixed.extend(range(start, start + 4))
         count = int(struct.unpack_from(self.order + 'I', self.data, start)[0])
@@ -66,14 +66,14 @@ class _Cursor:
         return count
 
     def string(self) -> str:
-        """Read a string and pin it."""
+        """Read a string and add it to the fixed bytes."""
         size = self.count()
         start = self._advance(size, 1)
         self.fixed.extend(range(start, start + size))
         return self.data[start:start + size].rstrip(b'\0').decode('utf-8', 'replace')
 
     def skip_string(self) -> None:
-        """Pass over a string: how long it is decides the layout, not what it says."""
+        """Skip a string, of which only the length is fixed."""
         self._advance(self.count(), 1)
 
     def values(self, name: str, code: str, count: int | None = 1) -> None:
@@ -81,7 +81,7 @@ class _Cursor:
         if count is None:
             count = self.count(MOST_VALUES)
         size = np.dtype(code).itemsize
-        start = self._advance(size * count, size) if count else self.at
+        start = self._advance(size * count, size) if count else self.position
         self.fields[name] = (self.order + code, start, count)
 
 
@@ -109,7 +109,7 @@ def _multi_array(code: str) -> _Walk:
             if k == 1:
                 unit = (cursor.string(),)
             else:
-                # A label may differ from message to message, as a stamp does.
+                # Labels may differ between messages.
                 cursor.skip_string()
             cursor.values('size', 'u4')
             cursor.values('stride', 'u4')
@@ -147,13 +147,13 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
     payloads : list of bytes
         The messages with their four-byte encapsulation header.
     broken : list of int, optional
-        Takes which messages are too short for their fields or not CDR, or hold more than
-        `MOST_VALUES` values or names, and are left out.
+        Receives the indices of the messages that are skipped because they are too short for their
+        fields, are not CDR, or hold more than `MOST_VALUES` values or names.
 
     Yields
     ------
     index : ndarray of int
-        Which messages belong to this group, shape (K,).
+        Indices of the messages of this group, shape (K,).
     names : tuple of str
         Joint names, the frame of a stamped message, or the label of an array's second dimension;
         the same throughout the group.
@@ -164,7 +164,7 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
     Raises
     ------
     ValueError
-        If a message is broken and no list takes which.
+        If a message is broken and `broken` is None.
     """
     walk = _WALKS[type_name]
     lengths = np.fromiter(map(len, payloads), dtype=np.int64, count=len(payloads))
@@ -182,13 +182,15 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
                 broken.append(int(index[0]))
                 index, block = index[1:], block[1:]
                 continue
-            pinned = block[:, cursor.fixed]
-            same = (pinned == pinned[0]).all(axis=1)
-            yield index[same], names, _cut(block if same.all() else block[same], cursor.fields)
+            fixed_bytes = block[:, cursor.fixed]
+            same = (fixed_bytes == fixed_bytes[0]).all(axis=1)
+            rows = block if same.all() else block[same]
+            yield index[same], names, _extract_fields(rows, cursor.fields)
             index, block = index[~same], block[~same]
 
 
-def _cut(block: np.ndarray, fields: dict[str, tuple[str, int, int]]) -> dict[str, np.ndarray]:
+def _extract_fields(block: np.ndarray, fields: dict[str, tuple[str, int, int]]
+                    ) -> dict[str, np.ndarray]:
     values = {}
     for name, (code, start, count) in fields.items():
         stop = start + np.dtype(code).itemsize * count

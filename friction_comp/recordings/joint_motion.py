@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of all joints at the times of one of them, and angles that wrap around."""
+"""Interpolates the motion of all joints to the times of one of them, and unwraps angles."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 
 from friction_comp.samples import JointStates, Samples
 
-# Between two messages within this time an angle that jumps by nearly a turn has wrapped around.
+# A jump by nearly a turn within this time is a wrapped angle: s, rad.
 _WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
 
 
 class Started(Protocol):
-    """What knows when a recording's time zero was, in s."""
+    """Has the stamp of a recording's time zero, in s."""
 
     start: float
 
@@ -28,15 +28,15 @@ def beside(samples: Samples, info: Started,
     Parameters
     ----------
     samples : Samples
-        Of the one.
+        Of the one joint.
     info : RecordingInfo
-        Of the same; topics may begin at different times.
+        Of the same joint; topics may begin at different times.
     everyone : dict of str to (Samples, RecordingInfo)
 
     Returns
     -------
     JointStates
-        Between joint states interpolated; beyond the ends the nearest value.
+        Linearly interpolated; beyond the ends the nearest value.
     """
     positions, speeds = [], []
     for other, other_info in everyone.values():
@@ -50,11 +50,11 @@ def beside(samples: Samples, info: Started,
 
 
 def unwrapped(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Return position in rad without the jumps of an angle that is kept within one turn."""
+    """Return the unwrapped position in rad."""
     jumps = np.diff(position)
     size = np.abs(jumps)
     wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < _WRAP_TIME)
-    # A turn in one step is a wrap only where the joint is slow otherwise.
+    # Jumps are wraps only if the joint is slow otherwise.
     if not wraps.any() or np.quantile(size, 0.9) > 0.1 * np.pi:
         return position
     notes.append(f'position wraps around {np.count_nonzero(wraps)} times: turns are added')

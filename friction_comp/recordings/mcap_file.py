@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads mcap files, whole, unfinished or damaged, as far as their chunks go.
+"""Reads mcap files, including the undamaged chunks of truncated or corrupt ones.
 
-The library `mcap` describes the records, decompresses and checks chunks; its readers give up where
-a file breaks off or a record makes no sense. Here the records are walked one by one, and behind a
-damaged place the search for the next chunk that its own checksum confirms goes on.
+The library `mcap` parses records, decompresses chunks and verifies their checksums, but its readers
+stop at the first invalid record. This reader iterates over the records itself, and continues after
+damage with the next chunk whose checksum is valid.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ _RECORD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<BQHIQQ')
 _FOOTER_SIZE = 20
 _BLOCK = 1 << 20
-# Bytes of the file that may stay in memory.
+# Bytes of the mapped file that may stay in memory.
 _KEPT = 1 << 25
-# A chunk begins with its opcode, a length below 2^48, two times, size, checksum and the name of a
-# compression: rare enough by chance, and the checksum decides.
+# A chunk begins with its opcode, a length below 2^48, two times, size, checksum and the name of the
+# compression. False matches are rare, and the checksum rejects them.
 _CHUNK = re.compile(rb'(?=\x06.{6}\x00\x00.{28}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd))', re.S)
 _KNOWN = {int(code) for code in Opcode}
 _FIXED_SIZES = {int(Opcode.FOOTER): _FOOTER_SIZE, int(Opcode.DATA_END): 4}
 
 
 class DamagedError(ValueError):
-    """What cannot be read as mcap; the text says why."""
+    """A file that cannot be read; the text says why."""
 
 
 class McapFile:
@@ -59,7 +59,7 @@ class McapFile:
     notes : list of str
         What is missing or damaged, in plain words; complete after `messages` has ended.
     custom : dict
-        What rosbag2's metadata in the file say under ``custom_data``.
+        ``custom_data`` of rosbag2's metadata in the file.
     encodings : dict
         Topic to serialisation.
 
@@ -77,10 +77,10 @@ class McapFile:
         self.custom: dict[str, str] = {}
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, str] = {}
-        self._found = 0
+        self._message_count = 0
         self._lost_chunks = 0
         self._lost_messages = 0
-        self._strange: list[int] = []
+        self._unreadable: list[int] = []
         self._released = 0
         with path.open('rb') as stream:
             self.size = path.stat().st_size
@@ -109,7 +109,7 @@ class McapFile:
         Parameters
         ----------
         wanted : callable
-            Given topic and type, says whether its messages are asked for; all are counted.
+            Returns whether messages of a topic and type are wanted; all are counted.
 
         Yields
         ------
@@ -128,53 +128,53 @@ class McapFile:
         ended = False
         for opcode, begin, end in self._records():
             if opcode == Opcode.CHUNK:
-                yield from self._of_chunk(begin, end, wanted)
+                yield from self._chunk_messages(begin, end, wanted)
             elif opcode == Opcode.MESSAGE:
-                yield from self._walk(self._data[begin:end], wanted)
+                yield from self._iterate(self._data[begin:end], wanted)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._declare(opcode, self._data[begin + 9:end])
             elif opcode == Opcode.METADATA:
-                self._take_metadata(self._data[begin + 9:end])
+                self._read_metadata(self._data[begin + 9:end])
             ended = opcode == Opcode.DATA_END
-        self._conclude(ended)
+        self._report_damage(ended)
 
     def _records(self) -> Iterator[tuple[int, int, int]]:
         """Yield (opcode, begin, end) of the data section's records, past damaged places."""
         at = len(MAGIC)
-        # Behind a length that lies, the walk lands anywhere: the search starts where all was well.
-        sure = at
+        # A corrupt length leads to an arbitrary position: resume from the last valid chunk.
+        last_valid = at
         while at < self.size:
-            fits = self._record_at(at)
-            if fits is None:
-                following = self._next_chunk(sure)
-                self.position = at if following is None else sure
+            record = self._record_at(at)
+            if record is None:
+                following = self._next_chunk(last_valid)
+                self.position = at if following is None else last_valid
                 if self._footer is None and following is None:
                     return
-                self._strange.append(at)
+                self._unreadable.append(at)
                 if following is None:
                     return
                 at = following
                 continue
-            opcode, end = fits
+            opcode, end = record
             self.position = at
             yield opcode, at, end
             if opcode == Opcode.DATA_END:
                 return
             at = end
             if opcode == Opcode.CHUNK:
-                sure = end
+                last_valid = end
                 self._release(end)
         self.position = at
 
     def _release(self, end: int) -> None:
-        """Give back the memory that the file took up to here, now and then."""
+        """Release the mapped memory up to a position, in large blocks."""
         begin, end = self._released, end - end % mmap.PAGESIZE
         if end - begin > _KEPT and hasattr(self._data, 'madvise'):
             self._data.madvise(mmap.MADV_DONTNEED, begin, end - begin)
             self._released = end
 
     def _record_at(self, at: int) -> tuple[int, int] | None:
-        """Return opcode and end of the record that begins here, None where none can."""
+        """Return opcode and end of the record at a position, None if it is invalid."""
         if at + 9 > self.size:
             return None
         opcode, length = _RECORD.unpack_from(self._data, at)
@@ -186,12 +186,12 @@ class McapFile:
         return opcode, end
 
     def _next_chunk(self, start: int) -> int | None:
-        """Return where the next whole chunk begins, None without any."""
+        """Return the position of the next valid chunk, or None."""
         for match in _CHUNK.finditer(self._data, start):
-            fits = self._record_at(match.start())
-            if fits is not None:
+            record = self._record_at(match.start())
+            if record is not None:
                 try:
-                    self._open_chunk(match.start(), fits[1])
+                    self._open_chunk(match.start(), record[1])
                 except DamagedError:
                     continue
                 return match.start()
@@ -202,37 +202,37 @@ class McapFile:
             chunk = Chunk.read(ReadDataStream(BytesIO(self._data[begin + 9:end])))
             stream, size = get_chunk_data_stream(chunk, validate_crc=True)
             content = stream.read(size)
-        # Each compression has errors of its own.
+        # Each compression library has its own exceptions.
         except Exception as error:
             raise DamagedError(f'a chunk at byte {begin}: {error}') from None
         if size != chunk.uncompressed_size:
             raise DamagedError(f'a chunk at byte {begin}: {size} bytes long')
         return content
 
-    def _of_chunk(self, begin: int, end: int, wanted: Wanted) -> Iterator[Message]:
+    def _chunk_messages(self, begin: int, end: int, wanted: Wanted) -> Iterator[Message]:
         try:
             content = self._open_chunk(begin, end)
         except DamagedError:
             self._lost_chunks += 1
-            self._lost_messages += self._indexed(end)
+            self._lost_messages += self._count_indexed(end)
             return
-        yield from self._walk(content, wanted)
+        yield from self._iterate(content, wanted)
 
-    def _indexed(self, at: int) -> int:
-        """Return how many messages the indexes behind a chunk list."""
+    def _count_indexed(self, at: int) -> int:
+        """Return the number of messages in the indexes after a chunk."""
         count = 0
-        while (fits := self._record_at(at)) is not None and fits[0] == Opcode.MESSAGE_INDEX:
+        while (record := self._record_at(at)) is not None and record[0] == Opcode.MESSAGE_INDEX:
             try:
-                index = MessageIndex.read(ReadDataStream(BytesIO(self._data[at + 9:fits[1]])))
+                index = MessageIndex.read(ReadDataStream(BytesIO(self._data[at + 9:record[1]])))
             except Exception:
                 break
             count += len(index.records)
-            at = fits[1]
+            at = record[1]
         return count
 
-    def _walk(self, content: bytes, wanted: Wanted) -> Iterator[Message]:
+    def _iterate(self, content: bytes, wanted: Wanted) -> Iterator[Message]:
         at, stop = 0, len(content)
-        asked: dict[int, tuple[str, str] | None] = {}
+        requested: dict[int, tuple[str, str] | None] = {}
         counts = dict.fromkeys(self._channels, 0)
         message = int(Opcode.MESSAGE)
         while at + 9 <= stop:
@@ -244,23 +244,23 @@ class McapFile:
             if opcode == message:
                 _, _, channel, _, time, _ = _MESSAGE.unpack_from(content, at)
                 counts[channel] = counts.get(channel, 0) + 1
-                if channel not in asked:
+                if channel not in requested:
                     topic = self._channels.get(channel)
                     kind = self.topics[topic][0] if topic is not None else ''
-                    asked[channel] = (topic, kind) if topic is not None and wanted(
+                    requested[channel] = (topic, kind) if topic is not None and wanted(
                         topic, kind) else None
-                about = asked[channel]
-                if about is not None:
-                    yield *about, time, content[at + 31:end]
+                topic_and_type = requested[channel]
+                if topic_and_type is not None:
+                    yield *topic_and_type, time, content[at + 31:end]
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._declare(opcode, content[at + 9:end])
-                asked.clear()
+                requested.clear()
             at = end
-        self._count(counts)
+        self._add_counts(counts)
 
-    def _count(self, counts: dict[int, int]) -> None:
+    def _add_counts(self, counts: dict[int, int]) -> None:
         for channel, count in counts.items():
-            self._found += count
+            self._message_count += count
             topic = self._channels.get(channel)
             if topic is None:
                 self._lost_messages += count
@@ -270,12 +270,12 @@ class McapFile:
 
     def _declare(self, opcode: int, content: bytes) -> None:
         try:
-            self._take_declaration(opcode, ReadDataStream(BytesIO(content)))
-        # Without a checksum a damaged one fails in any way.
+            self._read_declaration(opcode, ReadDataStream(BytesIO(content)))
+        # There is no checksum: a corrupt record may raise anything.
         except Exception:
             self.notes.append('a description of its topics is damaged')
 
-    def _take_declaration(self, opcode: int, stream: ReadDataStream) -> None:
+    def _read_declaration(self, opcode: int, stream: ReadDataStream) -> None:
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(stream)
             self._schemas[schema.id] = schema.name
@@ -286,15 +286,15 @@ class McapFile:
         kind, count = self.topics.get(channel.topic, ('', 0))
         self.topics[channel.topic] = self._schemas.get(channel.schema_id, kind), count
 
-    def _take_metadata(self, content: bytes) -> None:
+    def _read_metadata(self, content: bytes) -> None:
         try:
             record = Metadata.read(ReadDataStream(BytesIO(content)))
             text = record.metadata.get('serialized_metadata', '')
-            about = yaml.safe_load(text) if record.name == 'rosbag2' else None
+            metadata = yaml.safe_load(text) if record.name == 'rosbag2' else None
         except Exception:
             self.notes.append('its metadata are damaged')
             return
-        custom = about.get('custom_data') if isinstance(about, dict) else None
+        custom = metadata.get('custom_data') if isinstance(metadata, dict) else None
         if isinstance(custom, dict):
             self.custom.update({str(key): str(value) for key, value in custom.items()})
 
@@ -302,15 +302,15 @@ class McapFile:
         if self.size < 2 * len(MAGIC) + 9 + _FOOTER_SIZE or self._data[-len(MAGIC):] != MAGIC:
             return None
         begin = self.size - len(MAGIC) - _FOOTER_SIZE - 9
-        fits = self._record_at(begin)
-        if fits is None or fits[0] != Opcode.FOOTER:
+        record = self._record_at(begin)
+        if record is None or record[0] != Opcode.FOOTER:
             return None
         footer: Footer = Footer.read(
-            ReadDataStream(BytesIO(self._data[begin + 9:fits[1]])))
+            ReadDataStream(BytesIO(self._data[begin + 9:record[1]])))
         return footer
 
     def _read_summary(self) -> int | None:
-        """Take topics from the summary and return the number of messages it promises."""
+        """Read the topics of the summary and return its number of messages."""
         if self._footer is None or not self._footer.summary_start:
             return None
         begin, end = self._footer.summary_start, self.size - len(MAGIC) - 9 - _FOOTER_SIZE
@@ -319,8 +319,8 @@ class McapFile:
             self.notes.append('the index at its end is damaged')
             return None
         expected = None
-        while begin < end and (fits := self._record_at(begin)) is not None:
-            opcode, stop = fits
+        while begin < end and (record := self._record_at(begin)) is not None:
+            opcode, stop = record
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._declare(opcode, self._data[begin + 9:stop])
             elif opcode == Opcode.STATISTICS:
@@ -329,8 +329,8 @@ class McapFile:
             begin = stop
         return expected
 
-    def _conclude(self, ended: bool) -> None:
-        """Say what is missing."""
+    def _report_damage(self, ended: bool) -> None:
+        """Note what is missing or damaged."""
         if self._data[:len(MAGIC)] != MAGIC:
             self.notes.append('its first bytes are damaged')
         if self._lost_chunks:
@@ -338,28 +338,28 @@ class McapFile:
             self.notes.append(f'{self._lost_chunks} damaged chunks left out (checksum{lost})')
         elif self._lost_messages:
             self.notes.append(f'{self._lost_messages} messages are of topics that were lost')
-        if self._strange:
-            more = len(self._strange) - 1
-            self.notes.append(f'unreadable at byte {self._strange[0]}'
+        if self._unreadable:
+            more = len(self._unreadable) - 1
+            self.notes.append(f'unreadable at byte {self._unreadable[0]}'
                               + (f' and {more} further places' if more else ''))
         if not ended and self._footer is None:
-            if not self._found:
+            if not self._message_count:
                 raise DamagedError('it breaks off before the end of its first chunk')
             behind = self.size - self.position
             self.notes.append(
-                f'it was not finished: {self._found} messages recovered'
+                f'it was not finished: {self._message_count} messages recovered'
                 + (f', {behind} bytes behind them are no whole chunk' if behind > 0 else ''))
         elif self._footer is None:
             self.notes.append('the index at its end is missing')
-        if self._expected is not None and self._found < self._expected:
+        if self._expected is not None and self._message_count < self._expected:
             self.notes.append(
-                f'{self._expected - self._found} of {self._expected} messages are missing')
+                f'{self._expected - self._message_count} of {self._expected} messages are missing')
         if not self.notes and ended:
             self._check_data()
         self.position = self.size
 
     def _check_data(self) -> None:
-        """Check the data section's checksum, where it has one, for damage outside the chunks."""
+        """Verify the checksum of the data section, if any, for damage outside the chunks."""
         expected, = struct.unpack_from('<I', self._data, self.position + 9)
         if not expected:
             return

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes one mcap file in whole chunks, each synced to the disk as it comes."""
+"""Writes one mcap file in whole chunks, each synced to the disk as soon as it is complete."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ import yaml
 
 Qos = dict[str, Any]
 _CHUNK = 1 << 20
-# Bytes that may wait for a slow disk before whoever writes has to wait, too.
-_MOST_WAITING = 1 << 28
+# Bytes that may wait for a slow disk before the writer blocks.
+_MAX_PENDING = 1 << 28
 
 
 def span(first: int | None, last: int | None) -> dict[str, Any]:
-    """Return a stretch of time in ns in the words of rosbag2's metadata."""
+    """Return an interval of time in ns as rosbag2's metadata hold it."""
     duration = 0 if first is None or last is None else last - first
     return {'starting_time': {'nanoseconds_since_epoch': first or 0},
             'duration': {'nanoseconds': duration}}
 
 
 class SyncedFile:
-    """A file to which whole blocks are appended, and which is put onto the disk as it grows.
+    """A file to which whole blocks are appended, and which is synced to the disk as it grows.
 
-    What is written gathers in memory until `flush`. Then one thread writes it and another puts it
-    onto the disk, so that a disk that hangs for seconds holds nobody up, and whoever ends the
-    process leaves what the system already has. Where a block cannot be written, for want of space,
-    the file is cut back to the blocks before it.
+    Data are collected in memory until `flush`. Then one thread writes them and another syncs the
+    file, so that a slow disk does not block the caller and a killed process loses only what was not
+    written yet. If a block cannot be written, for instance because the disk is full, the file is
+    truncated to the blocks before it.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class SyncedFile:
             thread.start()
 
     def write(self, data: bytes) -> int:
-        """Take part of a block."""
+        """Append to the present block."""
         if len(self._pending) > _CHUNK:
             self.flush()
         self._pending += data
@@ -68,14 +68,14 @@ class SyncedFile:
         return self._size + len(self._pending)
 
     def flush(self) -> None:
-        """End the block and let it be written; raises OSError if one before could not be."""
+        """End the block and write it; raises OSError if an earlier one could not be written."""
         block, self._pending = bytes(self._pending), bytearray()
         with self._change:
             self._raise_failure()
             self._size += len(block)
             self._blocks.append(block)
             self._change.notify_all()
-            while self._size - self._written > _MOST_WAITING and self._failure is None:
+            while self._size - self._written > _MAX_PENDING and self._failure is None:
                 self._change.wait()
 
     def wait(self) -> None:
@@ -86,13 +86,13 @@ class SyncedFile:
             self._raise_failure()
 
     def close(self) -> None:
-        """Let what is left be written and the file be closed; `join` waits for it."""
+        """Write the remaining blocks and close the file; `join` waits for it."""
         with self._change:
             self._closing = True
             self._change.notify_all()
 
     def join(self) -> None:
-        """Wait until all is on the disk; raises OSError if it could not be."""
+        """Wait until the file is synced; raises OSError if it cannot be."""
         for thread in self._threads:
             thread.join()
         self._raise_failure()
@@ -137,7 +137,7 @@ class SyncedFile:
                     self._fail(error)
                 synced = target
             elif not ended:
-                # Closing, with the last blocks still under way.
+                # Closing while the last blocks are being written.
                 with self._change:
                     self._change.wait(0.1)
             if ended and target == synced:
@@ -174,7 +174,7 @@ class McapPart:
         return self._stream.tell()
 
     def declare(self, topic: str, kind: str, definition: str, qos: list[Qos]) -> None:
-        """Add a topic with its type, the type's definition, and what its publishers offer."""
+        """Add a topic with its type, the type's definition, and its publishers' QoS."""
         if kind not in self._schemas:
             self._schemas[kind] = self._writer.register_schema(
                 kind, 'ros2msg', definition.encode())
@@ -184,7 +184,7 @@ class McapPart:
         self.counts[topic] = 0
 
     def write(self, topic: str, time: int, payload: bytes) -> None:
-        """Add a message to the chunk in the making."""
+        """Add a message to the present chunk."""
         count = self.counts[topic]
         self._writer.add_message(self._channels[topic], time, payload, time, count)
         self.counts[topic] = count + 1
@@ -200,7 +200,7 @@ class McapPart:
         self._stream.wait()
 
     def finish(self, metadata: str) -> None:
-        """End the file with an index and rosbag2's metadata; `join` waits until it is there."""
+        """End the file with an index and rosbag2's metadata; `join` waits until it is synced."""
         try:
             self.flush()
             self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
@@ -210,16 +210,16 @@ class McapPart:
             self._stream.close()
 
     def join(self) -> None:
-        """Wait until all is on the disk."""
+        """Wait until the file is synced."""
         self._stream.join()
 
     def drop(self) -> None:
-        """Close without an end; what was flushed stays."""
+        """Close without an index; flushed chunks remain."""
         self._stream.close()
         with suppress(OSError):
             self._stream.join()
 
     def about(self) -> dict[str, Any]:
-        """Return what metadata.yaml says of the file."""
+        """Return the file's entry in metadata.yaml."""
         return {'path': self.path.name, **span(self.first, self.last),
                 'message_count': sum(self.counts.values())}

@@ -20,37 +20,36 @@ from friction_comp.signal_checks import (
     velocity_ratios,
 )
 
-# Factor by which velocity and rate of position may differ: units of an angle differ by 57 and more.
-_SCALE = 3.0
-# Share of the blocks of motion that have to contradict, and how many blocks there must be. Of 26
-# recorded joints at most 0.02 do as they are, at least 0.57 in deg/s or with the sign reversed.
-_MOST, _ENOUGH = 0.5, 30
-# Correlation of measured and commanded current below which one has the other's opposite sign.
+# Largest ratio of velocity and rate of position; a wrong unit gives 57 or more.
+_LARGEST_RATIO = 3.0
+# Share of the blocks of motion that must contradict, and fewest blocks. In 26 recorded joints the
+# share is at most 0.02, with velocity in deg/s or its sign reversed at least 0.57.
+_CONTRADICTING, _FEWEST_BLOCKS = 0.5, 30
+# Correlation of measured and commanded current below which their signs are opposite.
 _OPPOSED = -0.9
-# Cells of position for each direction of motion, samples that one needs, and how many of them.
-_BINS, _PER_BIN, _OCCUPIED = 20, 20, 5
-# Share of the motion in which a reversed effort has to show.
-_AGREEING = 0.8
+# Bins of position, fewest samples of each direction in a bin, and fewest such bins.
+_BINS, _PER_BIN, _FEWEST_BINS = 20, 20, 5
+# Share of the motion in which a reversed effort must show.
+_REVERSED_SHARE = 0.8
 
 
 def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
-    """Refuse samples that cannot be true.
+    """Raise InputError for samples that are physically impossible.
 
     Parameters
     ----------
     samples : Samples
     name : str
-        What to call the recording.
+        Name of the recording, for messages.
     alone : bool
-        Whether no other joint of the recording moved: what gravity asks for then goes with the
-        position, and the motor has to put power into the motion on the whole.
+        Whether no other joint of the recording moved. The gravity torque then depends on the
+        position alone, and the motor's mean power must be positive.
 
     Raises
     ------
     InputError
-        If a value is beyond what any joint can have, the position moves faster than any joint,
-        velocity contradicts position, or the effort has the wrong sign; the text names signal,
-        value and time.
+        If a value or the rate of position exceeds what any joint can have, velocity contradicts
+        position, or the effort has the wrong sign; the text names signal, value and time.
     """
     if not len(samples):
         return
@@ -73,7 +72,7 @@ def _check_limits(samples: Samples, where: str) -> None:
             worst = int(np.argmax(np.where(impossible, np.abs(values), 0.0)))
             raise InputError(
                 f'{where}: {signal.replace("_", " ")} of {values[worst]:.4g} {unit} at '
-                f'{samples.time[worst]:.3f} s cannot be ({np.count_nonzero(impossible)} of '
+                f'{samples.time[worst]:.3f} s is impossible ({np.count_nonzero(impossible)} of '
                 f'{len(values)} values beyond {limit:.0e} {unit})')
 
 
@@ -87,19 +86,20 @@ def _check_rate(samples: Samples, where: str) -> None:
         raise InputError(
             f'{where}: position jumps from {samples.position[worst]:.4g} to '
             f'{samples.position[worst + 1]:.4g} rad within {step[worst]:.3g} s at '
-            f'{samples.time[worst]:.3f} s, which cannot be (unit of position or of the stamps?)')
+            f'{samples.time[worst]:.3f} s, which is impossible (wrong unit of position or of '
+            'the stamps?)')
 
 
 def _check_velocity(samples: Samples, where: str) -> None:
     velocity = samples.velocity
-    # Some drivers fill in zeros where they measure no velocity.
+    # Some drivers publish zeros where they measure no velocity.
     if velocity is None or not velocity.any():
         return
     ratios = velocity_ratios(samples.time, samples.position, velocity)
     ratios = ratios[np.isfinite(ratios)]
-    contradict = (ratios <= 1.0 / _SCALE) | (ratios >= _SCALE)
-    if len(ratios) >= _ENOUGH and contradict.mean() > _MOST:
-        raise InputError(f'{where}: {velocity_fault(ratios, _SCALE)}')
+    contradict = (ratios <= 1.0 / _LARGEST_RATIO) | (ratios >= _LARGEST_RATIO)
+    if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
+        raise InputError(f'{where}: {velocity_fault(ratios, _LARGEST_RATIO)}')
 
 
 def _check_command(samples: Samples, where: str) -> None:
@@ -112,11 +112,11 @@ def _check_command(samples: Samples, where: str) -> None:
 
 
 def _check_power(samples: Samples, where: str) -> None:
-    """Refuse an effort whose power over the motion shows a reversed sign.
+    """Raise InputError if the motor's power over the motion shows a reversed sign of the effort.
 
-    At one position, gravity is the same both ways, and friction asks for more torque along the
-    motion than against it. Where a command or the person's torque is known, this is no sign of an
-    error: the motor may have been told to brake, or be driven.
+    At a given position, gravity is the same in both directions of motion, and friction requires
+    more torque along the motion than against it. With a command or a measured load there is no
+    such check: the motor may have been braking or been driven.
     """
     if samples.load is not None or (samples.command is not None and samples.command.any()):
         return
@@ -124,26 +124,26 @@ def _check_power(samples: Samples, where: str) -> None:
     fast = np.abs(velocity) > 0.2 * np.quantile(np.abs(velocity), 0.95)
     if not fast.any() or np.ptp(samples.position[fast]) == 0.0:
         return
-    position, current, way = samples.position[fast], samples.current[fast], velocity[fast] > 0
+    position, current, forward = samples.position[fast], samples.current[fast], velocity[fast] > 0
     if np.ptp(position) > 4.0 * np.pi:
-        # Whatever gravity does, it does again after a turn.
+        # Gravity is periodic.
         position = np.mod(position, 2.0 * np.pi)
     edges = np.linspace(position.min(), position.max(), _BINS + 1)
-    cell = 2 * np.clip(np.digitize(position, edges) - 1, 0, _BINS - 1) + way
-    count = np.bincount(cell, minlength=2 * _BINS).astype(float)
+    bin_index = 2 * np.clip(np.digitize(position, edges) - 1, 0, _BINS - 1) + forward
+    count = np.bincount(bin_index, minlength=2 * _BINS).astype(float)
     with np.errstate(invalid='ignore', divide='ignore'):
-        mean = np.bincount(cell, current, 2 * _BINS) / count
-        spread = np.bincount(cell, current ** 2, 2 * _BINS) / count - mean ** 2
-    both = np.minimum(count[0::2], count[1::2])
-    used = both >= _PER_BIN
-    if np.count_nonzero(used) < _OCCUPIED:
+        mean = np.bincount(bin_index, current, 2 * _BINS) / count
+        spread = np.bincount(bin_index, current ** 2, 2 * _BINS) / count - mean ** 2
+    fewer = np.minimum(count[0::2], count[1::2])
+    used = fewer >= _PER_BIN
+    if np.count_nonzero(used) < _FEWEST_BINS:
         return
-    weight = both[used] / both[used].sum()
-    gap = (mean[1::2] - mean[0::2])[used]
+    weight = fewer[used] / fewer[used].sum()
+    difference = (mean[1::2] - mean[0::2])[used]
     scatter = np.sqrt(max(float(weight @ (0.5 * (spread[0::2] + spread[1::2])[used])), 0.0))
-    if weight @ gap < -scatter and weight[gap < 0].sum() > _AGREEING:
+    if weight @ difference < -scatter and weight[difference < 0].sum() > _REVERSED_SHARE:
         raise InputError(
-            f'{where}: the motor takes power out of the motion ({float(weight @ gap):.3g} A '
+            f'{where}: the motor takes power out of the motion ({float(weight @ difference):.3g} A '
             'between its two ways): effort has the wrong sign, or something else drives it '
             'and no current_command or interaction_wrench says so')
 

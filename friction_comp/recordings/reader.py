@@ -35,7 +35,7 @@ from friction_comp.topics import TOPICS
 
 @dataclass
 class RecordingInfo:
-    """What is known of one recording beyond its samples.
+    """Information on one recording beyond its samples.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class RecordingInfo:
     joint : str
         The joint that was read.
     joints : list of str
-        Every joint that the recording's joint states name.
+        All joints in the recording's joint states.
     topics : dict
         Topic name to (message type, number of messages).
     start : float
@@ -51,19 +51,19 @@ class RecordingInfo:
     stamps : ndarray
         Time of every joint state in s since `start`, in the order received, shape (M,).
     rows : ndarray of int
-        Which of those joint states the samples are, shape (N,).
+        Indices of the joint states used as samples, shape (N,).
     dropped : dict
-        Why joint states were left out, with their number: 'not finite', 'duplicate stamp', 'stamp
+        Number of joint states that were omitted, by reason: 'not finite', 'duplicate stamp', 'stamp
         far off'.
     notes : list of str
-        What a reader of the results should know about the recording, in plain words.
+        Remarks on the recording for readers of the results.
     model : str or None
-        Model file that was active, where the recording says.
+        Active model file, if recorded.
     activity : list of (float, Activity)
-        From when on, in s since `start`, the compensator said to be in which state, with which law
-        and model; empty where nothing was recorded of it.
+        The compensator's reported state, law and model, each with its begin in s since `start`;
+        empty if not recorded.
     effort_is_current : bool
-        Whether the effort is the motor current in A already, as a table may say.
+        Whether the effort is already the motor current in A, as a table may declare.
     """
 
     path: Path
@@ -103,13 +103,13 @@ def read_recording(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
     progress : callable, optional
         Called with the share 0..1 of everything that has been read.
     layout : Layout, optional
-        What is known of a table's columns and units; the rest is guessed from their names.
+        Known columns and units of a table; the others are inferred from the column names.
 
     Returns
     -------
     list of Samples
-        One per recording, each with `recording` set to its number. Time counts from the
-        recording's first joint state. Where it holds other joints, `arm` is their motion.
+        One per recording, each with `recording` set to its index. Time starts at the recording's
+        first joint state. If it holds other joints, `arm` is the motion of all.
 
     Raises
     ------
@@ -134,9 +134,9 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
     signals : sequence of str
         Topics to read besides ``joint_states``.
     others : bool
-        Whether the samples are to hold the motion of the other joints too, as `arm`.
+        Whether the samples contain the motion of all joints, as `arm`.
     layout : Layout, optional
-        What is known of a table's columns.
+        Known columns and units of a table.
 
     Returns
     -------
@@ -164,7 +164,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
 
 def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambda joint: 1.0
                   ) -> dict[str, tuple[Samples, RecordingInfo]]:
-    """Return every joint of a scan whose values can be used.
+    """Return every usable joint of a scan.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambd
         try:
             entry = to_samples(scan, name, torque_per_current(name or ''))
         except InputError as error:
-            # A gripper without effort is no reason to refuse an arm.
+            # An arm is usable even if, for instance, its gripper has no effort.
             reason = error
             continue
         read[entry[1].joint] = entry
@@ -211,22 +211,22 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
     path : path-like
         One recording.
     joints : sequence of str, optional
-        In this order; all that the joint states name when omitted.
+        In this order; all joints of the joint states when omitted.
     drives : dict, optional
-        Joint to (k_t in N·m/A, n); (1, 1) where it is not in it.
+        Joint to (k_t in N·m/A, n); (1, 1) for joints that are not in it.
     signals : sequence of str
         Topics to read besides ``joint_states``.
     progress : callable, optional
         Called with the share 0..1 that has been read.
     layout : Layout, optional
-        What is known of a table's columns.
+        Known columns and units of a table.
     notes : list of str, optional
-        Gets what a reader of the results should know, each line once.
+        Receives remarks for readers of the results, without duplicates.
 
     Returns
     -------
     list of Samples
-        One per joint, all with the same `time`: the joint states in which every joint is whole.
+        One per joint, all with the same `time`: the joint states in which all joints are usable.
 
     Raises
     ------
@@ -253,7 +253,7 @@ def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
 
 def to_samples(scan: Scan, joint: str | None,
                torque_per_current: float) -> tuple[Samples, RecordingInfo]:
-    """Bring one joint's signals onto the time base of its joint states.
+    """Interpolate one joint's signals to the times of its joint states.
 
     Parameters
     ----------
@@ -270,11 +270,11 @@ def to_samples(scan: Scan, joint: str | None,
     Raises
     ------
     InputError
-        If the joint is not there, or its values cannot be.
+        If the joint is missing, or its values are impossible.
     """
     if scan.effort_is_current:
         torque_per_current = 1.0
-    track, joint, joints = _choose(scan, joint)
+    track, joint, joints = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, joints, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current)
     stamp = clocks.message_times(track, info.notes)
@@ -285,8 +285,8 @@ def to_samples(scan: Scan, joint: str | None,
     columns = track.values[joint].T
     position, velocity, effort = columns
     finite = np.isfinite(position) & np.isfinite(effort)
-    _need(scan, track.topic, joint, position, effort)
-    # Velocity may be left empty; a driver that fills it only now and then is no better.
+    _check_finite(scan, track.topic, joint, position, effort)
+    # Velocity may be empty; one that is mostly empty is ignored.
     has_velocity = np.isfinite(velocity)
     if has_velocity[finite].mean() < 0.5:
         velocity = None
@@ -327,7 +327,7 @@ def _others_moved(scan: Scan, joint: str) -> bool:
     return any(len(position) > 0 and np.ptp(position) > 0.01 for position in positions)
 
 
-def _choose(scan: Scan, joint: str | None) -> tuple[Track, str, list[str]]:
+def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str]]:
     tracks = scan.of('joint_states')
     if not tracks:
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
@@ -357,7 +357,8 @@ def _choose(scan: Scan, joint: str | None) -> tuple[Track, str, list[str]]:
     return holding[0], joint, list(holding[0].names)
 
 
-def _need(scan: Scan, topic: str, joint: str, position: np.ndarray, effort: np.ndarray) -> None:
+def _check_finite(scan: Scan, topic: str, joint: str, position: np.ndarray,
+                  effort: np.ndarray) -> None:
     for name, values in (('position', position), ('effort', effort)):
         if not np.isfinite(values).any():
             raise InputError(f'{scan.path}: {topic} holds no finite {name} of joint {joint!r}')
@@ -368,7 +369,7 @@ def _need(scan: Scan, topic: str, joint: str, position: np.ndarray, effort: np.n
 
 def _in_order(stamp: np.ndarray, usable: np.ndarray,
               notes: list[str]) -> tuple[np.ndarray, int]:
-    """Return the usable rows in time order, the first of each stamp, and the number of others."""
+    """Return the usable rows in time order without duplicate stamps, and the number of these."""
     rows = np.nonzero(usable)[0]
     times = stamp[rows]
     if (np.diff(times) < 0).any():
@@ -380,7 +381,7 @@ def _in_order(stamp: np.ndarray, usable: np.ndarray,
 
 
 def inspect_recording(path: AnyPath) -> RecordingInfo:
-    """Return what one recording holds without reading more than its joint states.
+    """Return information on one recording, reading only its joint states.
 
     Parameters
     ----------

@@ -20,21 +20,21 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
                   torque_constant: float = 1.0, gear_ratio: float = 1.0, joint: str | None = None,
                   namespace: str = '', start_ns: int = 1_000_000_000,
                   custom_data: dict[str, str] | None = None, compression: str = 'none') -> None:
-    """Turn samples into a recording as the nodes would have left it.
+    """Write samples as a recording with the same topics as the nodes'.
 
     Parameters
     ----------
     path : path-like
         Folder to create.
     samples : Samples or list of Samples
-        One stretch per joint; several joints must share their time base. Effort is
-        current · k_t · n. Signals that are None are not recorded.
+        One per joint; several joints must share their time base. Effort is current · k_t · n.
+        Signals that are None are not recorded.
     torque_constant, gear_ratio : float
         k_t in N·m/A and n.
     joint : str, optional
-        Joint name where the samples carry none.
+        Joint name where the samples have none.
     namespace : str
-        Put before every topic.
+        Prefix of every topic.
     start_ns : int
         Stamp of time zero.
     custom_data, compression
@@ -64,7 +64,7 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
 
 
 class _Messages:
-    """The messages of one instant, built from samples."""
+    """Builds the messages of one time from samples."""
 
     def __init__(self, store: Any, names: list[str], joints: list[Samples],
                  torque_per_current: float) -> None:
@@ -99,8 +99,8 @@ class _Messages:
         return kind, self._make(kind, layout, data)
 
     def at(self, k: int, stamp: int) -> Iterator[tuple[str, str, Any]]:
-        """Yield (topic, type, message) of sample number k; joint states come last."""
-        # A command, direction or reference that belongs to a joint state is there before it.
+        """Yield (topic, type, message) of sample k; joint states come last."""
+        # The command, direction and reference that belong to a joint state precede it.
         command = self._column('command', k)
         if command.size:
             yield 'current_command', *self._array('std_msgs/msg/Float64MultiArray', command)
@@ -118,7 +118,7 @@ class _Messages:
             self._column('current', k, self._gain))
 
     def _changed(self, name: str, k: int) -> bool:
-        # Directions are sent at 100 Hz or so; sending each change and one in ten keeps files small.
+        # Every change and every tenth sample are enough: a direction is published at some 100 Hz.
         return k % 10 == 0 or any(
             getattr(one, name)[k] != getattr(one, name)[k - 1] for one in self._joints)
 

@@ -33,13 +33,13 @@ _BATCH = 20_000
 
 
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
-    """Return the recordings that paths name; folders of recordings are expanded.
+    """Return the recordings at paths; folders are searched for recordings.
 
     Parameters
     ----------
     paths : path-like or list of path-like
         Rosbag2 folders, single .mcap (or .db3) files, tables (.csv, .parquet, .npz), or folders
-        that hold recordings at any depth, taken in the order of their names.
+        that hold recordings at any depth, in the order of their names.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     InputError
         If a path does not exist or holds no recording.
     """
-    every_path: list[Path] = []
+    expanded: list[Path] = []
     for path in map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths):
         try:
             if not path.exists():
@@ -63,20 +63,20 @@ def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
                 'not a recording (a rosbag2 folder, an .mcap file or a table is needed: ' + (
                     ', '.join(TABLES) + ')')
             raise InputError(f'{path}: {kind}')
-        every_path.extend(recordings)
-    if not every_path:
+        expanded.extend(recordings)
+    if not expanded:
         raise InputError('no recording given')
     unique: dict[Path, Path] = {}
-    for path in every_path:
+    for path in expanded:
         unique.setdefault(path.resolve(), path)
     return list(unique.values())
 
 
 def find_recording(path: AnyPath) -> Path:
-    """Return the recording that a path names; raises InputError if there are none or several."""
+    """Return the only recording at a path; raises InputError if there are none or several."""
     recordings = find_recordings(path)
     if len(recordings) != 1:
-        raise InputError(f'{path}: holds {len(recordings)} recordings, one is wanted')
+        raise InputError(f'{path}: holds {len(recordings)} recordings, expected one')
     return recordings[0]
 
 
@@ -88,7 +88,7 @@ def _expand(path: Path) -> Iterator[Path]:
         yield path
     else:
         for child in sorted(path.iterdir()):
-            # A hidden folder may be a recording in the making. Tables in folders are rather results
+            # A hidden folder may be an unfinished recording. Tables in folders are results rather
             # than recordings.
             if not child.name.startswith('.') and (child.is_dir() or is_storage(child)):
                 yield from _expand(child)
@@ -103,14 +103,14 @@ class Track:
     receive, stamp : ndarray of int64
         Nanoseconds; stamp is 0 throughout where the message has none.
     order : ndarray of int64
-        Number of each message among all that were read.
+        Index of each message among all that were read.
     names : list of str
-        Every joint or frame that the messages name.
+        All joints or frames in the messages.
     values : dict of str to ndarray
-        JointState: per joint name an array (N, 3) of position, velocity, effort with NaN where a
-        message leaves one empty. Wrench and temperature: per frame an array (N,). Arrays: the key
-        '' and an array (N, J); commands in N·m the key `TORQUE_UNIT`, with NaN where a message is
-        of the other key. Where one joint was asked for, only what may be its own.
+        JointState: for each joint an array (N, 3) of position, velocity and effort, NaN where a
+        message has none. Wrench and temperature: for each frame an array (N,). Arrays: the key ''
+        and an array (N, J); for commands in N·m the key `TORQUE_UNIT`, with NaN for messages of the
+        other unit. With a selected joint, only the values that may be its own.
     """
 
     topic: str
@@ -124,7 +124,7 @@ class Track:
 
 @dataclass
 class Scan:
-    """What one recording holds."""
+    """Raw contents of one recording."""
 
     path: Path
     tracks: list[Track]
@@ -132,17 +132,17 @@ class Scan:
     notes: list[str] = field(default_factory=list)
     custom: dict[str, str] = field(default_factory=dict)
     activity: list[Activity] = field(default_factory=list)
-    effort_is_current: bool = False     # in A already, as tables may say
+    effort_is_current: bool = False     # already in A, as tables may declare
 
     def of(self, signal: str) -> list[Track]:
-        """Return the tracks of a signal; an exact last name goes before a mere ending."""
+        """Return the tracks of a signal; an exact topic name takes precedence over its ending."""
         tracks = [track for track in self.tracks if track.signal == signal]
         exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
         return exact or tracks
 
     @property
     def model(self) -> str | None:
-        """Model file that was active, where the recording says."""
+        """Active model file, if recorded."""
         for key in ('model_file', 'model_files', 'model'):
             if self.custom.get(key):
                 return self.custom[key]
@@ -151,7 +151,7 @@ class Scan:
 
 
 def signal_of(topic: str, type_name: str) -> str | None:
-    """Return the signal that a topic carries by its type and the ending of its name, or None."""
+    """Return the signal of a topic by its type and the ending of its name, or None."""
     for signal, wanted in TOPICS.items():
         if type_name == wanted and topic.endswith(signal):
             return signal
@@ -188,7 +188,7 @@ class Scanner:
         return self._storage.progress if self._storage else 0.0
 
     def batches(self) -> Iterator[Store]:
-        """Read on, and yield each store when it has decoded another batch."""
+        """Read the messages, and yield each store when it has decoded another batch."""
         try:
             self._storage = Storage(self.path)
             for index, (topic, kind, receive, raw) in enumerate(
@@ -211,8 +211,7 @@ class Scanner:
                 store.flush()
         except InputError:
             raise
-        # Broken files fail in many ways inside the storage libraries, by absurd sizes among them:
-        # each is the file's fault.
+        # Corrupt files may raise anything in the storage libraries.
         except Exception as error:
             raise unreadable(self.path, one_line(error)) from None
 
@@ -220,7 +219,7 @@ class Scanner:
         return kind == DIAGNOSTICS or signal_of(topic, kind) in self._signals
 
     def finish(self) -> Scan:
-        """Return what was read since the beginning, or since tracks were last taken."""
+        """Return what was read since the beginning, or since the last call."""
         assert self._storage is not None
         tracks = [track for store in self.stores.values() if (track := store.take()) is not None]
         notes = self._storage.notes + [
@@ -232,13 +231,13 @@ class Scanner:
 
 
 class Store:
-    """Collects one topic, decoding a batch at a time so that raw messages do not pile up.
+    """Collects one topic and decodes it in batches, to limit the raw messages in memory.
 
     Parameters
     ----------
     topic, signal : str
     joint : str, optional
-        Keep this joint's values only, where messages name joints.
+        Keep only this joint's values, where messages name joints.
     batch : int
         Messages that are decoded at once.
     """
@@ -249,10 +248,10 @@ class Store:
         self.topic, self.signal = topic, signal
         self._joint = joint
         self._raw: list[bytes] = []
-        self._receive: list[int] = []
+        self._receive_times: list[int] = []
         self._order: list[int] = []
         self._names: dict[str, None] = {}
-        self.broken = 0     # messages left out, since they cannot be decoded
+        self.broken = 0     # messages that cannot be decoded
         self._clear()
 
     def _clear(self) -> None:
@@ -263,9 +262,9 @@ class Store:
         self._size = 0
 
     def add(self, receive: int, raw: bytes, order: int) -> bool:
-        """Take a message; return whether a batch has been decoded with it."""
+        """Add a message; return whether this completed and decoded a batch."""
         self._raw.append(raw)
-        self._receive.append(receive)
+        self._receive_times.append(receive)
         self._order.append(order)
         if len(self._raw) < self._batch:
             return False
@@ -273,7 +272,7 @@ class Store:
         return True
 
     def flush(self) -> None:
-        """Decode what has come."""
+        """Decode the collected messages."""
         size = len(self._raw)
         if not size:
             return
@@ -296,11 +295,11 @@ class Store:
         whole = np.delete(np.arange(size), broken)
         for key, value in batch.items():
             self._parts.setdefault(key, []).append((self._size, value[whole]))
-        self._receives.append(np.array(self._receive, dtype=np.int64)[whole])
+        self._receives.append(np.array(self._receive_times, dtype=np.int64)[whole])
         self._orders.append(np.array(self._order, dtype=np.int64)[whole])
         self._stamps.append(stamps[whole])
         self._size += len(whole)
-        self._raw, self._receive, self._order = [], [], []
+        self._raw, self._receive_times, self._order = [], [], []
 
     def _columns(self, names: tuple[str, ...], fields: dict[str, Any]
                  ) -> Iterator[tuple[str, np.ndarray]]:
@@ -308,7 +307,7 @@ class Store:
             yield TORQUE_UNIT if names == (TORQUE_UNIT,) else '', fields['data'].astype(float)
             return
         if 'position' in fields:
-            # A lone joint may come without a name.
+            # A single joint may have no name.
             names = names or ('',) * min(fields['position'].shape[1], 1)
         self._names.update(dict.fromkeys(names))
         for k, name in enumerate(names):
@@ -324,7 +323,7 @@ class Store:
                 yield name, columns
 
     def take(self) -> Track | None:
-        """Return what has been decoded and forget it; None without any message."""
+        """Return the decoded messages and clear them; None if there are none."""
         if not self._size:
             return None
         values = {}

@@ -12,33 +12,33 @@ from friction_comp.recordings.scan import AnyPath, Progress, Scan, Scanner
 from friction_comp.recordings.tables import is_table, TableScanner
 from friction_comp.topics import TOPICS
 
-# Messages after which all joints have been named, where several publishers share a topic.
-_FIRST = 200
+# Messages within which all joints are named, even with several publishers on a topic.
+_FIRST_MESSAGES = 200
 
 
 def open_scanner(path: AnyPath, signals: Sequence[str] = tuple(TOPICS), joint: str | None = None,
                  layout: Layout | None = None, batch: int | None = None
                  ) -> Scanner | TableScanner:
-    """Return what reads a recording batch by batch.
+    """Return the scanner that reads a recording in batches.
 
     Parameters
     ----------
     path : path-like
         One recording, as `find_recordings` returns it.
     signals : sequence of str
-        Which to read of a rosbag2 recording; of a table, all that it has.
+        Signals to read from a rosbag2 recording; from a table, all are read.
     joint : str, optional
-        Keep this joint's values only.
+        Keep only this joint's values.
     layout : Layout, optional
-        What is known of a table's columns.
+        Known columns and units of a table.
     batch : int, optional
-        Messages or rows that are read at once.
+        Messages or rows per batch.
     """
     path = Path(path)
-    more = {} if batch is None else {'batch': batch}
+    options = {} if batch is None else {'batch': batch}
     if path.is_file() and is_table(path):
-        return TableScanner(path, layout, joint, *more.values())
-    return Scanner(path, signals, joint, **more)
+        return TableScanner(path, layout, joint, *options.values())
+    return Scanner(path, signals, joint, **options)
 
 
 def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(TOPICS),
@@ -51,13 +51,13 @@ def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(TOPICS),
     path : path-like
         One recording, as `find_recordings` returns it.
     signals : sequence of str
-        Which to read.
+        Signals to read.
     progress : callable, optional
         Called with the share 0..1 that has been read.
     joint : str, optional
-        Keep this joint's values only.
+        Keep only this joint's values.
     layout : Layout, optional
-        What is known of a table's columns.
+        Known columns and units of a table.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(TOPICS),
     Raises
     ------
     InputError
-        If the recording cannot be read; the reason is named.
+        If the recording cannot be read; the text gives the reason.
     """
     scanner = open_scanner(path, signals, joint, layout)
     for _ in scanner.batches():
@@ -76,14 +76,14 @@ def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(TOPICS),
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
-    """Return the joints that a recording's first joint states name.
+    """Return the joints in a recording's first joint states.
 
     Parameters
     ----------
     path : path-like
         One recording, as `find_recordings` returns it.
     layout : Layout, optional
-        What is known of a table's columns.
+        Known columns and units of a table.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     InputError
         If the recording cannot be read.
     """
-    scanner = open_scanner(path, ('joint_states',), layout=layout, batch=_FIRST)
+    scanner = open_scanner(path, ('joint_states',), layout=layout, batch=_FIRST_MESSAGES)
     for _ in scanner.batches():
         break
     for store in scanner.stores.values():

@@ -18,8 +18,8 @@ Message = tuple[str, str, int, bytes]
 class SqliteFile:
     """One .db3 file; as `McapFile`.
 
-    The text of the topics' quality of service is not looked at: releases write it differently,
-    and nothing here depends on it.
+    The topics' quality of service is ignored: its format differs between releases, and nothing here
+    depends on it.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class SqliteFile:
     Raises
     ------
     DamagedError
-        If it is no database with rosbag2's tables.
+        If it is not a database with rosbag2's tables.
     """
 
     def __init__(self, path: Path) -> None:
@@ -43,7 +43,7 @@ class SqliteFile:
             self._last = self._database.execute('SELECT max(id) FROM messages').fetchone()[0] or 1
         except sqlite3.Error as error:
             self._database.close()
-            raise DamagedError(f'no rosbag2 database: {error}') from None
+            raise DamagedError(f'not a rosbag2 database: {error}') from None
         self._by_id = {row[0]: (str(row[1]), str(row[2])) for row in rows}
         self.topics: dict[str, tuple[str, int]] = {str(r[1]): (str(r[2]), 0) for r in rows}
         self.encodings = {str(row[1]): str(row[3]) for row in rows}
@@ -61,15 +61,15 @@ class SqliteFile:
         Parameters
         ----------
         wanted : callable
-            Given topic and type, says whether its messages are asked for; all are counted.
+            Returns whether messages of a topic and type are wanted; all are counted.
         """
-        asked = [k for k, about in self._by_id.items() if wanted(*about)]
-        marks = ','.join('?' * len(asked))
+        topic_ids = [k for k, topic_and_type in self._by_id.items() if wanted(*topic_and_type)]
+        placeholders = ','.join('?' * len(topic_ids))
         recovered = 0
         try:
             for row, topic, time, payload in self._database.execute(
                     'SELECT id, topic_id, timestamp, data FROM messages '
-                    f'WHERE topic_id IN ({marks}) ORDER BY id', asked):
+                    f'WHERE topic_id IN ({placeholders}) ORDER BY id', topic_ids):
                 recovered += 1
                 self.progress = row / self._last
                 yield *self._by_id[topic], int(time), bytes(payload)

@@ -31,7 +31,7 @@ def is_storage(path: Path) -> bool:
 def belongs_to_folder(folder: Path) -> bool:
     """Return whether a folder's storage files are parts of one recording that lacks its metadata.
 
-    rosbag2 calls them after the folder, with a number.
+    rosbag2 names them after the folder, with a number.
     """
     pattern = re.compile(re.escape(folder.name) + r'_\d+\.(mcap|db3)(\.zstd)?')
     files = [path.name for path in folder.iterdir() if is_storage(path)]
@@ -39,7 +39,7 @@ def belongs_to_folder(folder: Path) -> bool:
 
 
 class Storage:
-    """The messages of one recording, whatever files it consists of.
+    """Reads the messages of one recording from its files.
 
     Parameters
     ----------
@@ -51,16 +51,16 @@ class Storage:
     topics : dict
         Topic to (message type, number of messages), complete after `messages` has ended.
     encodings : dict
-        Topic to serialisation, likewise.
+        Topic to serialisation format, likewise.
     notes : list of str
-        What is missing or damaged, in plain words, likewise.
+        Remarks on missing or damaged parts, likewise.
     custom : dict
         The ``custom_data`` of the recording's metadata.
 
     Raises
     ------
     InputError
-        If nothing of it can be read.
+        If it is unreadable.
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,7 +70,7 @@ class Storage:
         self.notes: list[str] = []
         self.custom: dict[str, str] = {}
         self.progress = 0.0
-        self.files = [path] if path.is_file() else self._listed()
+        self.files = [path] if path.is_file() else self._list_files()
 
     def messages(self, wanted: Callable[[str, str], bool]) -> Iterator[Message]:
         """Yield (topic, type, receive time in ns, payload) of all files in their order.
@@ -78,7 +78,7 @@ class Storage:
         Parameters
         ----------
         wanted : callable
-            Given topic and type, says whether its messages are asked for; all are counted.
+            Returns whether messages of a topic and type are wanted; all are counted.
 
         Raises
         ------
@@ -88,11 +88,11 @@ class Storage:
         reasons = []
         for index, file in enumerate(self.files):
             try:
-                with TemporaryDirectory() as room, _open(file, Path(room)) as opened:
-                    for message in opened.messages(self._checked(opened, wanted)):
+                with TemporaryDirectory() as folder, _open(file, Path(folder)) as opened:
+                    for message in opened.messages(self._check_encoding(opened, wanted)):
                         self.progress = (index + opened.progress) / len(self.files)
                         yield message
-                    self._add(file, opened)
+                    self._add_contents(file, opened)
             except DamagedError as error:
                 reasons.append(f'{file.name}: {error}')
             except OSError as error:
@@ -102,7 +102,7 @@ class Storage:
             raise unreadable(self.path, reason)
         self.notes.extend(f'{reason}: this file is missing' for reason in reasons)
 
-    def _checked(self, opened: McapFile | SqliteFile,
+    def _check_encoding(self, opened: McapFile | SqliteFile,
                  wanted: Callable[[str, str], bool]) -> Callable[[str, str], bool]:
         def check(topic: str, kind: str) -> bool:
             if not wanted(topic, kind):
@@ -112,7 +112,7 @@ class Storage:
             return True
         return check
 
-    def _add(self, file: Path, opened: McapFile | SqliteFile) -> None:
+    def _add_contents(self, file: Path, opened: McapFile | SqliteFile) -> None:
         several = len(self.files) > 1
         self.notes.extend(f'{file.name}: {note}' if several else note for note in opened.notes)
         self.encodings.update(opened.encodings)
@@ -122,18 +122,18 @@ class Storage:
         for key, value in opened.custom.items():
             self.custom.setdefault(key, value)
 
-    def _listed(self) -> list[Path]:
-        """Return the files that the metadata list, or else those that are there."""
-        here = sorted((path for path in self.path.iterdir() if is_storage(path)), key=_natural)
+    def _list_files(self) -> list[Path]:
+        """Return the files listed in the metadata, or else those in the folder."""
+        here = sorted((path for path in self.path.iterdir() if is_storage(path)), key=_natural_key)
         if not (self.path / METADATA).is_file():
-            self.notes.append(f'{METADATA} is missing: the files are taken as they are called')
+            self.notes.append(f'{METADATA} is missing: files are read in the order of their names')
             return here
         try:
             listed = self._read_metadata()
         except InputError:
             if not here:
                 raise
-            self.notes.append(f'{METADATA} is damaged: the files are taken as they are called')
+            self.notes.append(f'{METADATA} is damaged: files are read in the order of their names')
             return here
         missing = [path.name for path in listed if not path.is_file()]
         if missing and len(missing) == len(listed):
@@ -146,10 +146,10 @@ class Storage:
     def _read_metadata(self) -> list[Path]:
         try:
             text = (self.path / METADATA).read_text(encoding='utf-8')
-            about: Any = yaml.safe_load(text)['rosbag2_bagfile_information']
-            # Only names in this folder: a listing must not lead anywhere else.
-            files = [self.path / PurePath(name).name for name in about['relative_file_paths']]
-            custom = about.get('custom_data') or {}
+            information: Any = yaml.safe_load(text)['rosbag2_bagfile_information']
+            # Only names in this folder: metadata must not point outside of it.
+            files = [self.path / PurePath(name).name for name in information['relative_file_paths']]
+            custom = information.get('custom_data') or {}
             self.custom = {str(key): str(value) for key, value in custom.items()}
         except OSError as error:
             raise unreadable(self.path, f'{METADATA}: {error.strerror or error}') from None
@@ -161,7 +161,7 @@ class Storage:
 
 
 def unreadable(path: Path, reason: str) -> InputError:
-    """Return the error for a recording of which nothing can be read."""
+    """Return the error for an unreadable recording."""
     return InputError(f'{path}: not a readable recording: {reason}')
 
 
@@ -172,13 +172,13 @@ def unpack(payload: bytes) -> bytes:
     return zstandard.ZstdDecompressor().decompressobj().decompress(payload)
 
 
-def _natural(path: Path) -> list[str | int]:
+def _natural_key(path: Path) -> list[str | int]:
     return [int(part) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)]
 
 
-def _open(file: Path, room: Path) -> McapFile | SqliteFile:
+def _open(file: Path, folder: Path) -> McapFile | SqliteFile:
     if file.suffix == '.zstd':
-        plain = room / file.stem
+        plain = folder / file.stem
         with file.open('rb') as packed, plain.open('wb') as stream:
             try:
                 with zstandard.ZstdDecompressor().stream_reader(

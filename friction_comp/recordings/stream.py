@@ -32,7 +32,7 @@ from friction_comp.recordings.tables import TableScanner
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS
 
-# s of other topics that are waited for behind a stretch's end: a recorder may write them later.
+# Other topics are read so many s past a stretch's end: a recorder may write them later.
 _MARGIN = 2.0
 
 
@@ -42,29 +42,29 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
                                layout: Layout | None = None, others: bool = False,
                                progress: Progress | None = None
                                ) -> Iterator[tuple[Samples, RecordingInfo]]:
-    """Read one joint of one recording stretch by stretch, each with its `RecordingInfo`.
+    """Read one joint of one recording in stretches, each with its `RecordingInfo`.
 
-    The stretches together are what `read_recording` returns, except that a signal is interpolated
-    and judged within each stretch: one that covers less than half of it is None there. All count
-    time from the recording's first joint state. What concerns the whole recording, such as gaps or
-    a file that breaks off, is known at its end: the last has no samples, but the notes.
+    Concatenated, the stretches are what `read_recording` returns, except that signals are
+    interpolated and checked within each stretch: a signal that covers less than half of a stretch
+    is None there. Time starts at the recording's first joint state. The last item has no samples,
+    but the notes on the whole recording, such as gaps or a truncated file.
 
     Parameters
     ----------
     path : path-like
         One recording.
     joint : str, optional
-        Needed where the recording has several.
+        Required if the recording has several.
     torque_constant, gear_ratio : float
         k_t in N·m/A and n.
     seconds : float
-        Length of a stretch.
+        Length of a stretch, s.
     signals : sequence of str
         Topics to read besides ``joint_states``.
     layout : Layout, optional
-        What is known of a table's columns.
+        Known columns and units of a table.
     others : bool
-        Whether the samples are to hold the motion of the other joints too, as `arm`.
+        Whether the samples contain the motion of all joints, as `arm`.
     progress : callable, optional
         Called with the share 0..1 of the recording that has been read.
 
@@ -82,8 +82,8 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         raise InputError(f'seconds must be positive, not {seconds}')
     scanner = open_scanner(
         find_recording(path), with_states(signals), None if others else joint, layout)
-    cutter = _Cutter(seconds)
-    clock = _OneClock()
+    cutter = _StretchCutter(seconds)
+    clock = _CommonClock()
     info, samples = None, None
     for scan, last in _scans(scanner, cutter):
         if last and info is not None and not scan.of('joint_states'):
@@ -96,7 +96,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
             progress(scanner.progress)
         # Gaps are counted over all stretches.
         info.notes = [note for note in info.notes if GAPS not in note]
-        samples = clock.follow(samples, info)
+        samples = clock.convert(samples, info)
         yield samples, info
     if info is not None and samples is not None:
         if clock.gaps:
@@ -104,7 +104,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
         yield samples.take(slice(0, 0)), info
 
 
-def _scans(scanner: Scanner | TableScanner, cutter: _Cutter) -> Iterator[tuple[Scan, bool]]:
+def _scans(scanner: Scanner | TableScanner, cutter: _StretchCutter) -> Iterator[tuple[Scan, bool]]:
     """Yield the scan of each stretch, and whether it is the last."""
     for store in scanner.batches():
         if store.signal != 'joint_states':
@@ -125,8 +125,8 @@ def _scans(scanner: Scanner | TableScanner, cutter: _Cutter) -> Iterator[tuple[S
     yield scan, True
 
 
-class _Cutter:
-    """Keeps tracks that have been read and cuts stretches off their front."""
+class _StretchCutter:
+    """Collects tracks and cuts stretches off their beginning."""
 
     def __init__(self, seconds: float) -> None:
         self._length = round(seconds * 1e9)
@@ -135,7 +135,7 @@ class _Cutter:
     def add(self, scan: Scan) -> None:
         for track in scan.tracks:
             before = self._tracks.get(track.topic)
-            self._tracks[track.topic] = track if before is None else _join(before, track)
+            self._tracks[track.topic] = track if before is None else _concatenate(before, track)
 
     def cut(self) -> list[Track] | None:
         """Return the tracks of the next stretch; None until enough has been read."""
@@ -154,14 +154,14 @@ class _Cutter:
             if _is_states(track):
                 index = int(np.argmax(track.receive >= end)) if (track.receive >= end).any() \
                     else len(track.receive)
-                stretch.append(_part(track, slice(0, index)))
-                self._tracks[topic] = _part(track, slice(index, None))
+                stretch.append(_slice_track(track, slice(0, index)))
+                self._tracks[topic] = _slice_track(track, slice(index, None))
                 continue
             stretch.append(track)
-            # What holds on, or is interpolated, begins before the next stretch.
+            # Held and interpolated signals must begin before the next stretch.
             earlier = np.nonzero(track.receive < end - round(_MARGIN * 1e9))[0]
             if len(earlier):
-                self._tracks[topic] = _part(track, slice(int(earlier[-1]), None))
+                self._tracks[topic] = _slice_track(track, slice(int(earlier[-1]), None))
         return [track for track in stretch if len(track.receive)]
 
     def rest(self) -> list[Track]:
@@ -172,15 +172,15 @@ def _is_states(track: Track) -> bool:
     return track.signal == 'joint_states'
 
 
-class _OneClock:
-    """Puts the stretches' times, each from its own beginning, onto one clock."""
+class _CommonClock:
+    """Converts the times of stretches to the clock of the first."""
 
     def __init__(self) -> None:
         self.gaps: list[float] = []
         self._origin: float | None = None
         self._last = 0.0
 
-    def follow(self, samples: Samples, info: RecordingInfo) -> Samples:
+    def convert(self, samples: Samples, info: RecordingInfo) -> Samples:
         if self._origin is None:
             self._origin = info.start
         since = info.start - self._origin
@@ -192,7 +192,7 @@ class _OneClock:
                 self._origin -= shift
                 since, time = since + shift, time + shift
                 info.notes.append(f'the clock was set back by {behind:.3g} s after '
-                                  f'{self._last:.3f} s: what follows is put behind')
+                                  f'{self._last:.3f} s: later times are shifted')
             else:
                 fresh = time > self._last
                 samples, time = samples.take(fresh), time[fresh]
@@ -205,7 +205,7 @@ class _OneClock:
         return samples.with_(time=time)
 
 
-def _join(first: Track, second: Track) -> Track:
+def _concatenate(first: Track, second: Track) -> Track:
     size, more = len(first.receive), len(second.receive)
     values = {}
     for key in dict.fromkeys((*first.values, *second.values)):
@@ -222,7 +222,7 @@ def _join(first: Track, second: Track) -> Track:
                  list(dict.fromkeys((*first.names, *second.names))), values)
 
 
-def _part(track: Track, index: slice) -> Track:
+def _slice_track(track: Track, index: slice) -> Track:
     return Track(track.topic, track.signal, track.receive[index], track.stamp[index],
                  track.order[index], track.names,
                  {key: value[index] for key, value in track.values.items()})

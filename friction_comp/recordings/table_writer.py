@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Samples as a table that `friction_comp.recordings.tables` reads again: one row an instant, SI."""
+"""Writes samples as a table that `friction_comp.recordings.tables` can read, in SI units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.samples import Samples
 
-# Column to the signal of `Samples`; effort holds what `current` is with k_t = n = 1.
+# Column to attribute of `Samples`; effort equals `current` with k_t = n = 1.
 _SIGNALS = {
     'position': 'position', 'velocity': 'velocity', 'effort': 'current', 'command': 'command',
     'direction': 'direction', 'load': 'load', 'temperature': 'temperature',
@@ -23,7 +23,7 @@ _SIGNALS = {
 
 
 def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
-    """Return samples of joints on one time base as columns: ``time``, ``elbow.position``, ….
+    """Return samples of joints with a common time base as columns: ``time``, ``elbow.position``, ….
 
     Parameters
     ----------
@@ -32,16 +32,16 @@ def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
     """
     columns = {'time': joints[0].time}
     for samples in joints:
-        before = f'{samples.joint}.' if samples.joint else ''
+        prefix = f'{samples.joint}.' if samples.joint else ''
         for name, signal in _SIGNALS.items():
             values = getattr(samples, signal)
             if values is not None:
-                columns[before + name] = values
+                columns[prefix + name] = values
     return columns
 
 
 def write_table(path: Path, joints: Sequence[Samples]) -> None:
-    """Write samples as CSV, Parquet or npz, by the file's name.
+    """Write samples as CSV, Parquet or npz, depending on the file name.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""CSV, Parquet and npz files as recordings.
+"""Reads CSV, Parquet and npz files as recordings.
 
-One principle: **a table is read as if its rows had been messages**. Each block of rows becomes the
-same tracks that a rosbag2 recording gives, so all that checks, streams, refines or evaluates a
-recording works on a table as well, and nothing behind this module knows the difference.
+One principle: **a table is read as if its rows were messages**. Each block of rows becomes the same
+tracks as those of a rosbag2 recording, so that checking, streaming, refinement and evaluation work
+on tables without changes.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable
 from friction_comp.topics import TOPICS
 
-# Rows that are in memory at once: 20 MB of ten columns.
+# Rows in memory at once: 20 MB for ten columns.
 _BLOCK = 250_000
-# What other signals of a table are as topics.
+# Topics of the other signals of a table.
 _TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
            'command': 'current_command', 'direction': 'direction'}
 Columns = dict[str, np.ndarray]
@@ -45,11 +45,11 @@ class TableScanner:
     ----------
     path : Path
     layout : Layout, optional
-        What the user says of the columns.
+        Columns and units given by the user.
     joint : str, optional
-        Keep this joint's values only.
+        Keep only this joint's values.
     block : int
-        Rows that are read at once.
+        Rows per block.
     """
 
     def __init__(self, path: Path, layout: Layout | None = None, joint: str | None = None,
@@ -70,14 +70,15 @@ class TableScanner:
         self._notes += self._use.notes
 
     def batches(self) -> Iterator[_Block]:
-        """Read on, and yield for each block that has been read."""
+        """Read the table, and yield after each block."""
         wanted = [column.name for column in self._use.columns]
         try:
             for columns, share in self._table.blocks(wanted, self._block):
                 size = len(columns[wanted[0]])
                 if size:
-                    self._tracks.append(_to_states(columns, self._use, self._rows, self._joint))
-                    self._tracks += _to_further(columns, self._use, self._rows)
+                    self._tracks.append(
+                        _joint_state_track(columns, self._use, self._rows, self._joint))
+                    self._tracks += _other_tracks(columns, self._use, self._rows)
                     self._rows += size
                     self.progress = share
                     yield _Block()
@@ -89,27 +90,27 @@ class TableScanner:
             raise InputError(f'{self.path}: holds no row below its header')
 
     def finish(self) -> Scan:
-        """Return what was read since the beginning, or since tracks were last taken."""
+        """Return what was read since the beginning, or since the last call."""
         topics: dict[str, list[Track]] = {}
         for track in self._tracks:
             topics.setdefault(track.topic, []).append(track)
         self._tracks = []
-        return Scan(self.path, [_joined(parts) for parts in topics.values()],
+        return Scan(self.path, [_concatenate(parts) for parts in topics.values()],
                     {topic: (TOPICS[parts[0].signal], self._rows)
                      for topic, parts in topics.items()},
                     list(self._notes), effort_is_current=self._use.effort_is_current)
 
 
 class _Block:
-    """Says that joint states have been read, as a recording's stores do."""
+    """Tells that joint states have been read, like the stores of `Scanner`."""
 
     signal = 'joint_states'
 
 
-def _to_states(columns: Columns, use: Assignment, first: int, joint: str | None) -> Track:
+def _joint_state_track(columns: Columns, use: Assignment, first: int, joint: str | None) -> Track:
     """Return a block's joint states."""
     time = columns[use.time.name]
-    # A time that is missing is as far off as can be told: rows with it are left out behind.
+    # Rows without a time get NaN values, and are omitted later.
     finite = np.isfinite(time)
     stamp = np.zeros(len(time), dtype=np.int64)
     scaled = use.time.factor * 1e9 * time
@@ -127,16 +128,16 @@ def _to_states(columns: Columns, use: Assignment, first: int, joint: str | None)
         states[~good] = np.nan
         values[name] = states
     if not good.all():
-        # Put beside its neighbour in time, so that it is no jump of the clock.
+        # They get the time of their neighbour, so that it is no jump of the clock.
         index = np.maximum.accumulate(np.where(good, np.arange(len(good)), -1))
         stamp = np.where(index >= 0, stamp[index.clip(0)], stamp[np.argmax(good)])
     order = first + np.arange(len(time))
     return Track('joint_states', 'joint_states', stamp, stamp, order, use.joints, values)
 
 
-def _to_further(columns: Columns, use: Assignment, first: int) -> Iterator[Track]:
+def _other_tracks(columns: Columns, use: Assignment, first: int) -> Iterator[Track]:
     """Yield a block's other signals; stamps are those of the joint states."""
-    states = _to_states(columns, use, first, None)
+    states = _joint_state_track(columns, use, first, None)
     for signal, topic in _TOPICS.items():
         known = {name: column.factor * columns[column.name] for name in use.joints
                  if (column := use.of(signal, name)) is not None}
@@ -163,7 +164,7 @@ def _to_further(columns: Columns, use: Assignment, first: int) -> Iterator[Track
                     use.joints, references)
 
 
-def _joined(parts: list[Track]) -> Track:
+def _concatenate(parts: list[Track]) -> Track:
     if len(parts) == 1:
         return parts[0]
     first = parts[0]
@@ -184,15 +185,15 @@ def _open(path: Path) -> _Csv | _Parquet | _Npz:
 
 
 class _Csv:
-    """A text file with one row a line; its separator is the one that its header has most of."""
+    """A text file with one row per line; the separator is the most frequent one in its header."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         with self._stream() as stream:
             lines = [line for _, line in zip(range(200), stream)]
         if any('\0' in line for line in lines):
-            raise InputError(f'{path}: is not text')
-        # Remarks before the header; numpy.savetxt makes a remark of the header itself.
+            raise InputError(f'{path}: not a text file')
+        # Skip comments before the header; numpy.savetxt writes the header itself as a comment.
         size = next((k for k, line in enumerate(lines) if line.strip()
                      and not line.startswith('#')), len(lines))
         head = lines[size] if size < len(lines) else ''
@@ -206,7 +207,7 @@ class _Csv:
         self.names = [name.strip() for name in _split(head, self._separator)]
         self._skip = size + 1
         if _all_numbers(head):
-            # Without a header, columns are called by their number.
+            # Without a header, columns are named by their numbers.
             self.names, self._skip = [str(k + 1) for k in range(len(self.names))], size
         elif len(set(self.names)) < len(self.names):
             twice = next(name for name in self.names if self.names.count(name) > 1)
@@ -220,7 +221,7 @@ class _Csv:
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
         """Yield blocks of columns and the share of the file that has been read."""
         indices = [self.names.index(name) for name in wanted]
-        whole = max(self._path.stat().st_size, 1)
+        size = max(self._path.stat().st_size, 1)
         read = 0
         with self._stream() as stream:
             for _ in range(self._skip):
@@ -229,18 +230,18 @@ class _Csv:
             while lines := [line for _, line in zip(range(rows), stream)]:
                 read += sum(map(len, lines))
                 yield dict(zip(wanted, self._parse(lines, indices, first_line).T)), min(
-                    read / whole, 1.0)
+                    read / size, 1.0)
                 first_line += len(lines)
 
     def _parse(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
-        """Return the cells wanted, shape (rows, columns)."""
+        """Return the selected cells, shape (rows, columns)."""
         if self._separator == ';' and ',' in lines[0]:
             lines = [line.replace(',', '.') for line in lines]
         try:
             return np.loadtxt(lines, delimiter=self._separator, usecols=indices, ndmin=2,
                               comments=None)
         except ValueError:
-            # Cells are missing, or hold words: slower, and with a say in what is wrong.
+            # Cells are missing or not numeric: parse slowly, with a clear error.
             return self._parse_each(lines, indices, first_line)
 
     def _parse_each(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
@@ -250,7 +251,7 @@ class _Csv:
                 continue
             cells = _split(line, self._separator)
             if len(cells) <= max(indices):
-                # The last line of a file that broke off.
+                # The last line of a truncated file.
                 rows.append([np.nan] * len(indices))
                 continue
             rows.append([self._number(cells[index], index, first_line + k + 1)
@@ -265,11 +266,11 @@ class _Csv:
             return float(text)
         except ValueError:
             raise InputError(f'{self._path}: line {line}, column {self.names[index]!r}: {text!r} '
-                             'is no number') from None
+                             'is not a number') from None
 
 
 def _separator(line: str) -> str | None:
-    """Return the separator of a line, None for blanks."""
+    """Return the separator of a line, None for white space."""
     counts = {mark: line.count(mark) for mark in ('\t', ';', ',')}
     best = max(counts, key=lambda mark: counts[mark])
     return best if counts[best] else None
@@ -304,18 +305,18 @@ class _Parquet:
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
         """Yield blocks of columns and the share of the file that has been read."""
-        read, whole = 0, max(self._file.metadata.num_rows, 1)
+        read, total = 0, max(self._file.metadata.num_rows, 1)
         for batch in self._file.iter_batches(batch_size=rows, columns=list(dict.fromkeys(wanted))):
             columns = {}
             for name in wanted:
                 columns[name] = _numbers(batch.column(name).to_numpy(zero_copy_only=False),
                                          name, self._path)
             read += batch.num_rows
-            yield columns, read / whole
+            yield columns, read / total
 
 
 class _Npz:
-    """A file of NumPy's arrays; a column of an array with two axes is called NAME_1 and so on."""
+    """A file of NumPy arrays; the columns of a 2-D array are called NAME_1 and so on."""
 
     def __init__(self, path: Path) -> None:
         self._columns: Columns = {}
@@ -347,7 +348,7 @@ class _Npz:
 
 
 def _numbers(values: np.ndarray, name: str, path: Path) -> np.ndarray:
-    """Return a column as float; dates become s."""
+    """Return a column as float; dates are converted to s."""
     if np.issubdtype(values.dtype, np.datetime64):
         return values.astype('datetime64[ns]').astype(np.int64) * 1e-9
     try:

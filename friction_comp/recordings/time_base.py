@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Brings signals of other topics to the times of the joint states."""
+"""Interpolates signals of other topics to the times of the joint states."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from friction_comp.topics import TORQUE_UNIT
 
 @dataclass
 class TimeBase:
-    """The joint states' times, to which all other signals are brought."""
+    """The times of the joint states, the time base of all other signals."""
 
     stamp: np.ndarray
     receive: np.ndarray
@@ -24,18 +24,18 @@ class TimeBase:
     shifts: Shifts
 
     def pair(self, track: Track) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times of the joint states and of another topic on one clock."""
+        """Return the times of the joint states and of another topic on a common clock."""
         if self.stamped and track.stamp.any():
             return self.stamp, self.shifts.of(track.stamp, track.order)
         return self.receive, track.receive
 
     def moment(self, receive: int) -> float:
-        """Return the time in s of the joint states' clock at a receive time in ns."""
+        """Convert a receive time in ns to the clock of the joint states, s."""
         ahead = np.interp(receive, self.receive, self.stamp - self.receive)
         return float(receive + ahead) * 1e-9
 
     def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
-        """Return the last value at each joint state; `before` where there was none yet."""
+        """Return the last value at each joint state; `before` where there is none yet."""
         times, known = self.pair(track)
         good = np.isfinite(values)
         order = np.argsort(known[good], kind='stable')
@@ -46,9 +46,9 @@ class TimeBase:
         return held
 
     def interpolate(self, track: Track, values: np.ndarray) -> np.ndarray | None:
-        """Return the signal at each joint state, or None where it covers less than half of them.
+        """Return the signal at each joint state, or None if it covers less than half of them.
 
-        Beyond its ends the nearest value stands.
+        Beyond its ends the nearest value is used.
         """
         times, known = self.pair(track)
         good = np.isfinite(values)
@@ -66,33 +66,33 @@ class TimeBase:
 
 def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
                     torque_per_current: float, notes: list[str]) -> dict[str, Any]:
-    """Return the signals of other topics, each shape (N,), by the names `Samples` gives them.
+    """Return the signals of other topics, each shape (N,), by their names in `Samples`.
 
     Parameters
     ----------
     scan : Scan
     joint : str
     joints : list of str
-        All that its joint states name, in their order.
+        All joints of its joint states, in their order.
     base : TimeBase
     torque_per_current : float
-        N·m/A at the joint, by which commanded torques become currents.
+        N·m/A at the joint, to convert commanded torques to currents.
     notes : list of str
-        Gets a line for each signal that is there and cannot be used.
+        Receives a line for each signal that cannot be used.
     """
     signals: dict[str, Any] = {}
-    reference = _of_joint(scan.of('reference'), joint, joints, notes)
+    reference = _find_joint(scan.of('reference'), joint, joints, notes)
     if reference is not None:
         track, values = reference
         for column, name in enumerate(('reference_position', 'reference_velocity')):
             if np.isfinite(values[:, column]).any():
-                _put(signals, name, base.interpolate(track, values[:, column]), track, notes)
+                _add(signals, name, base.interpolate(track, values[:, column]), track, notes)
     for topic, name in (('interaction_wrench', 'load'), ('motor_temperature', 'temperature')):
-        signal = _of_joint(scan.of(topic), joint, joints, notes)
+        signal = _find_joint(scan.of(topic), joint, joints, notes)
         if signal is not None:
-            _put(signals, name, base.interpolate(signal[0], signal[1][:, 0]), signal[0], notes)
+            _add(signals, name, base.interpolate(signal[0], signal[1][:, 0]), signal[0], notes)
     order = _array_order(scan, joints)
-    command = _of_array(scan.of('current_command'), joint, order, notes, torque_per_current)
+    command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
     if command is not None:
         signals['command'] = base.hold(*command)
     direction = _direction(scan, joint, joints, order, base, notes)
@@ -105,24 +105,24 @@ def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]]
                base: TimeBase, notes: list[str]) -> np.ndarray | None:
     """Return what was announced, by the later of the plain and the stamped topic."""
     directions = []
-    plain = _of_array(scan.of('direction'), joint, order, notes)
+    plain = _find_array(scan.of('direction'), joint, order, notes)
     if plain is not None:
-        # Anything else counts as 0 for the compensator too.
+        # The compensator, too, takes any other value as 0.
         directions.append((plain[0], np.where(np.isin(plain[1], (-1.0, 1.0)), plain[1], 0.0)))
-    stamped = _of_joint(scan.of('direction_stamped'), joint, joints, notes)
+    stamped = _find_joint(scan.of('direction_stamped'), joint, joints, notes)
     if stamped is not None:
         directions.append((stamped[0], np.sign(stamped[1][:, 1])))
     if not directions:
         return None
     held = np.array([base.hold(*one) for one in directions])
-    # Each by its own clock: the two need not agree.
+    # Each on its own clock: the two may differ.
     age = np.array([base.pair(track)[0] - base.hold(track, base.pair(track)[1].astype(float), -1.0)
                     for track, _ in directions])
     latest: np.ndarray = held[np.argmin(age, axis=0), np.arange(held.shape[1])].astype(int)
     return latest
 
 
-def _put(signals: dict[str, Any], name: str, values: np.ndarray | None, track: Track,
+def _add(signals: dict[str, Any], name: str, values: np.ndarray | None, track: Track,
          notes: list[str]) -> None:
     if values is None:
         notes.append(f'{track.topic} covers less than half of the recording: not used')
@@ -130,14 +130,14 @@ def _put(signals: dict[str, Any], name: str, values: np.ndarray | None, track: T
         signals[name] = values
 
 
-def _of_joint(tracks: list[Track], joint: str, joints: list[str],
+def _find_joint(tracks: list[Track], joint: str, joints: list[str],
               notes: list[str]) -> tuple[Track, np.ndarray] | None:
     """Return the track with a joint's (or frame's) values, or None."""
     for track in tracks:
         if joint in track.values:
             return track, track.values[joint]
     if len(tracks) == 1 and len(tracks[0].values) == len(tracks[0].names) == len(joints) == 1:
-        # One joint and one sensor: they belong together whatever the frame is called.
+        # A single sensor belongs to a single joint, whatever its frame.
         (name, values), = tracks[0].values.items()
         if name:
             notes.append(f'{tracks[0].topic} of {name!r} is taken to be that of {joint!r}')
@@ -154,7 +154,7 @@ def _array_order(scan: Scan, joints: list[str]) -> list[list[str]]:
     return orders
 
 
-def _of_array(tracks: list[Track], joint: str, orders: list[list[str]], notes: list[str],
+def _find_array(tracks: list[Track], joint: str, orders: list[list[str]], notes: list[str],
               torque_per_current: float = 1.0) -> tuple[Track, np.ndarray] | None:
     """Return the track with a joint's values, or None; commands in N·m as currents."""
     for track in tracks:

@@ -21,31 +21,30 @@ from friction_comp.recordings.scan import AnyPath
 from friction_comp.recordings.storage import METADATA
 
 _VERSION = 9
-# What rosbag2 writes for a duration that nobody set.
-_NEVER = {'sec': 9223372036, 'nsec': 854775807}
+# rosbag2's value of a duration that is not set.
+_INFINITE = {'sec': 9223372036, 'nsec': 854775807}
 _DEFAULT_QOS: Qos = {
     'history': 'keep_last', 'depth': 10, 'reliability': 'reliable', 'durability': 'volatile',
-    'deadline': _NEVER, 'lifespan': _NEVER, 'liveliness': 'automatic',
-    'liveliness_lease_duration': _NEVER, 'avoid_ros_namespace_conventions': False,
+    'deadline': _INFINITE, 'lifespan': _INFINITE, 'liveliness': 'automatic',
+    'liveliness_lease_duration': _INFINITE, 'avoid_ros_namespace_conventions': False,
 }
-# Bytes and s below which a recording would be all files: each has an index and two threads, and the
-# disk no time for them.
-_LEAST_SIZE, _LEAST_DURATION = 10_000, 0.1
+# Smallest limits of size and duration, bytes and s: every file needs an index and two threads.
+_MIN_SIZE, _MIN_DURATION = 10_000, 0.1
 _COMPRESSIONS = ('none', 'message', 'storage')
 
 
 def qos_profile(reliability: str = 'reliable', durability: str = 'volatile',
                 depth: int = 10) -> Qos:
-    """Return a publisher's quality of service in the words of rosbag2's metadata."""
+    """Return a publisher's quality of service as rosbag2's metadata hold it."""
     return {**_DEFAULT_QOS, 'reliability': reliability, 'durability': durability, 'depth': depth}
 
 
 class RecordingWriter:
-    """A rosbag2 folder with mcap storage that can be read at every moment of its making.
+    """A rosbag2 folder with mcap storage that is readable at any time while it is written.
 
-    Messages gather in chunks; each chunk has a checksum, is written whole and put onto the disk
-    at once, when it is full or `flush` is called. Whatever ends the process then costs what came
-    since, and a full disk costs nothing that was written. ``metadata.yaml`` is there from the
+    Messages are collected in chunks. Each chunk has a checksum, and is written whole and synced
+    when it is full or `flush` is called. If the process is killed, only messages after the last
+    chunk are lost; a full disk loses nothing that was written. ``metadata.yaml`` exists from the
     beginning and lists every file.
 
     Parameters
@@ -53,18 +52,18 @@ class RecordingWriter:
     path : path-like
         Folder to create; it must not exist.
     custom_data : dict of str, optional
-        Kept in metadata.yaml. ``model_file`` names the model that was active.
+        Stored in metadata.yaml. ``model_file`` is the active model.
     compression : str, optional
         'none', 'message' or 'storage' (chunks inside the mcap file), all with zstd.
     split_size : float, optional
-        Bytes after which a file ends and the next begins, 10,000 at least; 0: never.
+        Size in bytes after which the next file begins, at least 10,000; 0: never.
     split_duration : float, optional
-        The same in s of the messages' time, 0.1 at least.
+        Duration in s of message time after which the next file begins, at least 0.1; 0: never.
 
     Raises
     ------
     InputError
-        If the folder exists or cannot be made, or files would be too small.
+        If the folder exists or cannot be created, or files would be too small.
 
     Examples
     --------
@@ -79,12 +78,12 @@ class RecordingWriter:
         if compression not in _COMPRESSIONS:
             raise InputError(
                 f'compression must be none, message or storage, not {compression!r}')
-        if 0.0 < split_size < _LEAST_SIZE:
+        if 0.0 < split_size < _MIN_SIZE:
             raise InputError(f'max_file_size: files of {1e-6 * split_size:g} MB are too small, '
-                             f'{1e-6 * _LEAST_SIZE:g} MB is the least; 0 makes one file')
-        if 0.0 < split_duration < _LEAST_DURATION:
+                             f'{1e-6 * _MIN_SIZE:g} MB is the least; 0 makes one file')
+        if 0.0 < split_duration < _MIN_DURATION:
             raise InputError(f'max_file_duration: files of {split_duration:g} s are too short, '
-                             f'{_LEAST_DURATION:g} s is the least; 0 makes one file')
+                             f'{_MIN_DURATION:g} s is the least; 0 makes one file')
         self.custom_data = dict(custom_data or {})
         self._compression = compression
         self._split_size = split_size
@@ -95,14 +94,14 @@ class RecordingWriter:
         self._part: McapPart | None = None
         self.message_count = 0
         if self.path.exists():
-            raise InputError(f'{self.path}: exists already, a recording needs a new folder')
+            raise InputError(f'{self.path}: already exists, a recording needs a new folder')
 
     def __enter__(self) -> RecordingWriter:
         try:
             self.path.mkdir(parents=True)
             self._part = self._begin()
         except OSError as error:
-            raise self._failed(error) from None
+            raise self._close_with_error(error) from None
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
@@ -114,7 +113,7 @@ class RecordingWriter:
         return False
 
     def add_topic(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> str:
-        """Declare a topic, so that it is listed even where no message follows; return its name.
+        """Declare a topic, so that it is listed even without messages; return its name.
 
         Parameters
         ----------
@@ -123,12 +122,12 @@ class RecordingWriter:
         type_name : str
             For instance 'sensor_msgs/msg/JointState'.
         qos : sequence of dict, optional
-            What its publishers offer, as `qos_profile` returns it; rosbag2's default when empty.
+            QoS of its publishers, as `qos_profile` returns it; rosbag2's default when empty.
 
         Raises
         ------
         InputError
-            If the type is none of ROS 2 Jazzy's.
+            If it is not a message type of ROS 2 Jazzy.
         """
         name = topic if topic.startswith('/') else f'/{topic}'
         if name not in self._topics:
@@ -150,13 +149,13 @@ class RecordingWriter:
         stamp_ns : int
             Receive time in nanoseconds.
         cdr : bytes
-            The message as it went over the wire, with its encapsulation header.
+            The serialised message with its encapsulation header.
 
         Raises
         ------
         InputError
-            If the disk takes no more; the recording is then closed, and what was written before
-            can be read.
+            If writing fails, for instance because the disk is full. The recording is then closed,
+            and what was written before can be read.
         """
         name = self.add_topic(topic, type_name)
         if self._part is None:
@@ -164,20 +163,20 @@ class RecordingWriter:
         if self._compression == 'message':
             cdr = zstandard.compress(cdr)
         try:
-            if self._full(stamp_ns):
+            if self._is_full(stamp_ns):
                 self._split()
             self._part.write(name, int(stamp_ns), cdr)
         except OSError as error:
-            raise self._failed(error) from None
+            raise self._close_with_error(error) from None
         self.message_count += 1
 
     def flush(self, wait: bool = False) -> None:
-        """End the chunk in the making and have it put onto the disk.
+        """End the present chunk and write it.
 
         Parameters
         ----------
         wait : bool
-            Until the system has it, so that the end of this process cannot harm it.
+            Whether to wait until it is written, so that it survives the end of this process.
 
         Raises
         ------
@@ -190,7 +189,7 @@ class RecordingWriter:
                 if wait:
                     self._part.wait()
             except OSError as error:
-                raise self._failed(error) from None
+                raise self._close_with_error(error) from None
 
     def close(self) -> None:
         """Finish the recording.
@@ -211,10 +210,10 @@ class RecordingWriter:
                 part.join()
             self._save_metadata()
         except OSError as error:
-            raise self._failed(error) from None
+            raise self._close_with_error(error) from None
 
     def abort(self) -> None:
-        """Give up and leave nothing behind."""
+        """Close and delete the recording."""
         if self._part is not None:
             self._part.drop()
             self._part = None
@@ -229,12 +228,12 @@ class RecordingWriter:
         self._save_metadata(part)
         return part
 
-    def _full(self, time: int) -> bool:
+    def _is_full(self, time: int) -> bool:
         assert self._part is not None
         if self._part.first is None:
             return False
         return bool((self._split_size and self._part.size >= self._split_size)
-                    # Away from it either way: one stamp may be far ahead of all others.
+                    # In either direction: one stamp may be far ahead of all others.
                     or (self._split_duration
                         and abs(time - self._part.first) >= self._split_duration))
 
@@ -248,7 +247,7 @@ class RecordingWriter:
         self._finished.append(part)
         part.finish(self._metadata([part]))
 
-    def _failed(self, error: OSError) -> InputError:
+    def _close_with_error(self, error: OSError) -> InputError:
         """Close the files and return the error."""
         for part in self._finished if self._part is None else [*self._finished, self._part]:
             part.drop()
@@ -292,7 +291,7 @@ class RecordingWriter:
                 stream.write(text)
                 stream.flush()
                 if part is None:
-                    # A recording that goes on does not wait for the disk.
+                    # An unfinished recording does not wait for the disk.
                     os.fsync(stream.fileno())
             draft.replace(self.path / METADATA)
         finally:
