@@ -37,10 +37,8 @@ if TYPE_CHECKING:
     from friction_comp.evaluation.repetitions import Help
     from friction_comp.evaluation.trend import Trend
 
-# Largest number of comparisons on a page; report.json has all.
-_MOST_COMPARISONS = 24
-# Largest number of tiles with peaks.
-_MOST_TILES = 5
+# Largest numbers of comparisons, tiles and recordings on a page; report.json has all.
+_MOST_COMPARISONS, _MOST_TILES, _MOST_RECORDINGS = 24, 5, 12
 # Tables of conditions, and the figures that they list where known.
 _TABLES = (
     ('Torque and current', ('peak_torque', 'rms_torque', 'constant_velocity_torque',
@@ -48,8 +46,6 @@ _TABLES = (
     ('Timing and smoothness', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
                                'rms_current')),
 )
-# Largest number of recordings that a page lists.
-_MOST_RECORDINGS = 12
 _MARKERS = 'osD^vPX*'
 
 
@@ -75,9 +71,8 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
         above = axes[0, column]
         above.set_title(f'Movement in the {movement} direction')
         conditions = [c for c in evaluation.conditions if c.movement == movement]
-        with_reference = next((c for c in conditions if c.reference is not None), None)
-        if with_reference is not None and with_reference.reference is not None:
-            above.plot(with_reference.time, np.degrees(with_reference.reference), '--',
+        for shown in [c for c in conditions if c.reference is not None][:1]:
+            above.plot(shown.time, np.degrees(np.asarray(shown.reference)), '--',
                        color=COLOURS['grey'], linewidth=1.0, label='shown to the person')
         for condition in conditions:
             colour = colours[condition.help]
