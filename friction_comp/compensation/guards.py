@@ -1,11 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Decides which samples the compensation laws believe, and what happens with the others.
+"""Selects the samples that the compensation laws use, and handles implausible ones.
 
-The continuous law computes from positions alone: a velocity that is wrong cannot mislead it. A
-position that the joint cannot have reached is dropped; after a few samples that agree with each
-other, at the latest, they are believed, and the operator starts again from there. While in doubt
-the current is held for `bad_time`, then it is zero.
+The continuous law computes from positions alone, so that a wrong velocity cannot mislead it. A
+position that the joint cannot have reached is dropped. After a few consecutive samples that agree
+with each other the new position is accepted, and the operator starts again from there. Until then
+the current is held for `bad_time`, and is zero after that.
 """
 
 from __future__ import annotations
@@ -18,29 +18,30 @@ from friction_comp.compiling import njit
 from friction_comp.low_pass import low_pass_weight
 
 LONGEST_STEP = 0.1
-"""s; after a longer pause, or a clock that was set, the operator knows nothing any more."""
+"""s; after a longer pause, or a clock that was set, the operator is reset."""
 AGREEING = 5
-"""Samples in a row that have to agree before a place that cannot be is believed."""
+"""Consecutive samples that must agree before an implausible position is accepted."""
 ABSURD = 1e6
-"""rad; no joint is there."""
+"""rad; beyond any joint."""
 FILTER_TIME = 0.004
 """s of each of the two filters that the law's speed goes through."""
 
 
 @njit(cache=True)
 def begin(p: Any, s: Any, time: float, position: float) -> None:
-    """Start from a place, at rest."""
+    """Start at a position, at rest."""
     s.started = 1
     s.time, s.step = time, p.sample_time
     s.seen = position
-    s.borne = s.bears = 1.0
+    s.preload_share = s.trust = 1.0
     settle(s, position)
 
 
 @njit(cache=True)
 def settle(s: Any, position: float) -> None:
-    """Forget the motion: the joint is here, the operator relaxed."""
-    s.position = s.backlash_place = s.still_place = s.home = s.mark = position
+    """Reset to a joint at rest at this position, with the operator relaxed."""
+    s.position = s.backlash_position = s.still_position = position
+    s.rest_position = s.lead_position = position
     s.half_speed = s.speed = s.z = s.turned = s.friction = s.still_time = s.creeping = s.doubt = 0.0
     s.mode, s.starting, s.caution = FREE, 0, 0
     s.pace = s.slowest = s.usual = s.sliding = s.withheld = 0.0
@@ -48,7 +49,7 @@ def settle(s: Any, position: float) -> None:
 
 @njit(cache=True)
 def observe(p: Any, s: Any, time: float, position: float, velocity: float, known: bool) -> bool:
-    """Take in a sample and return whether a current can be decided on.
+    """Process a sample and return whether a current can be computed.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
     known : bool
         Whether the velocity is measured; otherwise the position is differentiated.
     """
-    # Drivers fill in what they do not measure with NaN; the continuous law does without.
+    # Drivers report NaN for what they do not measure; the continuous law needs no velocity.
     if p.law == CONTINUOUS and math.isnan(velocity):
         known = False
     if not (math.isfinite(time) and math.isfinite(position) and abs(position) < ABSURD
@@ -79,11 +80,11 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
     leaps = step > LONGEST_STEP or step < -LONGEST_STEP
     again = leaps and 0.0 < time - s.leapt <= LONGEST_STEP
     if again or (p.law != CONTINUOUS and step > LONGEST_STEP):
-        # Two in a row: it was a pause, or the clock was set. Other laws remember nothing.
+        # Two in a row: a pause, or the clock was set. The other laws have no memory.
         settle(s, position)
         step, s.bump = p.sample_time, 0.0
     elif leaps and step > 0.0:
-        # One alone is a wrong stamp. Taken over, it would make all that follow too old.
+        # A single one is a wrong stamp. Accepted, it would make all later ones too old.
         s.leapt = time
         s.dropped += 1.0
         return False
@@ -112,7 +113,7 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
         travel = 0.0
     s.doubt = 0.0
     s.position = position
-    # Twice, so that a single count neither jumps nor bends the current.
+    # Filtered twice, so that a single encoder count causes neither a step nor a kink.
     weight = low_pass_weight(step, FILTER_TIME)
     s.half_speed += (travel / step - s.half_speed) * weight
     s.speed += (s.half_speed - s.speed) * weight
@@ -123,7 +124,7 @@ def observe(p: Any, s: Any, time: float, position: float, velocity: float, known
 
 @njit(cache=True)
 def _compare(p: Any, s: Any, velocity: float) -> None:
-    """Note for how long the measured velocity has contradicted the encoder, s."""
+    """Update the time in s for which the measured velocity has contradicted the encoder."""
     tolerance = 0.05 + 0.5 * abs(s.speed) + 3.0 * p.resolution / s.step
     if abs(velocity - s.speed) > tolerance:
         s.contradiction = min(2.0 * p.rest_time, s.contradiction + s.step)
@@ -133,13 +134,13 @@ def _compare(p: Any, s: Any, velocity: float) -> None:
 
 @njit(cache=True)
 def in_doubt(p: Any, s: Any) -> bool:
-    """Return whether the samples have been unbelievable for so long that the current is zero."""
+    """Return whether samples have been implausible for so long that the current is zero."""
     return s.doubt > p.bad_time or s.contradiction > p.rest_time
 
 
 @njit(cache=True)
 def soft_end(p: Any, s: Any, current: float) -> float:
-    """Return the current in A, less where it pushes towards an end of the position range."""
+    """Return the current in A, reduced where it pushes towards a position limit."""
     if p.soft_end > 0.0:
         room = p.highest - s.position if current > 0.0 else s.position - p.lowest
         current *= min(1.0, max(0.0, room / p.soft_end))

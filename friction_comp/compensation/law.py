@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.compensation import law_kernel as kernel
-from friction_comp.compensation.effects_here import EffectsHere
+from friction_comp.compensation.effect_currents import EffectCurrents
 from friction_comp.compensation.law_parameters import (
     bound_current,
     law_parameters,
@@ -32,10 +32,10 @@ GRAVITY = ('feed_forward', 'left_to_robot')
 
 
 class CompensationLaw:
-    """Current that makes geared joints easy to move in a direction known beforehand.
+    """Currents that make geared joints easy to move in a direction known beforehand.
 
-    Call `update` with every sample; the terms of the last one are open to inspection in `terms`,
-    what the guards did in `guards`.
+    Call `update` with every sample; `terms` has the parts of the last current, `guards` what
+    limited it.
 
     Parameters
     ----------
@@ -50,23 +50,24 @@ class CompensationLaw:
     sample_time : float
         s.
     gravity : {'feed_forward', 'left_to_robot'}
-        Whether effects that hold the limb up are applied, or left to the robot's own controller.
+        Whether the effects that support the limb's weight are applied, or left to the robot's
+        controller.
 
     Attributes
     ----------
     terms : dict of str to ndarray, shape (J,)
-        ``kinetic``, ``breakaway`` and ``effects`` of the last sample in A; they add up to the
-        current where no bound is met. Under the continuous law friction effects are part of the
-        first two, and ``effects`` is what carries.
+        ``kinetic``, ``breakaway`` and ``effects`` of the last sample in A; their sum is the current
+        unless a limit is reached. Under the continuous law friction effects are part of the first
+        two, and ``effects`` contains the others.
     never_applied : list of (int, str, str)
-        Joint, effect and reason for every effect of the models that cannot be fed back.
+        Joint, effect and reason for every effect of the models that cannot be applied.
     missing : list of (int, str, tuple of str)
-        Joint, effect and unknown signals for every effect that the last sample could not feed
-        back; without signals where its value was not finite.
+        Joint, effect and missing signals for every effect that was not applied at the last sample;
+        no signals if its value was not finite.
     left_out : list of (int, str, str)
-        Joint, effect and reason: both of them.
+        Joint, effect and reason: all effects that are not applied.
     guards : dict of str to ndarray, shape (J,)
-        What the continuous law's guards did: see `guards`.
+        What limited the current of the continuous law: see `guards`.
 
     Raises
     ------
@@ -93,7 +94,7 @@ class CompensationLaw:
         self._parameters = np.zeros(self.joints, PARAMETERS)
         self._states = np.zeros(self.joints, STATE)
         self._usable = np.zeros(self.joints, dtype=bool)
-        self._effects = [EffectsHere(model, self._why_left_out) for model in self.models]
+        self._effects = [EffectCurrents(model, self._why_left_out) for model in self.models]
         self._missing: list[list[tuple[str, tuple[str, ...]]] | None] = [None] * self.joints
         for j in range(self.joints):
             self._take_parameters(j)
@@ -113,7 +114,7 @@ class CompensationLaw:
 
     @property
     def missing(self) -> list[tuple[int, str, tuple[str, ...]]]:
-        """Effects that the last sample could not feed back."""
+        """Effects that were not applied at the last sample."""
         return [(j, *entry) for j, entries in enumerate(self._missing) for entry in entries or ()]
 
     @property
@@ -125,23 +126,23 @@ class CompensationLaw:
 
     @property
     def guards(self) -> dict[str, np.ndarray]:
-        """What the guards of the continuous law did, per joint.
+        """What limited the current of the continuous law, per joint.
 
-        ``taken back`` is the share of friction compensation that a drive does not get since it
-        slipped before its preload was there (it has lost friction), or the joint went beyond the
-        identified speeds, ``beyond identified speeds`` for how long it did, s;
-        ``withheld`` what a joint does not get while it loses speed, or is faster than it was since
-        its movement began; ``preload`` the share of the preload that the joint is believed to bear
-        and ``slips`` how often it bore less; ``samples dropped`` how many were not believed, and
-        ``in doubt`` whether that, or a velocity that contradicts the encoder, gives zero current.
+        ``taken back``: share of compensation removed because the drive slipped before its preload
+        was complete (it has lost friction), or because the joint exceeded the identified speeds;
+        ``beyond identified speeds``: for how long it did, s; ``withheld``: share withheld while the
+        joint slows down, or is faster than before in this movement; ``preload``: share of the
+        preload that the joint can hold, and ``slips``: how often it held less; ``samples dropped``:
+        number of implausible samples; ``in doubt``: whether these, or a velocity that contradicts
+        the encoder, cause zero current.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1
         return {
-            'taken back': np.where(begun, 1.0 - s['bears'], 0.0),
+            'taken back': np.where(begun, 1.0 - s['trust'], 0.0),
             'beyond identified speeds': s['overspeed'].copy(),
             'withheld': s['withheld'].copy(),
-            'preload': np.where(begun, s['borne'], 1.0),
+            'preload': np.where(begun, s['preload_share'], 1.0),
             'slips': s['slips'].astype(int),
             'samples dropped': s['dropped'].astype(int),
             'in doubt': (s['doubt'] > p['bad_time']) | (s['contradiction'] > p['rest_time'])}
@@ -154,14 +155,14 @@ class CompensationLaw:
         Parameters
         ----------
         time : float
-            s, not decreasing; a sample as old as the last one changes nothing.
+            s, not decreasing; a sample with the time of the last one changes nothing.
         position : array_like, shape (J,)
             rad.
         velocity : array_like, shape (J,), or None
-            rad/s; None has the position differentiated. The continuous law always does that, and
+            rad/s; if None, it is computed from position. The continuous law always does so, and
             compares.
         direction : array_like, shape (J,)
-            d of the coming movement: -1, 0 or +1. Anything else counts as 0.
+            Direction d of the coming movement: -1, 0 or +1; other values count as 0.
         temperature, load : array_like, shape (J,), optional
             Degrees Celsius and N·m, for effects that need them.
 
@@ -180,8 +181,8 @@ class CompensationLaw:
         for j, effects in enumerate(self._effects):
             if len(effects) and self._usable[j] and self._parameters[j]['law'] != NONE:
                 signals = {'temperature': _entry(temperature, j), 'load': _entry(load, j),
-                           **self._of_arm(j, position)}
-                forward[j], backward[j], carried[j] = self._ask(j, float(time), signals)
+                           **self._arm_signals(j, position)}
+                forward[j], backward[j], carried[j] = self._effect_currents(j, float(time), signals)
         current = np.empty(self.joints)
         kernel.decide_bank(self._parameters, self._states, self._usable, direction, forward,
                            backward, carried, current)
@@ -199,7 +200,7 @@ class CompensationLaw:
     def set_model(self, joint: int, model: FrictionModel) -> None:
         """Exchange a joint's model while the law runs.
 
-        The current does not jump: it turns over to the new model's within a few hundredths of a
+        The current changes continuously to that of the new model, within a few hundredths of a
         second.
 
         Parameters
@@ -211,16 +212,16 @@ class CompensationLaw:
             raise InputError(f'there is no joint number {joint!r}')
         law_parameters(model, **self._options[joint])
         self.models[joint] = model
-        self._effects[joint] = EffectsHere(model, self._why_left_out)
+        self._effects[joint] = EffectCurrents(model, self._why_left_out)
         self._take_parameters(joint)
         self._missing[joint] = None
         self._collect_never_applied()
 
     def retune(self, law: str, breakaway_gain: float,
                current_limit: ArrayLike | None = None) -> None:
-        """Change the law's options while it runs; its history is kept.
+        """Change the law's options while it runs; its state is kept.
 
-        The current does not jump but to a lower limit, as with `set_model`.
+        The current changes continuously, as with `set_model`, except to a lower limit.
 
         Parameters
         ----------
@@ -247,19 +248,19 @@ class CompensationLaw:
         self._parameters[joint] = p
         self._states[joint]['changed'] = self._states[joint]['started']
 
-    def _ask(self, joint: int, time: float, signals: dict[str, float | None]
-             ) -> tuple[float, float, float]:
+    def _effect_currents(self, joint: int, time: float, signals: dict[str, float | None]
+                         ) -> tuple[float, float, float]:
         """Return the currents of the joint's effects: forward, backward and carried, A."""
         p, s, effects = self._parameters[joint], self._states[joint], self._effects[joint]
-        ask = effects.ask if p['law'] == CONTINUOUS else effects.total
-        asked = ask(time, float(s['position']), float(s['speed']), signals)
-        self._missing[joint] = asked.missing
+        evaluate = effects.by_direction if p['law'] == CONTINUOUS else effects.total
+        currents = evaluate(time, float(s['position']), float(s['speed']), signals)
+        self._missing[joint] = currents.missing
         if self.models[joint].breakaway is not None:
-            set_breakaway(p, self.models[joint].breakaway, asked.shifts)
-        return asked.forward, asked.backward, asked.carried
+            set_breakaway(p, self.models[joint].breakaway, currents.shifts)
+        return currents.forward, currents.backward, currents.carried
 
-    def _of_arm(self, joint: int, positions: np.ndarray) -> dict[str, float | None]:
-        """Return the arm's torque on a joint at rest, None where other joints are not known."""
+    def _arm_signals(self, joint: int, positions: np.ndarray) -> dict[str, float | None]:
+        """Return the arm's torque on a joint at rest, None if other joints are unknown."""
         signals: dict[str, float | None] = {'rigid_body': None, 'coupling': None}
         arm = self.models[joint].arm
         if arm is None:
@@ -273,7 +274,7 @@ class CompensationLaw:
 
     def _why_left_out(self, effect: Effect) -> str:
         if effect.weight and self._gravity == 'left_to_robot':
-            return "holding the limb is left to the robot's own controller"
+            return "the limb's weight is left to the robot's controller"
         return effect.why_left_out()
 
     def _collect_never_applied(self) -> None:

@@ -19,18 +19,16 @@ from friction_comp.compiling import njit
 from friction_comp.model.compiled import compiled_kinetic_current
 
 BUMP_TIME = 0.05
-"""s; under a law without a slope limit, a model that is exchanged takes effect within a few of
-these."""
+"""s; time constant with which an exchanged model takes effect under a law without slope limit."""
 
 
 @njit(cache=True)
 def printed_current(p: Any, speed: float) -> float:
     """Return the kinetic term of the printed law in A.
 
-    Eq. 6 as it is, but only in motion: the fit says nothing about standstill between the slowest
-    speeds of its table, and its value there, up to half of the breakaway current, is an accident
-    of where the transition came to lie. `dead_speed`, 0 in the law, lets `reproduce` show what
-    slow motion contributes.
+    Eq. 6, but only in motion: the look-up table has no points around standstill, so that the value
+    of the fit there, up to half of the breakaway current, is arbitrary. `dead_speed`, 0 in the law,
+    lets `reproduce` show the contribution of slow motion.
     """
     if abs(speed) <= p.dead_speed:
         return 0.0
@@ -54,7 +52,7 @@ def paper_current(p: Any, s: Any, direction: float) -> float:
 @njit(cache=True)
 def decide(p: Any, s: Any, direction: float, forward: float, backward: float, carried: float
            ) -> float:
-    """Return the motor current in A for the sample that `observe` took in.
+    """Return the motor current in A for the sample that `observe` processed.
 
     Parameters
     ----------
@@ -62,8 +60,8 @@ def decide(p: Any, s: Any, direction: float, forward: float, backward: float, ca
     direction : float
         d: -1, 0 or +1, anything else counts as 0.
     forward, backward : float
-        What friction effects add in each direction of sliding, A, with its sign; for the
-        continuous law alone.
+        Signed contribution of friction effects in each direction of sliding, A; for the continuous
+        law only.
     carried : float
         Current of other effects, A; of all effects for the other laws.
     """
@@ -86,7 +84,7 @@ def decide(p: Any, s: Any, direction: float, forward: float, backward: float, ca
 @njit(cache=True)
 def observe_bank(p: np.ndarray, s: np.ndarray, time: float, position: np.ndarray,
                  velocity: np.ndarray, known: bool, usable: np.ndarray) -> None:
-    """Take in a sample of every joint; rows are joints."""
+    """Process a sample of every joint; rows are joints."""
     for j in range(len(p)):
         usable[j] = observe(p[j], s[j], time, position[j], velocity[j], known)
 

@@ -22,58 +22,60 @@ from friction_comp.model.friction_model import Breakaway, FrictionModel
 
 LAWS = {'none': NONE, 'kinetic': KINETIC, 'paper': PAPER, 'continuous': CONTINUOUS}
 
-# What a model may be wrong by: friction 1.10 times too large still leaves 1 % of it to the gear.
+# Margin for model errors: with a model 1.10 times the true friction, 1 % is still left to the gear.
 SHARE = 0.9
 SLOW_SHARE = 0.89
-# Near standstill friction is this rest's breakaway friction, which scatters: standard deviations
-# that the level stays below its mean once the joint has left its place of rest.
+# Near standstill friction equals the breakaway friction of this rest, which scatters: standard
+# deviations below the mean at which the level stays once the joint has left its position of rest.
 SCATTER_MARGIN = 3.0
-# The operator turns round over presliding and what that may be off by, at most so many times
-# presliding; so many where nobody says how sure it is.
+# The operator reverses over the presliding distance plus its uncertainty, at most this multiple of
+# presliding; this multiple where the uncertainty is unknown.
 LONGER = 1.5
-# Backlash of the operator as a share of its distance, beyond a count: against the vibration of a
-# joint that is held. What is known to be as long as presliding needs less.
+# Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
+# joint that a hand holds. Where presliding is known, less is needed.
 BACKLASH, KNOWN_BACKLASH = 0.15, 0.05
-# Presliding is known where it is so many counts long, and surer than this share: then a push shows
-# before the joint slides, and help that nobody announced rises as fast as this, s.
+# Presliding is known if it has at least this many counts and a relative standard deviation below
+# this. A push is then detected before the joint slides, and current without an announcement rises
+# within this time, s.
 KNOWN_COUNTS, KNOWN_STD = 10.0, 0.2
 KNOWN_TIME = 0.03
-# rad; where the model has no presliding distance. Geared joints were found to have 0.1 to 1 mrad.
+# rad; if the model has no presliding distance. Measured geared joints had 0.1 to 1 mrad.
 DEFAULT_PRESLIDING = 1e-3
 DEFAULT_RESOLUTION = 1e-5
 # rad/s: the note's range, and the slowest speed of a usual table.
 DEFAULT_FASTEST = math.radians(100.0)
 DEFAULT_SLOWEST = math.radians(1.0)
-# Beyond so much more than the identified speeds nothing is fed forward, and no sample believed
-# that asks for so many times those speeds.
+# Multiple of the identified speeds above which nothing is fed forward, and multiple above which a
+# sample is considered implausible.
 FADE = 1.25
 UNBELIEVABLE = 3.0
 # The current may exceed what identification measured by this factor.
 BOUND = 1.25
-# s within which the current may turn from full friction one way to full friction the other.
+# s within which the current may change from full friction in one direction to the other.
 TURN_TIME = 0.02
-# s within which friction's current may rise to full friction: in the direction announced, and in
-# one that was not.
+# s within which the friction current may rise to full friction: in the announced direction, and
+# without an announcement.
 RISE_TIME = 0.1
 ALONE_TIME = 0.3
-# s over which the preload rises, while the joint is slower than this, rad/s: a gear that gives much
-# would swing beyond it.
+# s over which the preload rises, and the speed in rad/s below which it does: a compliant gear would
+# overshoot.
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
-# s at rest after which the joint has borne its preload, and what is left of a level under which it
-# slipped; and of the preload's part that was there when it slipped early, which is seen late.
-BEAR_TIME = 0.3
+# s at rest after which the joint has held its preload; factor on a level under which it slipped;
+# and factor on the preload reached at an early slip, which is detected late.
+HOLD_TIME = 0.3
 LOWERED = 0.92
 EARLY = 0.8
-# R that a joint holds with breakaway friction; over as many again that goes.
-START_WAY = 3.0
-# The least that is left where the joint was faster than identified.
+# Distance in R from rest over which breakaway friction holds the joint; it fades over the same
+# distance again.
+START_DISTANCE = 3.0
+# Smallest trust after the joint was faster than identified.
 LEAST_TRUST = 0.5
-# The least that is left to a joint that gains speed after the start of its movement, or that loses
-# speed; how long it slides until then, and over how long its usual speed is averaged, s.
+# Smallest share left to a joint that gains or loses speed after the start of its movement; duration
+# of the start, and averaging time of the usual speed, s.
 LEAST_CHANGING = 0.95
 START_TIME = 0.5
-# Farther than this nobody has been pushed by accident, rad.
+# rad; no one is pushed farther than this by accident.
 MOVED = math.radians(1.0)
 SOFT_END = math.radians(5.0)
 
@@ -176,8 +178,8 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
     p['resolution'], p['distance'] = count, distance
     p['backlash'] = backlash * distance + count
     p['slip'] = 0.75 * distance + 4.0 * count
-    p['still_way'] = distance / 16.0 + 1.5 * count
-    p['start_way'], p['moved_way'] = START_WAY * distance, max(MOVED, 8.0 * distance)
+    p['still_distance'] = distance / 16.0 + 1.5 * count
+    p['start_distance'], p['moved_distance'] = START_DISTANCE * distance, max(MOVED, 8.0 * distance)
     p['lead_time'], p['lead_speed'] = LEAD_TIME, LEAD_SPEED
     if model.position_limits is not None:
         p['lowest'], p['highest'] = model.position_limits
@@ -187,7 +189,7 @@ def _set_distances(p: Any, model: FrictionModel) -> None:
 
 
 def _set_turning(p: Any, model: FrictionModel) -> None:
-    """Note the friction of effects that turns round over a longer distance than presliding."""
+    """Set the friction of effects that reverse over a longer distance than presliding."""
     p['turning_distance'] = p['distance']
     for effect in model.effects:
         turning = None if effect.why_left_out() else effect.turning()
@@ -200,7 +202,7 @@ def _set_times(p: Any, model: FrictionModel) -> None:
     p['rest_time'] = 0.15
     p['rise_time'], p['alone_time'] = RISE_TIME, ALONE_TIME
     p['push_time'] = KNOWN_TIME if knows_presliding(model) else ALONE_TIME
-    p['bear_time'] = BEAR_TIME
+    p['hold_time'] = HOLD_TIME
     p['bad_time'] = 0.02
     p['start_time'] = START_TIME
 

@@ -12,8 +12,7 @@ import numpy as np
 
 NONE, KINETIC, PAPER, CONTINUOUS = range(4)
 FREE, LEADING, HELD = range(3)
-"""The continuous law follows displacement; leads the preload of a joint at rest; holds it."""
-
+"""The continuous law follows displacement; raises the preload of a joint at rest; holds it."""
 
 KNOTS = 16
 
@@ -31,10 +30,11 @@ PARAMETERS = _record(
     # Shares.
     'gain share slow_share lowered early least_trust least_changing '
     # Distances in rad.
-    'distance turning_distance backlash slip still_way start_way moved_way resolution '
+    'distance turning_distance backlash slip still_distance start_distance moved_distance '
+    'resolution '
     'lowest highest soft_end '
     # Times in s.
-    'rest_time bear_time lead_time rise_time alone_time push_time start_time bad_time '
+    'rest_time hold_time lead_time rise_time alone_time push_time start_time bad_time '
     'sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
     'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
@@ -44,19 +44,19 @@ PARAMETERS = _record(
 """Parameters of one joint."""
 
 STATE = _record(
-    # The last sample that was believed, the last one seen, and the last stamp that leapt; s, rad,
-    # rad/s.
+    # The last sample used, the last one received, and the last stamp that jumped; s, rad, rad/s.
     'time step position seen half_speed speed leapt '
-    # The operator: z in -1..1, what takes longer to turn round, place of the backlash in rad.
-    'z turned backlash_place '
-    # Rest: since when and where it stands, where it rested, where leading began; s and rad.
-    'still_time still_place home mark ramp creeping '
+    # The operator: z in -1..1, the element that reverses over a longer distance, position behind
+    # the backlash in rad.
+    'z turned backlash_position '
+    # Rest: how long, where the joint is, where it rested, where leading began; s and rad.
+    'still_time still_position rest_position lead_position ramp creeping '
     # Change of speed: averaged speed in rad/s, the lowest and the usual one since the start, s of
     # sliding, the share withheld.
     'pace slowest usual sliding withheld '
-    # What the guards took back: shares 0..1, s of doubt.
-    'borne bears opposed doubt contradiction '
-    # The direction announced last, and s of changes that are not forgotten yet.
+    # Share of the preload held at this rest, trust in the drive, shares 0..1; s of doubt.
+    'preload_share trust opposed doubt contradiction '
+    # The direction announced last, and its recent changes, s.
     'direction changes '
     # Output in A and its parts.
     'current friction kinetic breakaway bump '

@@ -1,11 +1,10 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The current that a model's further effects add at one sample.
+"""Computes the currents of a model's effects at one sample.
 
-Friction (`RESISTS`) goes through the law's operator, so what counts is its size in either
-direction of sliding. What carries (gravity, cogging) is added outside. Breakaway currents are
-measured at one place of the joint; where effects change from place to place, the level moves with
-them.
+Friction effects (`RESISTS`) go through the law's operator, which needs their current in each
+direction of sliding. The other effects (gravity, cogging) are added outside the operator. Breakaway
+currents are measured at one position of the joint; effects that depend on position shift them.
 """
 
 from __future__ import annotations
@@ -19,23 +18,23 @@ from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.model.effects.scene import CARRIES, RESISTS
 from friction_comp.model.friction_model import FrictionModel
 
-_ARM = {'rigid_body', 'coupling'}
+_ARM_SIGNALS = {'rigid_body', 'coupling'}
 _FULL_TURN = 2.0 * math.pi
 
 
-class Asked(NamedTuple):
-    """The currents that a joint's effects add, A.
+class Currents(NamedTuple):
+    """The currents of a joint's effects, A.
 
     Attributes
     ----------
     forward, backward : float
         Friction's current in the positive and the negative direction of sliding.
     carried : float
-        What is asked for whatever the direction.
+        Current that does not depend on the direction.
     shifts : tuple of float
-        What to add to the breakaway currents' magnitudes here.
+        Corrections of the magnitudes of the breakaway currents at this position.
     missing : list of (str, tuple of str)
-        Effects left out, with the signals that are unknown; none where the value is not finite.
+        Effects left out, with the missing signals; no signals if the value is not finite.
     """
 
     forward: float
@@ -45,8 +44,8 @@ class Asked(NamedTuple):
     missing: list[tuple[str, tuple[str, ...]]]
 
 
-class EffectsHere:
-    """The effects of one joint's model, as they are fed back.
+class EffectCurrents:
+    """The effects of one joint's model that are applied.
 
     Parameters
     ----------
@@ -58,8 +57,8 @@ class EffectsHere:
     ----------
     terms : list of (Effect, LiveTerm)
         Those that are applied.
-    measured_at : tuple of float, or None
-        Where the breakaway currents were measured, positive and negative, rad.
+    breakaway_positions : tuple of float, or None
+        Positions at which the positive and negative breakaway currents were measured, rad.
     """
 
     def __init__(self, model: FrictionModel, why_left_out: Callable[[Effect], str]) -> None:
@@ -67,10 +66,10 @@ class EffectsHere:
         self.terms: list[tuple[Effect, LiveTerm]] = [
             (effect, term) for effect, term in pairs if term is not None]
         both = model.breakaway
-        self.measured_at: tuple[float, float] | None = None
+        self.breakaway_positions: tuple[float, float] | None = None
         if both is not None and both.positive_position is not None and (
                 both.negative_position is not None):
-            self.measured_at = (both.positive_position, both.negative_position)
+            self.breakaway_positions = (both.positive_position, both.negative_position)
 
     def __len__(self) -> int:
         return len(self.terms)
@@ -80,8 +79,8 @@ class EffectsHere:
         for _, term in self.terms:
             term.reset()
 
-    def ask(self, time: float, position: float, speed: float,
-            signals: dict[str, float | None]) -> Asked:
+    def by_direction(self, time: float, position: float, speed: float,
+            signals: dict[str, float | None]) -> Currents:
         """Return the currents of the effects for the continuous law.
 
         Parameters
@@ -89,7 +88,7 @@ class EffectsHere:
         time, position, speed : float
             s, rad, rad/s.
         signals : dict
-            ``temperature``, ``load``, ``rigid_body`` and ``coupling``, None where not known.
+            ``temperature``, ``load``, ``rigid_body`` and ``coupling``, None if unknown.
         """
         forward = backward = carried = 0.0
         shifts, missing = [0.0, 0.0], []
@@ -111,11 +110,11 @@ class EffectsHere:
             carried += parts[2]
             for side, value in enumerate(self._shift(effect, term, time, position, signals)):
                 shifts[side] += value
-        return Asked(forward, backward, carried, (shifts[0], shifts[1]), missing)
+        return Currents(forward, backward, carried, (shifts[0], shifts[1]), missing)
 
     def total(self, time: float, position: float, speed: float,
-              signals: dict[str, float | None]) -> Asked:
-        """Return the effects' sum as `carried`, for the laws that know no operator."""
+              signals: dict[str, float | None]) -> Currents:
+        """Return the sum of the effects as `carried`, for the laws without an operator."""
         total, shifts, missing = 0.0, [0.0, 0.0], []
         for effect, term in self.terms:
             unknown = tuple(name for name in term.needs if signals[name] is None)
@@ -126,23 +125,22 @@ class EffectsHere:
             total += value
             for side, value in enumerate(self._shift(effect, term, time, position, signals)):
                 shifts[side] += value
-        return Asked(0.0, 0.0, total, (shifts[0], shifts[1]), missing)
+        return Currents(0.0, 0.0, total, (shifts[0], shifts[1]), missing)
 
     def _shift(self, effect: Effect, term: LiveTerm, time: float, position: float,
                signals: dict[str, float | None]) -> tuple[float, float]:
-        """Return how much more the joint bears here than where its breakaway was measured, A."""
-        # Neither a term with a memory nor the arm can be asked what it would be elsewhere.
-        if self.measured_at is None or term.sees_history or _ARM & set(term.needs):
+        """Return by how much breakaway is larger here than where it was measured, A."""
+        # Terms with memory, and torques of the whole arm, cannot be evaluated at another position.
+        if self.breakaway_positions is None or term.has_memory or _ARM_SIGNALS & set(term.needs):
             return 0.0, 0.0
         shifts = []
-        for elsewhere, sign in zip(self.measured_at, (1.0, -1.0)):
+        for elsewhere, sign in zip(self.breakaway_positions, (1.0, -1.0)):
             if effect.role == CARRIES:
-                # It is applied at rest as it is, so the level that was measured against it is rid
-                # of it.
+                # It is applied at rest anyway, so it is removed from the level measured with it.
                 shifts.append(-sign * term.update(time, elsewhere, 0.0, **signals))
                 continue
             here, there = (term.both_sides(time, x, 0.0, **signals) for x in (position, elsewhere))
-            # What does not change sign with the direction was borne at the place, too.
+            # The part that does not depend on the direction acted there as well.
             shifts.append(0.5 * (here[0] - here[1] - there[0] + there[1]))
         positive, negative = (value if math.isfinite(value) else 0.0 for value in shifts)
         return positive, negative
@@ -150,12 +148,12 @@ class EffectsHere:
     def largest(self, speed: float) -> tuple[float, float]:
         """Return the largest currents of the effects that resist, and of the others, A.
 
-        Within a turn of the joint and up to a speed in rad/s; what depends on signals that come
-        only later counts with its coefficients.
+        Within a turn of the joint and up to a speed in rad/s. Effects of signals that are not known
+        yet count with the sum of their coefficients.
         """
         friction = carried = 0.0
         for effect, _ in self.terms:
-            # A term of its own, for asking changes what has a memory.
+            # A new term, since evaluation changes terms with memory.
             term = LiveTerm(effect)
             if term.needs:
                 most = sum(map(abs, effect.coefficients))
