@@ -25,7 +25,7 @@ _FADE = 0.05
 # The transition ends at this difference of current, A.
 _FADE_END = 1e-7
 # Silence after which the driver may have been restarted, with another zero position, s.
-GONE = 1.0
+RESTART_SILENCE = 1.0
 # Real s without another commander after which a new one is a latched fault.
 ALONE = 3.0
 # Largest ratio of velocity and rate of position, which smoothing and delay change too, and number
@@ -49,7 +49,7 @@ class CompensationLoop:
         Age or silence of joint states that leads to zero current, ns.
     direction_timeout : float
         s.
-    rests : bool
+    simulated : bool
         Whether time may stop, as in a simulation: silence then does not mean that the driver is
         gone.
     clock : callable
@@ -57,11 +57,11 @@ class CompensationLoop:
     """
 
     def __init__(self, joints: list[str], law: Any, port: CommandPort, faults: Faults,
-                 timeout: int, direction_timeout: float, rests: bool = False,
+                 timeout: int, direction_timeout: float, simulated: bool = False,
                  clock: Callable[[], float] = time.monotonic) -> None:
         self._joints = joints
         self.law, self.port, self.faults = law, port, faults
-        self.rests, self._clock = rests, clock
+        self.simulated, self._clock = simulated, clock
         self.states = JointStateInput(joints, timeout)
         self.direction = Direction(joints, direction_timeout)
         self.temperature = MotorTemperature(joints)
@@ -87,7 +87,7 @@ class CompensationLoop:
             _VELOCITY_FACTOR, _VELOCITY_BLOCKS, model.drive.position_resolution or 0.0)
             for model in self.law.models]
         if others:
-            self.look_around(others)
+            self.check_commanders(others)
 
     def changed(self) -> None:
         """Continue from the present current after a change of law or model."""
@@ -117,7 +117,7 @@ class CompensationLoop:
         received, sent : int
             When the message was received and sent, system time in ns.
         sequence : int
-            Its publisher's number of it; 0 where the middleware gives none.
+            Sequence number of its publisher; 0 if the middleware has none.
         """
         if self.yields or not self.port.ready:
             return
@@ -126,18 +126,18 @@ class CompensationLoop:
         verdict = states.take(message, now, received, sequence)
         if verdict == joint_states.NEW:
             if self._silent_since is not None:
-                self._end_silence()
+                self._end_silence(self._clock() - self._silent_since)
             self.watchdog.feed()
-            self.port.answer(self._currents(), ticket, states.stamp if self.rests else 0)
+            self.port.answer(self._currents(), ticket, states.stamp if self.simulated else 0)
             self._compare_velocities()
         elif verdict == joint_states.AGAIN:
             if self.port.is_lost(sent):
                 self.port.repeat()
         elif verdict == joint_states.PART:
             if not states.stamp:
-                self.faults.seen('missing', f'joint_states lack {", ".join(states.missing)}')
+                self.faults.report('missing', f'joint_states lack {", ".join(states.missing)}')
         elif verdict != joint_states.LATE:
-            self.faults.seen(verdict, states.wrong)
+            self.faults.report(verdict, states.wrong)
             self.port.answer(self._zeros, ticket)
 
     def take_direction(self, values: Any, now: int) -> None:
@@ -154,7 +154,7 @@ class CompensationLoop:
             self._refuse_direction()
 
     def _refuse_direction(self) -> None:
-        self.faults.seen(
+        self.faults.report(
             'direction', f'a direction was counted as 0: {self.direction.why}', WARN)
 
     # The current.
@@ -186,7 +186,7 @@ class CompensationLoop:
         if wrong:
             usable = np.broadcast_to(usable, len(position)).copy()
             usable[wrong] = False
-            self.faults.seen('velocity', '; '.join(
+            self.faults.report('velocity', '; '.join(
                 f'{self._joints[j]}: {self._velocities[j].fault}' for j in wrong))
         if self.faults.latched:
             return self._zeros
@@ -206,18 +206,19 @@ class CompensationLoop:
     def _report_unusable(self) -> np.ndarray:
         """Report why joints cannot be used; return which can, bool, shape (J,)."""
         states, joints = self.states, self._joints
-        usable = np.isfinite(states.position)
+        signals, usable = {'position': states.position}, np.isfinite(states.position)
         if states.velocity is not None:
+            signals['velocity'] = states.velocity
             usable &= np.isfinite(states.velocity)
         if states.missing:
-            self.faults.seen('missing', f'joint_states lack {", ".join(states.missing)}')
+            self.faults.report('missing', f'joint_states lack {", ".join(states.missing)}')
         elif not usable.all():
-            self.faults.seen('values', 'joint_states hold values that are not finite, or too few')
-        for signal, values in (('position', states.position), ('velocity', states.velocity)):
-            for j in () if values is None else np.flatnonzero(usable & beyond(signal, values)):
+            self.faults.report('values', 'joint_states hold values that are not finite, or too few')
+        for signal, values in signals.items():
+            for j in np.flatnonzero(usable & beyond(signal, values)):
                 usable[j] = False
-                self.faults.seen(f'{signal} of {joints[j]}', f'{joints[j]}: a {signal} of '
-                                 f'{values[j]:.3g} {LIMITS[signal][1]} is impossible')
+                self.faults.report(f'{signal} of {joints[j]}', f'{joints[j]}: a {signal} of '
+                                   f'{values[j]:.3g} {LIMITS[signal][1]} is impossible')
         return usable
 
     def _compare_velocities(self) -> None:
@@ -252,17 +253,17 @@ class CompensationLoop:
         self.port.zero()
         self._was_driving = drove
         self._silent_since = self._clock()
-        self.faults.seen('silence', 'no joint_states, or none that are new', lasting=True)
+        self.faults.report('silence', 'no joint_states, or none that are new', lasting=True)
 
-    def _end_silence(self) -> None:
-        silence = self._clock() - self._silent_since
+    def _end_silence(self, silence: float) -> None:
+        """Record that joint states arrive again, after s of silence."""
         self._silent_since = None
-        self.faults.gone('silence')
-        if self._was_driving and silence > GONE and not self.rests:
+        self.faults.end('silence')
+        if self._was_driving and silence > RESTART_SILENCE and not self.simulated:
             self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
                               'motor was driven: the driver may have been restarted')
 
-    def look_around(self, others: Sequence[str]) -> None:
+    def check_commanders(self, others: Sequence[str]) -> None:
         """Check for other publishers of the command; to be called often.
 
         A publisher that appears while this node commands is a latched fault. One that was there
@@ -271,7 +272,7 @@ class CompensationLoop:
         now = self._clock()
         self._report_doubt()
         self._report_dispute()
-        self.faults.look()
+        self.faults.expire()
         if not others:
             self._alone_since = self._alone_since or now
             self.yields = False
@@ -279,7 +280,7 @@ class CompensationLoop:
         text = f'{", ".join(others)} may command the motor too'
         if self._alone_since is not None and now - self._alone_since > ALONE:
             self.faults.latch('commander', text)
-        self.faults.seen('commander', text)
+        self.faults.report('commander', text)
         self._alone_since = None
         if not self.yields:
             self.yields = True
@@ -292,22 +293,22 @@ class CompensationLoop:
         guards = self.law.guards
         doubtful = [joint for joint, doubt in zip(self._joints, guards['in doubt']) if doubt]
         if doubtful and self._silent_since is None:
-            self.faults.seen('doubt', f'{", ".join(doubtful)}: no current, since '
-                             'the position jumps or the velocity contradicts it')
+            self.faults.report('doubt', f'{", ".join(doubtful)}: no current, since '
+                               'the position jumps or the velocity contradicts it')
         reduced = [joint for joint, share in zip(self._joints, guards['taken back'])
                    if share > _REPORTED_LOSS]
         if reduced:
-            self.faults.seen('lost friction', f'{", ".join(reduced)}: less current, since the '
-                             'drive slipped under its preload or was faster than identified: its '
-                             'friction may have decreased; identify it again', WARN)
+            self.faults.report('lost friction', f'{", ".join(reduced)}: less current, since the '
+                               'drive slipped under its preload or was faster than identified: its '
+                               'friction may have decreased; identify it again', WARN)
 
     def _report_dispute(self) -> None:
         disputed = self.direction.disputed(self.states.stamp)
         if disputed:
-            self.faults.seen('planners', f'the direction of {", ".join(disputed)} counts as 0: '
-                             f'{", ".join(self.direction.planners)} contradict each other')
+            self.faults.report('planners', f'the direction of {", ".join(disputed)} counts as 0: '
+                               f'{", ".join(self.direction.planners)} contradict each other')
 
-    def leave(self) -> None:
+    def stop(self) -> None:
         """Command zero current and stop watching."""
         self.watchdog.rest()
         self.port.zero()

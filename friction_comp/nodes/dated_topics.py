@@ -112,7 +112,7 @@ class DatedTopics:
 
     def _check_publishers(self) -> None:
         for topic in self.topics.values():
-            topic.look()
+            topic.check_publishers()
 
     def finish(self) -> None:
         """Process all messages that have arrived or are waiting."""

@@ -73,10 +73,11 @@ class DemoClient:
         for status in message.status:
             # As diagnostic_updater names it: 'node: task'.
             name = status.name.partition(':')[0]
-            self._status[name] = {item.key: item.value for item in status.values}
+            self._status[name] = {'hardware_id': status.hardware_id,
+                                  **{item.key: item.value for item in status.values}}
 
     def value(self, node: str, key: str) -> str | None:
-        """Return the last value of a key in a node's diagnostics, or None."""
+        """Return the last value of a key in a node's diagnostics or its hardware_id, or None."""
         return self._status.get(node, {}).get(key)
 
     def forget(self, node: str) -> None:

@@ -5,14 +5,13 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 import math
 from time import monotonic
 from typing import Any
 
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
@@ -24,7 +23,7 @@ from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
 from friction_comp.nodes.joint_io import input_qos, RELIABLE
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_joints
+from friction_comp.nodes.parameters import declare, declare_choice, declare_joints
 
 # Discovery may finish at different times at both ends of a connection; real s.
 _DISCOVERY_TIME = 0.5
@@ -44,9 +43,26 @@ class ExerciseNode(Node):
     def __init__(self) -> None:
         super().__init__('exercise')
         self.finished = False
-        self.fast_timers: Sequence[Any] = ()
         self._joints = declare_joints(self)
         qos = input_qos(self)
+        rate = self._declare()
+        self._start: int | None = None
+        # Of the last reference, since the start, s.
+        self._time: float | None = None
+        self._connected_since: float | None = None
+        self._last: int | None = None
+        self._first: int | None = None
+        self._values = [0] * len(self._joints)
+        self._columns = JointColumns(self._joints)
+        self._origin: np.ndarray | None = None
+        # Several drivers may each publish some of the joints.
+        self._received = np.full(len(self._joints), np.nan)
+        self._named_joints: set[str] = set()
+        self._reports = 0
+        self._connect(qos, rate)
+
+    def _declare(self) -> float:
+        """Declare the parameters; return the references per second of a timer."""
         self._movement = self._declare_movement()
         self._moving = self._declare_moving()
         file = declare(
@@ -54,31 +70,22 @@ class ExerciseNode(Node):
             "instead of the note's movement", read_only=True)
         self._script = load_exercise(file).of(self._joints) if file else None
         self._duration = (self._script or self._movement).duration
-        self._when_done = declare(
-            self, 'when_done', 'hold', 'after the last repetition: hold the joints at their '
-            'initial positions, or exit', read_only=True, constraints='hold or exit')
-        if self._when_done not in ('hold', 'exit'):
-            raise InputError(
-                f'parameter when_done: must be hold or exit, not {self._when_done!r}')
+        self._when_done = declare_choice(
+            self, 'when_done', ('hold', 'exit'), 'after the last repetition: hold the joints at '
+            'their initial positions, or exit')
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
-            'subscriptions to the direction that must be there before the exercise begins',
+            'subscriptions to the direction that must exist before the exercise begins',
             0, 1000, read_only=True)
         rate = declare(self, 'rate', 100.0, 'references per second of the node clock [Hz]', 1.0,
                        1000.0, read_only=True)
-        clock = declare(
-            self, 'clock', 'timer', 'timer: at `rate` by the node clock; ticks: once for each '
-            'tick of /clock', read_only=True, constraints='timer or ticks')
-        if clock not in ('timer', 'ticks'):
-            raise InputError(f'parameter clock: must be timer or ticks, not {clock!r}')
-
-        self._start: int | None = None
-        self._connected_since: float | None = None
-        self._last: int | None = None
-        self._first: int | None = None
+        clock = declare_choice(
+            self, 'clock', ('timer', 'ticks'), 'timer: at `rate` by the node clock; ticks: once '
+            'for each tick of /clock')
         self._ticking = clock == 'ticks'
-        self._values = [0] * len(self._joints)
-        self._columns = JointColumns(self._joints)
+        return float(rate)
+
+    def _connect(self, qos: QoSProfile, rate: float) -> None:
         self._reference = JointState(name=list(self._joints))
         self._direction = Int8MultiArray()
         self._direction.layout.dim = [MultiArrayDimension(
@@ -86,11 +93,6 @@ class ExerciseNode(Node):
         self._references = self.create_publisher(JointState, 'reference', RELIABLE)
         self._directions = self.create_publisher(Int8MultiArray, 'direction', RELIABLE)
         Diagnostics(self, self._report, ', '.join(self._joints), 'exercise')
-        self._origin: np.ndarray | None = None
-        # Several drivers may each publish some of the joints.
-        self._received = np.full(len(self._joints), np.nan)
-        self._named_joints: set[str] = set()
-        self._reports = 0
         self._origin_subscription = self.create_subscription(
             JointState, 'joint_states', self._on_joint_states, qos)
         if self._ticking:
@@ -190,7 +192,7 @@ class ExerciseNode(Node):
     def _publish(self, time: float) -> None:
         position, velocity, direction = self._at(time)
         values = direction.astype(int).tolist()
-        self._values = values
+        self._time, self._values = time, values
         self._direction.data = array('b', values)
         # Before the reference: see the class.
         self._directions.publish(self._direction)
@@ -208,9 +210,9 @@ class ExerciseNode(Node):
         return tuple(value * self._moving for value in self._movement.at(time))
 
     def _report(self) -> Any:
-        if self._start is None:
+        if self._time is None:
             return WARN, self._describe_wait(), {}
-        time = (self._last - self._start) / NANO
+        time = self._time
         position, velocity, _ = self._at(time)
         values = {
             'time [s]': time, 'duration [s]': self._duration,

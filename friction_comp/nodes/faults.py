@@ -45,7 +45,7 @@ class Faults:
         self._lock = threading.RLock()
         self.count = 0
 
-    def seen(self, cause: str, text: str, level: bytes = ERROR, lasting: bool = False) -> None:
+    def report(self, cause: str, text: str, level: bytes = ERROR, lasting: bool = False) -> None:
         """Report a fault that is present now.
 
         Parameters
@@ -56,7 +56,7 @@ class Faults:
         level : bytes
             WARN or ERROR.
         lasting : bool
-            Whether it lasts until `gone` is called.
+            Whether it lasts until `end` is called.
         """
         now = self._clock()
         with self._lock:
@@ -68,7 +68,7 @@ class Faults:
             self.count += 1
         self._log(level, text)
 
-    def gone(self, cause: str) -> None:
+    def end(self, cause: str) -> None:
         """Record that a lasting fault has ended."""
         with self._lock:
             fault = self._faults.get(cause)
@@ -92,7 +92,7 @@ class Faults:
             self._logger.info(f'reset: {text}')
         return texts
 
-    def look(self) -> None:
+    def expire(self) -> None:
         """End faults that are no longer reported; to be called regularly."""
         now, ended = self._clock(), []
         with self._lock:

@@ -1,16 +1,21 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Converts between action messages and the types of the procedures."""
+"""The goals of the node identification: from the action message to the run and its result."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
 import math
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.task import Future
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.run import IdentificationGoal, IdentificationRun
+from friction_comp.identification.supervised_run import SupervisedRun
 from friction_comp.identification.trajectory_run import TrajectoryGoal
 from friction_comp.nodes.parameters import declare
 
@@ -18,7 +23,67 @@ from friction_comp.nodes.parameters import declare
 DEFAULT_SPEEDS = [math.radians(v) for v in (4.0, 8.0, 15.0, 25.0, 40.0, 60.0, 80.0, 100.0)]
 
 
-def declare_defaults(node: Any) -> Any:
+@dataclass(frozen=True)
+class Action:
+    """One action of the node.
+
+    Parameters
+    ----------
+    kind : type
+        Action type.
+    name : str
+    goal : callable
+        Converts a request to (joint index, goal); raises InputError.
+    run : callable
+        Creates the run from goal and drive.
+    finish : callable
+        Called with finished run, joint index and result message, which it fills.
+    """
+
+    kind: Any
+    name: str
+    goal: Callable[[Any], tuple[int, Any]]
+    run: Callable[[Any, Any], SupervisedRun]
+    finish: Callable[[SupervisedRun, int, Any], None]
+
+
+@dataclass
+class RunningGoal:
+    """A goal while its joint is moved.
+
+    Parameters
+    ----------
+    action : Action
+    handle : rclpy.action.server.ServerGoalHandle
+    index : int
+        Of the joint.
+    joint : str
+    run : SupervisedRun
+    end : Future
+        Completed with how the goal ended (done, canceled or aborted) and a message.
+    started : int or None
+        Stamp of the first joint state, ns.
+    last_feedback : float
+        Real time, s.
+    had_client : bool
+        Whether a client has waited for the result.
+    silent : bool
+        Whether joint states are silent.
+    """
+
+    action: Action
+    handle: Any
+    index: int
+    joint: str
+    run: SupervisedRun
+    end: Future = field(default_factory=Future)
+    started: int | None = None
+    last_feedback: float = -math.inf
+    had_client: bool = False
+    silent: bool = False
+
+
+def declare_defaults(node: Any) -> dict[str, Any]:
     """Declare the defaults of a goal's empty or zero fields and return them as a dict."""
     speeds = node.declare_parameter(
         'default_speeds', DEFAULT_SPEEDS, ParameterDescriptor(
@@ -39,7 +104,8 @@ def declare_defaults(node: Any) -> Any:
             1, 100_000, read_only=True)}
 
 
-def make_goal(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
+def make_goal(request: Any, joints: list[str], drives: list[Drive],
+              defaults: dict[str, Any]) -> tuple[int, IdentificationGoal]:
     """Convert a goal message to (joint index, IdentificationGoal).
 
     Parameters
@@ -58,16 +124,14 @@ def make_goal(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
     if request.joint and request.joint not in joints:
         raise InputError(f'unknown joint {request.joint!r}; known: {", ".join(joints)}')
     index = joints.index(request.joint) if request.joint else 0
-    fields = {}
-    for name, default in defaults.items():
-        value = getattr(request, name)
-        fields[name] = default if len_or_value(value) == 0 else value
+    fields = {name: getattr(request, name) or default for name, default in defaults.items()}
     goal = IdentificationGoal(**dict(fields, speeds=tuple(fields['speeds'])))
     goal.check(drives[index])
     return index, goal
 
 
-def make_trajectory(request: Any, joints: Any, drives: Any, defaults: Any) -> Any:
+def make_trajectory(request: Any, joints: list[str], drives: list[Drive],
+                    defaults: dict[str, Any]) -> tuple[int, TrajectoryGoal]:
     """Convert a PlayTrajectory goal to (joint index, TrajectoryGoal).
 
     Parameters
@@ -98,11 +162,6 @@ def make_trajectory(request: Any, joints: Any, drives: Any, defaults: Any) -> An
     return index, goal
 
 
-def len_or_value(value: Any) -> Any:
-    """Return a number unchanged, or the length of a sequence."""
-    return value if isinstance(value, (int, float)) else len(value)
-
-
 def fill_result(message: Any, result: Any) -> None:
     """Copy an IdentificationResult into an IdentifyFriction.Result."""
     message.speeds = [float(value) for value in result.speeds]
@@ -116,7 +175,7 @@ def fill_result(message: Any, result: Any) -> None:
     message.breakaway_negative_std = float(breakaway.negative_std)
 
 
-def compile_ahead(drive: Any) -> None:
+def compile_ahead(drive: Drive) -> None:
     """Import and compile everything a goal needs before the first one arrives."""
     goal = IdentificationGoal(
         speeds=(0.4, 0.8), ramp_slope=drive.current_limit / 10.0, ramp_period=1.0)

@@ -8,8 +8,6 @@ the joint, and end with zero current after every fault.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 import functools
 import math
 from pathlib import Path
@@ -21,22 +19,23 @@ from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.task import Future
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState, Temperature
 
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder
 from friction_comp.identification.run import IdentificationRun
-from friction_comp.identification.supervised_run import SupervisedRun
 from friction_comp.identification.trajectory_run import TrajectoryRun
 from friction_comp.nodes import joint_states
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
 from friction_comp.nodes.goals import (
+    Action,
     compile_ahead,
     declare_defaults,
     fill_result,
     make_goal,
     make_trajectory,
+    RunningGoal,
 )
 from friction_comp.nodes.joint_io import (
     command_interface,
@@ -58,30 +57,6 @@ _CHECK_PERIOD = 0.1
 _MAX_AGE = 2.0
 
 
-@dataclass(frozen=True)
-class Action:
-    """One action of the node.
-
-    Parameters
-    ----------
-    kind : type
-        Action type.
-    name : str
-    goal : callable
-        Converts a request to (joint index, goal); raises InputError.
-    run : callable
-        Creates the run from goal and drive.
-    finish : callable
-        Called with finished run, joint name and result message, which it fills.
-    """
-
-    kind: Any
-    name: str
-    goal: Callable[[Any], tuple[int, Any]]
-    run: Callable[[Any, Any], SupervisedRun]
-    finish: Callable[[Any, str, Any], None]
-
-
 class IdentificationNode(Node):
     """Serves one goal at a time; a second one is rejected while the first runs.
 
@@ -90,7 +65,6 @@ class IdentificationNode(Node):
     """
 
     finished = False
-    fast_timers = ()
 
     def __init__(self) -> None:
         super().__init__('identification')
@@ -119,14 +93,14 @@ class IdentificationNode(Node):
         self._watchdog = Watchdog(timeout, self._on_silence).start()
         self._rate = Rate()
         self._received = self._fresh = -math.inf
-        self._busy = self._silent = False
-        self._run: SupervisedRun | None = None
-        self._done: Future | None = None
-        self._started: int | None = None
-        self._last_feedback: float | None = None
+        self._busy = False
+        self._goal: RunningGoal | None = None
         self._last_end = ''
         self._refused = ''
         compile_ahead(self._drives[0])
+        self._connect(qos)
+
+    def _connect(self, qos: QoSProfile) -> None:
         self.create_subscription(Temperature, 'motor_temperature', self._on_temperature, qos)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
         self.create_timer(
@@ -135,8 +109,7 @@ class IdentificationNode(Node):
             Action(IdentifyFriction, 'identify_friction', self._identification_goal,
                    IdentificationRun, self._finish_identification),
             Action(PlayTrajectory, 'play_trajectory', self._trajectory_goal, TrajectoryRun,
-                   _finish_trajectory))
-        self._active_action = self._actions[0]
+                   self._finish_trajectory))
         self._servers = [ActionServer(
             self, action.kind, action.name, functools.partial(self._execute, action),
             goal_callback=functools.partial(self._on_goal, action),
@@ -147,13 +120,10 @@ class IdentificationNode(Node):
 
     def _identification_goal(self, request: Any) -> tuple[int, Any]:
         check_folder(self.get_parameter('output_folder').value)
-        goal: tuple[int, Any] = make_goal(request, self._joints, self._drives, self._defaults)
-        return goal
+        return make_goal(request, self._joints, self._drives, self._defaults)
 
     def _trajectory_goal(self, request: Any) -> tuple[int, Any]:
-        goal: tuple[int, Any] = make_trajectory(
-            request, self._joints, self._drives, self._defaults)
-        return goal
+        return make_trajectory(request, self._joints, self._drives, self._defaults)
 
     def _on_goal(self, action: Action, request: Any) -> Any:
         try:
@@ -191,19 +161,16 @@ class IdentificationNode(Node):
     async def _execute(self, action: Action, goal_handle: Any) -> Any:
         result = action.kind.Result()
         try:
-            self._active_action = action
-            self._index, goal = action.goal(goal_handle.request)
-            joint = self._joints[self._index]
-            self._goal_handle = goal_handle
-            self._started = self._last_feedback = None
-            self._done, self._silent, self._had_client = Future(), False, False
+            index, request = action.goal(goal_handle.request)
             self._states.forget()
             self._port.open()
-            run = self._run = action.run(goal, self._drives[self._index])
-            self.get_logger().info(f'{action.name}: moves {joint}')
-            end, result.message = await self._done
+            goal = self._goal = RunningGoal(
+                action, goal_handle, index, self._joints[index],
+                action.run(request, self._drives[index]))
+            self.get_logger().info(f'{action.name}: moves {goal.joint}')
+            end, result.message = await goal.end
             if end == 'done':
-                action.finish(run, joint, result)
+                action.finish(goal.run, index, result)
         except InputError as error:
             end, result.message = 'aborted', str(error)
         except Exception:
@@ -224,25 +191,28 @@ class IdentificationNode(Node):
             goal_handle.abort()
         return result
 
-    def _finish_identification(self, run: Any, joint: str, result: Any) -> None:
+    def _finish_identification(self, run: Any, index: int, result: Any) -> None:
         """Fit the model, write its file, and fill the result."""
-        outcome = run.result()
+        outcome, joint = run.result(), self._joints[index]
         path = Path(self.get_parameter('output_folder').value) / f'{joint}.yaml'
         path = path.absolute()
-        outcome.model(self._drives[self._index], joint).save(path)
+        outcome.model(self._drives[index], joint).save(path)
         fill_result(result, outcome)
         result.model_file = str(path)
         result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
-    def _end(self, end: Any, message: Any) -> None:
+    def _finish_trajectory(self, run: Any, index: int, result: Any) -> None:
+        result.message = f'moved {self._joints[index]} along the trajectory'
+
+    def _end(self, end: str, message: str) -> None:
         """End the present run, if any: first zero current, then the result."""
-        if self._run is None:
+        goal, self._goal = self._goal, None
+        if goal is None:
             return
-        run, self._run = self._run, None
         self._watchdog.rest()
         self._port.zero()
-        run.abort(message)
-        self._done.set_result((end, message))
+        goal.run.abort(message)
+        goal.end.set_result((end, message))
 
     # Topics.
 
@@ -254,7 +224,7 @@ class IdentificationNode(Node):
         self._rate.tick()
         now = self.get_clock().now().nanoseconds
         simulated = self.get_clock().ros_time_is_active
-        if self._run is not None and not self._port.ready:
+        if self._goal is not None and not self._port.ready:
             return
         ticket = self._port.ticket
         verdict = self._states.take(
@@ -264,15 +234,18 @@ class IdentificationNode(Node):
         # While nobody commands, a simulation in lockstep repeats its last state.
         if verdict == joint_states.NEW or (verdict == joint_states.AGAIN and simulated):
             self._fresh = self._received
-        if self._run is None:
-            return
+        if self._goal is not None:
+            self._answer(self._goal, verdict, ticket, info['source_timestamp'])
+
+    def _answer(self, goal: RunningGoal, verdict: str, ticket: int, sent: int) -> None:
+        """Answer a joint state, or end the goal if that is not possible."""
         try:
             if verdict == joint_states.NEW:
-                self._silent = False
+                goal.silent = False
                 self._watchdog.feed()
-                self._measure(ticket)
+                self._measure(goal, ticket)
             elif verdict == joint_states.AGAIN:
-                if self._port.is_lost(info['source_timestamp']):
+                if self._port.is_lost(sent):
                     self._port.repeat()
             elif verdict in (joint_states.MALFORMED, joint_states.CONTESTED):
                 raise InputError(self._states.wrong)
@@ -282,12 +255,12 @@ class IdentificationNode(Node):
             self.get_logger().error(traceback.format_exc())
             self._end('aborted', 'an error in the node, see its log')
 
-    def _measure(self, ticket: Any) -> None:
-        """Answer one joint state."""
-        states, index = self._states, self._index
-        if self._started is None:
-            self._started = states.stamp
-        at = (states.stamp - self._started) / NANO
+    def _measure(self, goal: RunningGoal, ticket: int) -> None:
+        """Answer a new joint state with the current of the run."""
+        states, index, run = self._states, goal.index, goal.run
+        if goal.started is None:
+            goal.started = states.stamp
+        at = (states.stamp - goal.started) / NANO
         velocity = states.velocity
         sample = [
             float(states.position[index]),
@@ -295,51 +268,53 @@ class IdentificationNode(Node):
             float(states.effort[index]) * self._per_effort[index]]
         if not math.isfinite(sample[0]) or not math.isfinite(sample[2]):
             raise InputError(
-                f'joint_states hold no finite position and effort of {self._joints[index]}')
+                f'joint_states hold no finite position and effort of {goal.joint}')
         temperature = self._temperature.before(states.stamp)
-        current = self._run.update(
+        current = run.update(
             at, sample[0], sample[1], sample[2],
             None if temperature is None else float(temperature[index]))
         commands = [0.0] * len(self._joints)
-        commands[index] = 0.0 if self._run.finished else current
+        commands[index] = 0.0 if run.finished else current
         simulated = self.get_clock().ros_time_is_active
         self._port.answer(commands, ticket, states.stamp if simulated else 0)
-        self._publish_feedback(at, sample)
-        if self._run.finished:
+        self._publish_feedback(goal, at, sample)
+        if run.finished:
             self._end('done', '')
 
-    def _publish_feedback(self, at: Any, sample: Any) -> None:
+    def _publish_feedback(self, goal: RunningGoal, at: float, sample: list[float]) -> None:
         now = time.monotonic()
-        if self._last_feedback is not None and now - self._last_feedback < self._feedback_period:
+        if now - goal.last_feedback < self._feedback_period:
             return
-        self._last_feedback = now
-        feedback = self._active_action.kind.Feedback(
-            phase=self._run.phase, progress=float(self._run.progress),
-            remaining_seconds=float(self._run.remaining), time=at, position=sample[0],
-            velocity=sample[1], current=sample[2])
-        self._goal_handle.publish_feedback(feedback)
+        goal.last_feedback = now
+        goal.handle.publish_feedback(goal.action.kind.Feedback(
+            phase=goal.run.phase, progress=float(goal.run.progress),
+            remaining_seconds=float(goal.run.remaining), time=at, position=sample[0],
+            velocity=sample[1], current=sample[2]))
 
     def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
         self._port.zero()
-        self._silent = True
+        goal = self._goal
+        if goal is not None:
+            goal.silent = True
 
     def _check_connections(self) -> None:
         """Check the publishers, and end a goal whose client is gone."""
         self._states.publishers = rivals(self, 'joint_states')
-        if self._run is None:
+        goal = self._goal
+        if goal is None:
             return
         states = self.resolve_topic_name('joint_states')
-        client = self.resolve_service_name(f'{self._active_action.name}/_action/get_result')
+        client = self.resolve_service_name(f'{goal.action.name}/_action/get_result')
         others, clients = self._port.others(), self.count_clients(client)
-        self._had_client = self._had_client or clients > 0
+        goal.had_client = goal.had_client or clients > 0
         # Simulated time may stop: its last state then stays valid.
-        if self._silent and not self.get_clock().ros_time_is_active:
+        if goal.silent and not self.get_clock().ros_time_is_active:
             self._end('aborted', 'joint_states fell silent')
         elif not self.count_publishers(states):
             self._end('aborted', 'joint_states have no publisher any more')
-        elif self._had_client and not clients:
-            self._end('aborted', 'the client that asked for it has gone')
+        elif goal.had_client and not clients:
+            self._end('aborted', 'the client of the goal is gone')
         elif others:
             self._end('aborted', f'{", ".join(others)} may command the motor too')
 
@@ -347,12 +322,13 @@ class IdentificationNode(Node):
         values = {'joint_states per second of real time': self._rate.per_second(),
                   'last goal': self._last_end, 'last refusal': self._refused,
                   'listeners to the command': self._port.listeners}
-        if self._run is not None:
+        goal = self._goal
+        if goal is not None:
             values.update({
-                'joint': self._joints[self._index], 'phase': self._run.phase,
-                'progress': float(self._run.progress),
+                'joint': goal.joint, 'phase': goal.run.phase,
+                'progress': float(goal.run.progress),
                 **per_joint(self._joints, 'command [A]', self._port.last)})
-            return OK, f'{self._active_action.name}: moves {self._joints[self._index]}', values
+            return OK, f'{goal.action.name}: moves {goal.joint}', values
         if self._last_end.startswith('aborted'):
             return ERROR, self._last_end, values
         if not self._states.stamp:
@@ -368,10 +344,6 @@ class IdentificationNode(Node):
         self._end('aborted', 'the node was stopped')
         self._port.wait()
         self._watchdog.close()
-
-
-def _finish_trajectory(run: Any, joint: str, result: Any) -> None:
-    result.message = f'moved {joint} along the trajectory'
 
 
 def main(argv: list[str] | None = None) -> Any:

@@ -16,9 +16,8 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from friction_comp.errors import InputError
 from friction_comp.nodes.joint_states import NANO
-from friction_comp.nodes.parameters import declare
+from friction_comp.nodes.parameters import declare, declare_choice
 from friction_comp.topics import TORQUE_UNIT
 
 # Deep enough for a reader that pauses for seconds.
@@ -38,6 +37,8 @@ JOINT = 'joint'
 UNIT_OF = {'current': 'A', 'effort': TORQUE_UNIT}
 # Smaller currents are set to zero, since decaying ones would become denormal numbers, A.
 _NEGLIGIBLE = 1e-12
+# Longest wait for the acknowledgement of messages before their publisher is destroyed, s.
+_ACKNOWLEDGEMENT_TIME = 0.2
 # Real s that the watchdog waits for a blocked publication before it publishes zero.
 _LOCK_TIMEOUT = 0.005
 
@@ -63,13 +64,10 @@ def command_interface(node: Any) -> str:
     InputError
         If it is not a key of `UNIT_OF`.
     """
-    kind = declare(
-        node, 'command_interface', 'current',
+    return declare_choice(
+        node, 'command_interface', list(UNIT_OF),
         'unit of current_command: current, A of the motor; or effort, k_t·n times that, N·m at the '
-        'joint', read_only=True, constraints='current or effort')
-    if kind not in UNIT_OF:
-        raise InputError(f'parameter command_interface: must be current or effort, not {kind!r}')
-    return str(kind)
+        'joint')
 
 
 def command_unit(message: Any) -> str:
@@ -92,12 +90,10 @@ def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
     InputError
         If the parameter is neither torque nor current.
     """
-    kind = declare(
-        node, 'effort_holds', 'torque',
+    kind = declare_choice(
+        node, 'effort_holds', ('torque', 'current'),
         'what effort in joint_states is: torque of the motor at the joint, N·m; or current of the '
-        'motor, A', read_only=True, constraints='torque or current')
-    if kind not in ('torque', 'current'):
-        raise InputError(f'parameter effort_holds: must be torque or current, not {kind!r}')
+        'motor, A')
     return [1.0 if kind == 'current' else 1.0 / torque for torque in torques]
 
 
@@ -106,7 +102,7 @@ def publishers(node: Any, topic: str) -> list[str]:
 
     A publisher may be discovered some time before its node.
     """
-    return sorted('a node not known yet' if info.node_name == '_NODE_NAME_UNKNOWN_' else
+    return sorted('an unknown node' if info.node_name == '_NODE_NAME_UNKNOWN_' else
                   f'{info.node_namespace.rstrip("/")}/{info.node_name}'
                   for info in node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))
 
@@ -292,14 +288,14 @@ class CommandPort:
             names.remove(own_name)
         return sorted(names)
 
-    def wait(self, patience: float = 0.2) -> None:
-        """Wait at most `patience` s until all reliable readers have acknowledged the messages.
+    def wait(self) -> None:
+        """Wait for a moment until all reliable readers have acknowledged the messages.
 
         Acknowledgements come with the middleware's heartbeat, which may take seconds. This only
         allows a lost message to be sent again before the publisher is destroyed.
         """
         if self._publisher is not None and self._node.context.ok():
-            self._publisher.wait_for_all_acked(Duration(seconds=patience))
+            self._publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGEMENT_TIME))
 
     @property
     def listeners(self) -> int:

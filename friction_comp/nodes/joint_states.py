@@ -161,7 +161,7 @@ class JointStateInput:
         received : int
             When the middleware received it, ns of the same clock; replaces a stamp of zero.
         sequence : int
-            Its publisher's number of it; 0 where the middleware gives none.
+            Sequence number of its publisher; 0 if the middleware has none.
 
         Returns
         -------
@@ -195,6 +195,10 @@ class JointStateInput:
         if restarted or len(self._last) > _MAX_SOURCES:
             self._last.clear()
         self._last[names] = stamp
+        return self._keep(message, stamp, restarted)
+
+    def _keep(self, message: Any, stamp: int, restarted: bool) -> str:
+        """Keep the values of a valid state; return NEW, or PART if others must arrive first."""
         position, velocity, effort = self._columns.read(message)
         if self._columns.missing:
             if len(self._columns.missing) == len(self._joints):
@@ -213,7 +217,7 @@ class JointStateInput:
         return NEW
 
     def _merge(self, stamp: int, position: np.ndarray, velocity: np.ndarray | None,
-               effort: np.ndarray | None, restarted: bool) -> tuple[Any, ...] | None:
+               effort: np.ndarray, restarted: bool) -> tuple[Any, ...] | None:
         """Add joints to the round; return the round if it is complete, else None."""
         if restarted:
             self._received = [0] * len(self._joints)
@@ -245,12 +249,12 @@ class JointStateInput:
 
     def _contested(self, sequence: int, now: int) -> bool:
         """Return whether several publishers publish a joint of the message."""
-        known, clashing = self._numbers, []
+        last_sequence, clashing = self._numbers, []
         for j, joint in enumerate(self._joints):
             if joint not in self._columns.missing:
-                if sequence <= known[j]:
+                if sequence <= last_sequence[j]:
                     clashing.append(joint)
-                known[j] = sequence
+                last_sequence[j] = sequence
         if clashing and len(self.publishers) > 1:
             self._clash = now
             self._clash_text = (f'joint_states of {", ".join(clashing)} come from several '
@@ -278,7 +282,8 @@ def within(values: np.ndarray, limit: float) -> bool:
     return all(-limit <= value <= limit for value in values.tolist())
 
 
-def _velocity_if_complete(velocity: np.ndarray, position: np.ndarray) -> Any:
+def _velocity_if_complete(velocity: np.ndarray | None,
+                          position: np.ndarray) -> np.ndarray | None:
     """Return the velocity if it is known for every joint with a position, else None."""
     if velocity is None:
         return None

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 import math
 import struct
 from typing import Any
@@ -19,8 +20,9 @@ from friction_comp.monitoring.live_residual import LiveResidual
 
 # Period of the states that are used, and largest age of a load and of a temperature, ns.
 _STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 200_000_000, 60_000_000_000
-# Messages of a topic kept for the states of their time, which may be read later: ten seconds at a
-# kilohertz, for a busy machine.
+# A busy machine reads all waiting messages of one topic before those of the next. States wait this
+# long for the load of their time, ns; other messages are kept for ten seconds at a kilohertz.
+_PATIENCE = 5_000_000_000
 _MAX_KEPT = 10_000
 # Fewest blocks of motion to judge a new model, and blocks after which its trial ends.
 _FEWEST_BLOCKS, _TRIAL_BLOCKS = 30, 300
@@ -62,9 +64,9 @@ class LiveSignals:
         self._joints, self._gains = joints, torque_per_current
         self._due = self._last = 0
         self._held: dict[tuple[str, str], deque[tuple[int, bytes]]] = {}
-        self._rows: list[list[list[float]]] = [[] for _ in joints]
+        self._states: list[deque[tuple[int, list[float]]]] = [deque() for _ in joints]
 
-    def hold(self, topic: str, stamp: int, cdr: bytes) -> None:
+    def add_message(self, topic: str, stamp: int, cdr: bytes) -> None:
         """Keep a message about one joint (its frame_id) for the states of its time."""
         held = self._held.setdefault((topic, frame_of(cdr)), deque(maxlen=_MAX_KEPT))
         if held and stamp < held[-1][0]:
@@ -72,10 +74,13 @@ class LiveSignals:
             held.clear()
         held.append((stamp, bytes(cdr)))
 
-    def see(self, stamp: int, cdr: bytes) -> None:
+    def add_state(self, stamp: int, cdr: bytes) -> None:
         """Add a joint state, unless it is within a period of the last one."""
         if stamp < self._last:
+            # Time went back.
             self._due = 0
+            for states in self._states:
+                states.clear()
         self._last = stamp
         if stamp < self._due:
             return
@@ -85,9 +90,8 @@ class LiveSignals:
             if joint not in message.name:
                 continue
             position, velocity, effort = values_of(message, joint)
-            self._rows[index].append([
-                stamp * 1e-9, position, velocity, effort / self._gains[index],
-                self._load(joint, stamp), self._temperature(joint, stamp)])
+            self._states[index].append((
+                stamp, [stamp * 1e-9, position, velocity, effort / self._gains[index]]))
 
     def _load(self, joint: str, stamp: int) -> Any:
         message = self._fresh('interaction_wrench', joint, stamp, WrenchStamped, _LOAD_AGE)
@@ -107,9 +111,32 @@ class LiveSignals:
         return None if abs(stamp - held[0][0]) > age else deserialize_message(held[0][1], kind)
 
     def take(self) -> list[np.ndarray]:
-        """Return the rows of each joint since the last call."""
-        rows, self._rows = self._rows, [[] for _ in self._joints]
-        return [np.array(one).reshape(-1, 6) for one in rows]
+        """Return the new rows of each joint whose load is known, or has not come in time."""
+        rows = []
+        for joint, states in zip(self._joints, self._states):
+            held = self._held.get(('interaction_wrench', joint))
+            complete = max(held[-1][0], self._last - _PATIENCE) if held else self._last
+            joint_rows = []
+            while states and states[0][0] <= complete:
+                stamp, row = states.popleft()
+                joint_rows.append([*row, self._load(joint, stamp), self._temperature(joint, stamp)])
+            rows.append(np.array(joint_rows).reshape(-1, 6))
+        return rows
+
+
+@dataclass(frozen=True)
+class Trial:
+    """The model that a new one replaced, compared on the same motion.
+
+    Parameters
+    ----------
+    file : str
+        Path of the previous model.
+    residual : LiveResidual
+    """
+
+    file: str
+    residual: LiveResidual
 
 
 class JointWatch:
@@ -119,55 +146,68 @@ class JointWatch:
     ----------
     tolerance : float
         As for `ResidualWatch`.
+    path : str
+        Model file to begin with.
 
     Attributes
     ----------
     last_load : float
         Stamp of the last sample with a measured load, s.
+    file : str
+        Path of the model in use.
+    residual : LiveResidual
+        Of that model.
+    trial : Trial or None
+        None if no model is on trial.
     """
 
-    def __init__(self, tolerance: float) -> None:
+    def __init__(self, tolerance: float, path: str) -> None:
         self._tolerance = tolerance
         self.last_load = -math.inf
-        self.file = ''
-        self.residual: LiveResidual | None = None
-        self.before: tuple[str, LiveResidual] | None = None
+        self.trial: Trial | None = None
+        self.file, self.residual = path, self._load(path)
+
+    def _load(self, path: str) -> LiveResidual:
+        return LiveResidual(FrictionModel.load(path), self._tolerance)
 
     def use(self, path: str) -> None:
         """Compare with the model of a file, unless it is in use already."""
         if path != self.file:
-            self.file = path
-            self.residual = LiveResidual(FrictionModel.load(path), self._tolerance)
-            self.before = None
+            self.residual = self._load(path)
+            self.file, self.trial = path, None
 
-    def try_out(self, path: str) -> None:
+    def start_trial(self, path: str) -> None:
         """Compare a new model and the present one on the same motion."""
-        before, old = self.file, FrictionModel.load(self.file)
+        trial = Trial(self.file, self._load(self.file))
         self.use(path)
-        self.before = before, LiveResidual(old, self._tolerance)
+        self.trial = trial
 
     def take(self, rows: np.ndarray) -> None:
         """Add measurements, as in `LiveResidual`."""
-        if self.residual is not None:
-            self.residual.take(rows)
-        if self.before is not None:
-            self.before[1].take(rows)
+        self.residual.take(rows)
+        if self.trial is not None:
+            self.trial.residual.take(rows)
 
-    def worse(self) -> str:
-        """Return why the new model is worse than the previous one; empty if it is not.
+    def end_trial(self) -> tuple[str, str] | None:
+        """End the trial if the new model is worse, or if there was enough motion.
 
-        The trial ends after enough motion.
+        Returns
+        -------
+        tuple of str, or None
+            File of the previous model and why the new one is worse; None if it is not.
         """
-        if self.before is None or self.residual is None:
-            return ''
-        old, new = self.before[1].watch, self.residual.watch
+        if self.trial is None:
+            return None
+        previous, old, new = self.trial.file, self.trial.residual.watch, self.residual.watch
         blocks = min(old.blocks, new.blocks)
         if blocks < _FEWEST_BLOCKS:
-            return ''
+            return None
         errors = old.error(blocks), new.error(blocks)
-        if blocks >= _TRIAL_BLOCKS:
-            self.before = None
-        if errors[1] <= _WORSE_FACTOR * errors[0]:
-            return ''
-        return (f'on {blocks} blocks of motion its error is {1e3 * errors[1]:.3g} mA, that of '
-                f'the previous model {1e3 * errors[0]:.3g} mA')
+        worse = errors[1] > _WORSE_FACTOR * errors[0]
+        if worse or blocks >= _TRIAL_BLOCKS:
+            self.trial = None
+        if not worse:
+            return None
+        return previous, (
+            f'on {blocks} blocks of motion its error is {1e3 * errors[1]:.3g} mA, that of the '
+            f'previous model {1e3 * errors[0]:.3g} mA')

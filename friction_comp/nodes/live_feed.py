@@ -51,7 +51,6 @@ _LEVELS = {0: 'ok', 1: 'warning', 2: 'problem', 3: 'problem'}
 class _Listener(Node):
     """Processes messages in batches: the page is drawn five times a second."""
 
-    fast_timers = ()
     nap = 0.01
 
     def __init__(self, context: Context) -> None:
@@ -117,9 +116,16 @@ class LiveFeed:
         self._context = Context()
         start_ros('watch', arguments, self._context)
         self._node = _Listener(self._context)
+        self._commands = SentCommands()
+        self._subscribe()
+        self._executor = StreamExecutor(self._node)
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._spin, name='live feed', daemon=True)
+        self._thread.start()
+
+    def _subscribe(self) -> None:
         # The first subscription of a topic, that of a motor's driver, costs its publisher 45 us per
         # command, a second one little (bench/watch_cost.py).
-        self._commands = SentCommands()
         self._node.create_subscription(
             Float64MultiArray, 'current_command', lambda cdr, info: self._commands.take(
                 cdr, info['source_timestamp']), _COMMAND_QOS, raw=True)
@@ -137,10 +143,6 @@ class LiveFeed:
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _QOS)
         self._node.create_subscription(
             JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
-        self._executor = StreamExecutor(self._node)
-        self._stopped = threading.Event()
-        self._thread = threading.Thread(target=self._spin, name='live feed', daemon=True)
-        self._thread.start()
 
     def _spin(self) -> None:
         with contextlib.suppress(ExternalShutdownException):

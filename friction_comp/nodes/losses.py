@@ -41,7 +41,7 @@ class Losses:
         # Losses counted at interrupted streams, by the first missing number.
         self._interrupted: dict[int, int] = {}
 
-    def see(self, sequence: int) -> None:
+    def add(self, sequence: int) -> None:
         """Add the sequence number of a message."""
         stream = self._streams.pop(sequence, None)
         if stream is None:
@@ -51,7 +51,7 @@ class Losses:
         stream.silent = 0
         self._streams[sequence + 1] = stream
 
-    def look(self, changed: bool) -> None:
+    def check(self, changed: bool) -> None:
         """Update the losses; to be called a few times per second.
 
         Parameters

@@ -21,8 +21,9 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.compensator_client import yield_to_executor
 
-# Timeout of reading and validating files, s.
-PATIENCE = 10.0
+# Timeout of reading and validating files, s. A thread that a file system still blocks is then
+# abandoned.
+_PATIENCE = 10.0
 # Samples of the trial run of a model before its activation.
 _TRIAL = 300
 
@@ -35,15 +36,11 @@ class Loading:
     files : sequence of str
     load : callable
         Called with the files; returns the models or raises InputError.
-    patience : float
-        Timeout in s. A thread that is still blocked by a file system is then abandoned.
     """
 
-    def __init__(self, files: Sequence[str], load: Callable[[Sequence[str]], Any],
-                 patience: float = PATIENCE) -> None:
+    def __init__(self, files: Sequence[str], load: Callable[[Sequence[str]], Any]) -> None:
         self.files = tuple(files)
-        self._load, self._deadline = load, time.monotonic() + patience
-        self._patience = patience
+        self._load, self._deadline = load, time.monotonic() + _PATIENCE
         self._future: Future[Any] = Future()
         # A daemon thread, unlike those of an executor, does not block the exit of the node.
         threading.Thread(target=self._run, name='model loading', daemon=True).start()
@@ -71,7 +68,7 @@ class Loading:
         """
         if not self._future.done():
             raise InputError(
-                f'{", ".join(self.files)}: not read within {self._patience:g} s')
+                f'{", ".join(self.files)}: not read within {_PATIENCE:g} s')
         return self._future.result()
 
 

@@ -64,6 +64,29 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
         raise InputError(f'parameter {name}: {error}') from None
 
 
+def declare_choice(node: Any, name: str, choices: Sequence[str], description: str) -> str:
+    """Declare a read-only parameter that has one of a few values, and return it.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    name : str
+    choices : sequence of str
+        The first is the default.
+    description : str
+
+    Raises
+    ------
+    InputError
+        If the value is none of the choices.
+    """
+    words = ' or '.join(choices)
+    value = declare(node, name, choices[0], description, read_only=True, constraints=words)
+    if value not in choices:
+        raise InputError(f'parameter {name}: must be {words}, not {value!r}')
+    return str(value)
+
+
 def names_in(values: Sequence[str]) -> list[str]:
     """Return a string array without empty strings, which represent 'none' in ROS."""
     return [value for value in values if value]

@@ -5,14 +5,12 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray
@@ -28,7 +26,7 @@ from friction_comp.nodes.joint_io import (
 )
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_joints, load_models
+from friction_comp.nodes.parameters import declare, declare_choice, declare_joints, load_models
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.person import ReferenceHold
 from friction_comp.simulation.undeclared import Undeclared
@@ -79,7 +77,6 @@ class PlantNode(Node):
     """
 
     finished = False
-    fast_timers: Sequence[Timer] = ()
 
     def __init__(self) -> None:
         super().__init__('plant')
@@ -88,12 +85,10 @@ class PlantNode(Node):
             self, 'model_files', [], 'model file of each joint', read_only=True), self._joints)
         undeclared = self._load_undeclared()
         seed = declare(self, 'seed', 0, 'of all noise and scatter', 0, read_only=True)
-        clock = declare(
-            self, 'clock', 'real_time',
+        clock = declare_choice(
+            self, 'clock', ('real_time', 'lockstep'),
             'real_time, or lockstep: steps when the command for the last state has come and '
-            'publishes /clock', read_only=True, constraints='real_time or lockstep')
-        if clock not in ('real_time', 'lockstep'):
-            raise InputError(f'parameter clock: must be real_time or lockstep, not {clock!r}')
+            'publishes /clock')
         sample_time = declare(
             self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2, read_only=True)
         self._declare_periods(sample_time)
@@ -130,7 +125,7 @@ class PlantNode(Node):
             self, 'wait_for_reference', False,
             'in lockstep, wait at every tick for the reference with its stamp')
         declare(
-            self, 'pace', 0.0, 'in lockstep, simulated per real seconds that are not exceeded; '
+            self, 'pace', 0.0, 'in lockstep, largest rate of simulated to real time; '
             '0: as fast as the others answer', 0.0, 1000.0)
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
@@ -223,7 +218,9 @@ class PlantNode(Node):
     def _step(self) -> None:
         time = (self._stamp - self._origin) / NANO
         position, velocity = self._hold.at(time)
-        active = None if position is None else np.isfinite(position) & np.isfinite(velocity)
+        active = None
+        if position is not None and velocity is not None:
+            active = np.isfinite(position) & np.isfinite(velocity)
         self._plant.step(self._command, position, velocity, active)
         self._samples += 1
         self._rate.tick()

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from friction_comp.errors import InputError
+from friction_comp.nodes.joint_states import NANO
 from friction_comp.recordings.writer import RecordingWriter
 
-NANO = 1_000_000_000
 # Two successive stamps this much older than the newest of their topic, ns, mean that time went
 # back; a single one is an outlier. Topics are compared separately, since their queues may be read
 # at different times.
@@ -101,7 +101,7 @@ def write_messages(path: Path, messages: Sequence[Message]) -> None:
         If there are no messages, or the folder cannot be written.
     """
     if not messages:
-        raise InputError('nothing is kept of the recent past')
+        raise InputError('no messages are kept')
     with RecordingWriter(path, {'recorded_by': 'friction_comp refinement'}) as writer:
         for message in sorted(messages, key=lambda one: one.stamp):
             writer.write(message.topic, message.type_name, message.stamp, message.cdr)

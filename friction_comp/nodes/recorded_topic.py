@@ -79,14 +79,15 @@ class RecordedTopic:
     @property
     def lost(self) -> int:
         """Number of lost messages."""
-        return sum(one.count for one in self._losses.values())
+        return sum(losses.count for losses in self._losses.values())
 
     @property
     def publishers(self) -> int:
         """Number of connected publishers."""
-        return max(one.get_publisher_count() for one in self._subscriptions.values())
+        return max(subscription.get_publisher_count()
+                   for subscription in self._subscriptions.values())
 
-    def look(self) -> None:
+    def check_publishers(self) -> None:
         """Check the publishers, and subscribe with a QoS that fits them."""
         self._checks += 1
         publishers = frozenset(
@@ -94,7 +95,7 @@ class RecordedTopic:
              (info.qos_profile.reliability, info.qos_profile.durability))
             for info in self._node.get_publishers_info_by_topic(self.name))
         for losses in self._losses.values():
-            losses.look(publishers != self._publishers)
+            losses.check(publishers != self._publishers)
         if publishers and publishers != self._publishers:
             best = self._best(publishers)
             if best not in self._subscriptions:
@@ -168,5 +169,5 @@ class RecordedTopic:
         while len(self._seen) > (_MAX_SEEN if several else _MAX_SEEN_SINGLE):
             self._seen.pop(next(iter(self._seen)))
         if sequence:
-            self._losses[self._sender(message) if self._sender else ''].see(sequence)
+            self._losses[self._sender(message) if self._sender else ''].add(sequence)
         self._take(message, info)

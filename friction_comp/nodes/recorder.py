@@ -26,7 +26,6 @@ class RecorderNode(Node):
     """Writes every serialised message at once, and counts lost ones."""
 
     finished = False
-    fast_timers = ()
     # Nothing waits for a recording: messages are processed in batches.
     nap = 0.005
 

@@ -101,7 +101,7 @@ class RefineJob:
 
     def __init__(self, joint: str, model_file: str | Path, output: str | Path,
                  recording: str | Path = '', messages: Sequence[Message] = ()):
-        self.share, self.step = 0.0, 'writing what is kept' if not recording else 'reading'
+        self.share, self.step = 0.0, 'writing the recording' if not recording else 'reading'
         self._joint, self._model_file, self._output = joint, model_file, Path(output)
         self._recording, self._messages = recording, messages
         self._error: InputError | None = None

@@ -42,7 +42,6 @@ class RefinementNode(Node):
     """
 
     finished = False
-    fast_timers = ()
     # Nothing waits for this node: messages are processed in batches.
     nap = 0.01
 
@@ -70,9 +69,7 @@ class RefinementNode(Node):
             read_only=True))
         self._signals = LiveSignals(
             self._joints, [model.drive.torque_per_current for model in models])
-        self._watches = {joint: JointWatch(tolerance) for joint in self._joints}
-        for joint, path in self._files.items():
-            self._watches[joint].use(path)
+        self._watches = {joint: JointWatch(tolerance, path) for joint, path in self._files.items()}
         self._rate = Rate()
         self._job: RefineJob | None = None
         self._busy = self._comparing = False
@@ -100,9 +97,9 @@ class RefinementNode(Node):
         self._past.add(Message(stamp, self._topics[topic].name, RECORDED[topic], cdr))
         if topic == STATES:
             self._rate.tick()
-            self._signals.see(stamp, cdr)
+            self._signals.add_state(stamp, cdr)
         elif topic in _SIGNALS:
-            self._signals.hold(topic, stamp, cdr)
+            self._signals.add_message(topic, stamp, cdr)
 
     # Monitoring.
 
@@ -146,14 +143,13 @@ class RefinementNode(Node):
             self.resolve_topic_name('current_command')))
 
     async def _judge(self, joint: str, watch: JointWatch) -> None:
-        why = watch.worse()
-        if why:
-            before, _ = watch.before
-            watch.before = None
-            await self._compensator.load(joint, before)
+        ended = watch.end_trial()
+        if ended is not None:
+            previous, reason = ended
+            await self._compensator.load(joint, previous)
             worse = watch.file
-            watch.use(before)
-            self._last_result = f'{joint}: {worse} was unloaded: {why}'
+            watch.use(previous)
+            self._last_result = f'{joint}: {worse} was unloaded: {reason}'
             self.get_logger().warning(self._last_result)
         verdict = watch.residual.verdict()
         if verdict.fits != self._fits[joint]:
@@ -255,7 +251,7 @@ class RefinementNode(Node):
             await self._compensator.load(joint, str(refined.model_file))
         except InputError as error:
             return f'{summary}; not loaded: {error}'
-        watch.try_out(str(refined.model_file))
+        watch.start_trial(str(refined.model_file))
         result.loaded = True
         return f'{summary}; loaded, and on trial beside {start}'
 
@@ -272,7 +268,7 @@ class RefinementNode(Node):
             values[f'{joint}: residual'] = words
             values[f'{joint}: error as a share of the friction'] = float(verdict.share)
             values[f'{joint}: model file'] = watch.file
-            values[f'{joint}: on trial'] = watch.before is not None
+            values[f'{joint}: on trial'] = watch.trial is not None
             if not verdict.fits:
                 misfits.append(f'{joint}: {words}: refine it')
         if self._error:

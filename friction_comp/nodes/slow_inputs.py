@@ -60,7 +60,7 @@ class Direction:
         Earlier announcements are dated by the node's clock. If the driver's clock is behind it,
         they would otherwise override later announcements.
         """
-        self._times = [taken if taken is None else min(taken, time) for taken in self._times]
+        self._times = [stamp if stamp is None else min(stamp, time) for stamp in self._times]
 
     def take(self, values: Sequence[int], time: int) -> bool:
         """Take a message received at a time in ns; return whether it is valid.
@@ -103,8 +103,8 @@ class Direction:
         if len(set(indices)) < len(indices):
             return self._refuse('a joint named twice', indices, stamp)
         finite = [math.isfinite(value) for _, value in own]
-        self._set(indices, [float(np.sign(value)) if good else 0.0
-                            for (_, value), good in zip(own, finite)], stamp)
+        self._set(indices, [float(np.sign(value)) if is_finite else 0.0
+                            for (_, value), is_finite in zip(own, finite)], stamp)
         if not all(finite):
             return self._refuse('a velocity that is not finite', (), stamp)
         return True
@@ -119,7 +119,8 @@ class Direction:
     def _set(self, indices: Sequence[int], values: Sequence[float], time: int) -> None:
         updated, times = self._values.copy(), list(self._times)
         for index, value in zip(indices, values):
-            if times[index] is None or time >= times[index]:
+            last = times[index]
+            if last is None or time >= last:
                 if value != updated[index]:
                     self._note_change(index, value, time)
                 updated[index], times[index] = value, time
@@ -145,18 +146,18 @@ class Direction:
     def at(self, time: int) -> np.ndarray:
         """Return d at a time in ns, shape (J,)."""
         limit = time - self.timeout * 1e9
-        for index, taken in enumerate(self._times):
-            if taken is None or taken < limit or self._disputed[index] is not None:
+        for index, stamp in enumerate(self._times):
+            if stamp is None or stamp < limit or self._disputed[index] is not None:
                 return np.array([
-                    0.0 if taken is None or taken < limit or self._is_disputed(index, time)
+                    0.0 if stamp is None or stamp < limit or self._is_disputed(index, time)
                     else value
-                    for index, (value, taken) in enumerate(zip(self._values, self._times))])
+                    for index, (value, stamp) in enumerate(zip(self._values, self._times))])
         return self._values
 
     def age(self, index: int, time: int) -> float:
         """Return the age of a joint's direction at a time in ns, s; NaN if there is none."""
-        taken = self._times[index]
-        return math.nan if taken is None else (time - taken) * 1e-9
+        stamp = self._times[index]
+        return math.nan if stamp is None else (time - stamp) * 1e-9
 
     def silent(self, time: int) -> list[str]:
         """Return the joints whose direction, +1 or -1, has timed out."""
@@ -214,12 +215,12 @@ class MotorTemperature:
                 later.append(reading)
         # Limited, since readings of another clock would accumulate.
         self._pending = later[-100:]
-        for index, taken in enumerate(self._times):
-            if time - taken > _TEMPERATURE_TIMEOUT:
+        for index, stamp in enumerate(self._times):
+            if time - stamp > _TEMPERATURE_TIMEOUT:
                 self._values[index] = np.nan
         known = ~np.isnan(self._values)
         self._current = self._values if known.any() else None
         self._fresh_until = min(
-            (taken for taken, fresh in zip(self._times, known) if fresh),
+            (stamp for stamp, fresh in zip(self._times, known) if fresh),
             default=math.inf) + _TEMPERATURE_TIMEOUT
         return self._current

@@ -116,10 +116,11 @@ class _Probe:
             if name != NAME and not name.startswith('_'))
         self._observe_topics()
         seen.states = _to_arrays(self._states)
-        width = max((len(one) for _, one in self._commands), default=0)
-        whole = [(when, one) for when, one in self._commands if len(one) == width]
-        seen.commands = np.array([one for _, one in whole])
-        seen.commanded = np.array([when for when, _ in whole])
+        width = max((len(command) for _, command in self._commands), default=0)
+        complete = [(received, command) for received, command in self._commands
+                    if len(command) == width]
+        seen.commands = np.array([command for _, command in complete])
+        seen.commanded = np.array([received for received, _ in complete])
         seen.load = {joint: np.array(values) for joint, values in self._load.items()}
         for index, name in enumerate(seen.nodes):
             self._progress(0.8 + 0.2 * index / len(seen.nodes), f'asking {name}')

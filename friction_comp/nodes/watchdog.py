@@ -47,16 +47,12 @@ class Watchdog:
         self._alarm, self._clock = alarm, clock
         self._fed: float | None = None
         self._idle = True
-        self._closed = False
         self._lock = threading.Lock()
-        self._thread: threading.Thread | None = None
-        self._pipe: tuple[int, int] | None = None
+        self._thread: _Thread | None = None
 
     def start(self) -> Watchdog:
         """Start the thread and return the watchdog."""
-        self._pipe = os.pipe()
-        self._thread = threading.Thread(target=self._run, name='watchdog', daemon=True)
-        self._thread.start()
+        self._thread = _Thread(self.check)
         return self
 
     def feed(self) -> None:
@@ -64,8 +60,8 @@ class Watchdog:
         with self._lock:
             self._fed = self._clock()
             asleep, self._idle = self._idle, False
-        if asleep:
-            self._wake()
+        if asleep and self._thread is not None:
+            self._thread.wake()
 
     def rest(self) -> None:
         """Pause until the next `feed`."""
@@ -74,15 +70,11 @@ class Watchdog:
 
     def close(self) -> None:
         """End the thread."""
-        if self._thread is None or self._closed:
-            return
-        self._closed = True
-        self._wake()
-        self._thread.join()
-        for end in self._pipe:
-            os.close(end)
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.close()
 
-    def look(self) -> float | None:
+    def check(self) -> float | None:
         """Call the alarm if it is due; return the time until then in s, None while idle."""
         with self._lock:
             if self._fed is not None:
@@ -96,13 +88,36 @@ class Watchdog:
             self._alarm()
         return None
 
-    def _wake(self) -> None:
-        if self._pipe is not None:
-            os.write(self._pipe[1], b'.')
+
+class _Thread:
+    """Calls a check whenever it is due or after `wake`.
+
+    Parameters
+    ----------
+    check : callable
+        Returns the time in s until it is due again, None if only `wake` makes it due.
+    """
+
+    def __init__(self, check: Callable[[], float | None]) -> None:
+        self._check = check
+        self._closed = False
+        self._end, self._begin = os.pipe()
+        self._thread = threading.Thread(target=self._run, name='watchdog', daemon=True)
+        self._thread.start()
+
+    def wake(self) -> None:
+        os.write(self._begin, b'.')
+
+    def close(self) -> None:
+        self._closed = True
+        self.wake()
+        self._thread.join()
+        os.close(self._end)
+        os.close(self._begin)
 
     def _run(self) -> None:
         # `select` uses the monotonic clock, unlike timeouts of threading.
         while not self._closed:
-            ready, _, _ = select.select([self._pipe[0]], [], [], self.look())
+            ready, _, _ = select.select([self._end], [], [], self._check())
             if ready:
-                os.read(self._pipe[0], 64)
+                os.read(self._end, 64)

@@ -1,0 +1,242 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a compensator has from its configuration to its clean-up: law, command port and inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import time
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import JointState, Temperature
+from std_msgs.msg import Int8MultiArray
+
+from friction_comp.compensation.law import CompensationLaw
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.nodes.compensation_loop import CompensationLoop
+from friction_comp.nodes.diagnostics import OK, per_joint, Rate, WARN
+from friction_comp.nodes.faults import Faults
+from friction_comp.nodes.joint_io import CommandPort, rivals
+from friction_comp.nodes.joint_states import nanoseconds
+from friction_comp.nodes.model_loading import warm_up
+
+# Why a compensator does not know its model's residual, without and with the law `none`.
+_BLIND = (
+    'not known here: the current follows the model itself, and the load of a person is not '
+    'received; see node refinement where the load is measured',
+    'not known here: no current is commanded, and the load is not received')
+
+
+class ConfiguredCompensator:
+    """Law, command port and subscriptions of a compensator; exists only while it is configured.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        With the parameters of the compensator.
+    joints : list of str
+    models : list of FrictionModel
+    interface : str
+        Command interface, current or effort.
+    timeout : int
+        Age or silence of joint states that leads to zero current, ns.
+    qos : rclpy.qos.QoSProfile
+        Of the inputs.
+    faults : Faults
+    rate : Rate
+        Counts the joint states.
+
+    Attributes
+    ----------
+    active : bool
+        Whether joint states are answered.
+    """
+
+    def __init__(self, node: Any, joints: list[str], models: Sequence[FrictionModel],
+                 interface: str, timeout: int, qos: Any, faults: Faults, rate: Rate) -> None:
+        self._node, self._joints, self._faults, self._rate = node, joints, faults, rate
+        self.active = False
+        law = CompensationLaw(models, *self._tuning(), gravity=self._value('gravity'))
+        warm_up(law, len(joints))
+        zeros = [0.0] * len(joints)
+        self._loop = CompensationLoop(
+            joints, law, CommandPort(node, zeros, zeros, interface), faults, timeout,
+            self._value('direction_timeout'), simulated=self._value('use_sim_time'))
+        self._set_limits()
+        self._loop.watchdog.start()
+        # The direction comes first: the executor takes its messages before the states.
+        self._inputs = [node.create_subscription(*topic, qos) for topic in (
+            (Int8MultiArray, 'direction', self._on_direction),
+            (JointState, 'direction_stamped', self._on_stamped_direction),
+            (Temperature, 'motor_temperature', self._on_temperature),
+            (JointState, 'joint_states', self._on_joint_states))]
+
+    def _value(self, name: str) -> Any:
+        return self._node.get_parameter(name).value
+
+    def _tuning(self) -> tuple[str, float, float]:
+        return self._value('law'), self._value('breakaway_gain'), self._value('current_limit')
+
+    def _set_limits(self) -> None:
+        drives = [model.drive for model in self._loop.law.models]
+        self._loop.port.limits = [min(drive.current_limit, self._value('current_limit'))
+                                  for drive in drives]
+        self._loop.port.torques = [drive.torque_per_current for drive in drives]
+
+    # Transitions.
+
+    def activate(self) -> None:
+        """Start to answer joint states."""
+        self._loop.activate(self._loop.port.others())
+        self._loop.port.open()
+        self.active = True
+
+    def deactivate(self) -> None:
+        """Command zero current and stop publishing."""
+        self.active = False
+        self._loop.stop()
+        self._loop.port.close()
+
+    def close(self) -> None:
+        """Command zero current, and release topics and models."""
+        self.deactivate()
+        self._loop.watchdog.close()
+        for subscription in self._inputs:
+            self._node.destroy_subscription(subscription)
+
+    def stop_motor(self) -> None:
+        """Command zero current permanently; may be called from any thread."""
+        self._loop.port.zero(permanent=True)
+
+    def reset_faults(self) -> list[str]:
+        """Clear latched faults and history; return the texts of the faults."""
+        return self._loop.reset_faults()
+
+    # Parameters.
+
+    def apply(self, names: set[str], models: Sequence[FrictionModel] | None) -> None:
+        """Apply parameters that have changed.
+
+        Parameters
+        ----------
+        names : set of str
+            The parameters.
+        models : sequence of FrictionModel, optional
+            The models of `model_files`, if that is one of them.
+        """
+        loop, logger = self._loop, self._node.get_logger()
+        if 'direction_timeout' in names:
+            loop.direction.timeout = self._value('direction_timeout')
+        if models is not None:
+            for index, model in enumerate(models):
+                loop.law.set_model(index, model)
+            self._set_limits()
+            logger.info(f'activated {", ".join(self._value("model_files"))}')
+            self.warn_left_out()
+        if names & {'law', 'breakaway_gain', 'current_limit'}:
+            loop.law.retune(*self._tuning())
+            self._set_limits()
+            loop.changed()
+            logger.info('{}, breakaway_gain {:g}, current_limit {:g} A'.format(*self._tuning()))
+
+    def warn_left_out(self) -> None:
+        """Log what is unusual about the law and the models, and which effects are not fed back."""
+        logger, law = self._node.get_logger(), self._loop.law
+        if self._value('law') == 'paper':
+            logger.warning(
+                "law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
+                'over-estimate of friction drives the joint')
+        for joint, model in zip(self._joints, law.models):
+            if model.joint not in ('', joint):
+                logger.warning(f"{joint}: its model file is for joint '{model.joint}'")
+        for index, effect, why in law.never_applied:
+            logger.warning(f'{self._joints[index]}: {effect} is not fed back: {why}')
+
+    # Topics.
+
+    def _on_direction(self, message: Any) -> None:
+        self._loop.take_direction(message.data, self._node.get_clock().now().nanoseconds)
+
+    def _on_stamped_direction(self, message: Any) -> None:
+        self._loop.take_stamped_direction(
+            message.name, message.velocity, nanoseconds(message.header.stamp),
+            self._node.get_clock().now().nanoseconds)
+
+    def _on_temperature(self, message: Any) -> None:
+        self._loop.temperature.take(
+            message.header.frame_id, message.temperature, nanoseconds(message.header.stamp))
+
+    def _on_joint_states(self, message: Any, info: dict[str, Any]) -> None:
+        self._rate.tick()
+        if not self.active:
+            return
+        # Equal to the node's clock without simulated time, at a third of the cost.
+        clock = self._node.get_clock()
+        now = clock.now().nanoseconds if clock.ros_time_is_active else time.time_ns()
+        if now == 0:
+            # Simulated time before its first tick: the age of states is not known yet.
+            self._faults.report('clock', 'no /clock, although use_sim_time is set', WARN)
+            return
+        received = info['received_timestamp']
+        self._loop.take(message, now, 0 if self._loop.simulated else received,
+                        info['source_timestamp'], info['publication_sequence_number'] or 0)
+
+    def supervise(self) -> None:
+        """Check for other commanders and planners, and for directions that are not renewed."""
+        loop = self._loop
+        loop.states.publishers = rivals(self._node, 'joint_states')
+        loop.direction.planners = rivals(self._node, 'direction', 'direction_stamped')
+        loop.check_commanders(loop.port.others())
+        silent = loop.direction.silent(loop.states.stamp)
+        if silent:
+            self._faults.report(
+                'direction silent', f'the direction of {", ".join(silent)} was not renewed '
+                f'for {self._value("direction_timeout"):g} s and counts as 0', WARN)
+
+    # Diagnostics.
+
+    def status(self) -> tuple[Any, str]:
+        """Return level and message while active and without faults."""
+        stamp = self._loop.states.stamp
+        if not stamp:
+            return WARN, 'no joint_states yet'
+        if np.any(self._loop.direction.at(stamp)):
+            return OK, 'compensating'
+        return OK, 'compensating; no direction'
+
+    def values(self) -> dict[str, Any]:
+        """Return the values for diagnostics."""
+        loop, joints = self._loop, self._joints
+        stamp = loop.states.stamp
+        values = {
+            'law': self._value('law'), 'model_files': list(self._value('model_files')),
+            **per_joint(joints, 'command [A]', loop.port.last)}
+        for name, term in loop.law.terms.items():
+            values.update(per_joint(joints, f'{name} [A]', term))
+        for name, guarded in loop.law.guards.items():
+            values.update(per_joint(joints, f'guard: {name}', guarded))
+        values.update((f'{joint}: residual', _BLIND[values['law'] == 'none']) for joint in joints)
+        values.update(per_joint(joints, 'direction', loop.direction.at(stamp)))
+        values.update(per_joint(joints, 'direction age [s]', (
+            loop.direction.age(index, stamp) for index in range(len(joints)))))
+        values.update({
+            'directions refused': loop.direction.refused,
+            'joint_states passed over': loop.states.passed_over,
+            'faults so far': self._faults.count,
+            'listeners to the command': loop.port.listeners,
+            'left_out': '; '.join(f'{joints[index]}: {effect} ({why})' for index, effect, why in [
+                *loop.law.never_applied, *self._without_signals()])})
+        return values
+
+    def _without_signals(self) -> list[tuple[int, str, str]]:
+        """Return (joint index, effect, reason) of effects without a signal at the last state."""
+        return [
+            (index, effect, ', '.join(self._why_missing(index, signal) for signal in signals)
+             or 'its value is not finite')
+            for index, effect, signals in self._loop.law.missing]
+
+    def _why_missing(self, index: int, signal: str) -> str:
+        if signal == 'temperature':
+            return self._loop.temperature.why_unknown(index, self._loop.states.stamp)
+        return f'the {signal} is not measured here: the torque sensor is for evaluation only'
