@@ -61,7 +61,7 @@ lint: setup
 # Two processes share two cores: more threads for small matrices only get in each other's way.
 check test: export OPENBLAS_NUM_THREADS = 1
 check test: export OMP_NUM_THREADS = 1
-pytest := $(BIN)/python -m pytest -n 2 --dist worksteal
+pytest := $(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: setup
 	@$(BIN)/python -m ruff check .

@@ -68,7 +68,7 @@ NODE_USAGE = """usage: python3 -m friction_comp {name} [--help] [--ros-args ...]
 Parameters, remappings and names are given after --ros-args, for instance
 --ros-args -p NAME:=VALUE -r FROM:=TO."""
 
-# Which of ROS 2's modules is the first to be missed hangs on the order of imports alone.
+# Which module of ROS 2 is reported missing depends on the order of imports.
 _OF_ROS = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
 
 
@@ -91,26 +91,26 @@ def run(name: str, argv: list[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else argv
     room = 'nodes' if name in NODES else 'tools'
     if name in NODES and {'-h', '--help'} & set(argv[:_first_ros_argument(argv)]):
-        # Answered here, since ROS 2 alone takes a second to import.
+        # Handled here, since importing ROS 2 alone takes a second.
         print(NODE_USAGE.format(name=name, text=NODES[name]))
         return 0
-    # Matrices are small here: threads of the linear algebra only wait for one another, and take up
-    # to twenty times the processor's time where other processes run beside them.
+    # Matrices are small here: the threads of linear algebra libraries mostly wait for each other,
+    # and take up to twenty times the processor time where other processes run.
     for library in ('OMP', 'OPENBLAS', 'MKL'):
         os.environ.setdefault(f'{library}_NUM_THREADS', '1')
     if name in NODES or name in ('demo', 'doctor', 'play', 'improve'):
         name_this_environment()
     if name == 'compensator':
-        # A motor waits for it; the law runs in plain Python until its compiled form is loaded.
+        # A motor waits for the law, so it runs in plain Python until its compiled form is loaded.
         begin_plain()
     if name in NODES and threading.current_thread() is threading.main_thread():
-        # Until the node looks after signals itself there is nothing to clean up.
+        # Until the node handles signals itself, there is nothing to clean up.
         signal.signal(signal.SIGINT, _leave)
     elif signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
     with patient_output():
         try:
-            # Only now, so that a tool that needs no ROS 2 runs without it.
+            # Imported late, so that a tool that needs no ROS 2 runs without it.
             module = importlib.import_module(f'friction_comp.{room}.{name}')
             return module.main(argv) or 0
         except InputError as error:
@@ -133,7 +133,8 @@ def _leave(*_: object) -> NoReturn:
 
 
 def _interrupt(*_: object) -> NoReturn:
-    # What a library leaves half made, as numba does, would complain while it is taken apart.
+    # Half-initialised libraries, such as numba, would print errors during the interpreter's
+    # shutdown.
     sys.unraisablehook = lambda _: None
     raise KeyboardInterrupt
 
@@ -178,7 +179,7 @@ def _main(argv: list[str]) -> int:
     return 2
 
 
-# What setup.py installs for `ros2 run`, one function a name.
+# Entry points that setup.py installs for `ros2 run`, one function for each name.
 plant = partial(run, 'plant')
 identification = partial(run, 'identification')
 compensator = partial(run, 'compensator')

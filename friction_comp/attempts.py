@@ -40,7 +40,7 @@ def attempt(work: Callable[[T], U], thing: T) -> U | Failure:
     except InputError as error:
         return Failure(one_line(error))
     except Exception as error:
-        # Of a thousand recordings, one that shows a mistake in the program is not worth the others.
+        # An error in the program on one recording of a thousand must not lose the others.
         return Failure(f'{thing}: {type(error).__name__}: {one_line(error)}')
 
 

@@ -44,15 +44,15 @@ def process_beside() -> Iterator[ProcessPoolExecutor]:
     ------
     concurrent.futures.ProcessPoolExecutor
     """
-    # A fresh interpreter: a fork of one that has run compiled threads may hang.
+    # A fresh interpreter: a fork of a process that has run compiled threads may deadlock.
     context = multiprocessing.get_context('spawn')
     listening, held = context.Pipe(duplex=False)
-    # The pipe is closed before the pool is, which waits for what it has begun.
+    # Close the pipe before the pool, which waits for work that has begun.
     with ProcessPoolExecutor(max_workers=1, mp_context=context, initializer=_end_with,
                              initargs=(listening,)) as pool, held:
-        # An interrupt while the process starts would leave it with half of what it is to run: it
-        # is blocked there, and deferred here, where another thread may take it for this one.
-        # Python's tracker of resources would unblock it on its start, so it is started before.
+        # An interrupt while the process starts would leave it half-initialised: it is blocked
+        # there, and deferred here, where another thread may receive it. Python's resource tracker
+        # would unblock it when it starts, so it is started before.
         resource_tracker.ensure_running()
         with interrupts_deferred():
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -64,11 +64,11 @@ def process_beside() -> Iterator[ProcessPoolExecutor]:
 
 
 def _end_with(listening: Connection) -> None:
-    """End this process when the other end of a pipe is closed, be it that its process was killed.
+    """End this process when the other end of a pipe is closed, also when its process was killed.
 
-    The work takes longer than somebody who interrupts would wait, and nobody is left to read it.
+    The work may take long, and there is no process left to receive the result.
     """
-    # An interrupt from the keyboard goes to both; the pipe tells when to end.
+    # An interrupt from the keyboard reaches both processes; the pipe tells the child when to end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def wait() -> None:

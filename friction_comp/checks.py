@@ -21,7 +21,7 @@ def check_number(value: Any, name: str, *, above: float = -math.inf, least: floa
     value : object
         What was given; True and False are no numbers.
     name : str
-        What to call it in the error.
+        Name used in error messages.
     above, least, most : float
         Bounds: the first excluded, the others included.
 
@@ -65,16 +65,16 @@ def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -
     Parameters
     ----------
     value : object
-        What the file has there; None where it has nothing.
+        Content of the section; None if it is missing.
     name : str
-        What to call it in the error.
+        Name used in error messages.
     known : collection of str, optional
         The entries that it may have.
 
     Raises
     ------
     InputError
-        If it is no mapping, or has entries that nobody reads.
+        If it is no mapping, or has unknown entries.
     """
     if not isinstance(value, dict):
         raise InputError(f'{name} is missing or not a mapping')

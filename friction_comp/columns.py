@@ -20,8 +20,7 @@ from friction_comp.errors import InputError
 # Files that hold a table.
 TABLES = ('.csv', '.csv.gz', '.tsv', '.parquet', '.npz')
 
-# Signal to the names that are commonly given to it, without joint and unit. `current` is an effort
-# in A.
+# Signal to its common column names, without joint and unit. `current` is an effort in A.
 _NAMES = {
     'time': 'time t timestamp stamp sec secs seconds elapsed elapsed_time',
     'position': 'position pos q angle theta phi joint_position joint_angle actual_position',
@@ -56,7 +55,7 @@ _UNITS = {
     'reference_velocity': _SPEEDS,
 }
 _COUNTS = re.compile(r'counts/(\d+(?:\.\d+)?)(/s)?')
-# A unit in brackets behind a name, or as its last part.
+# A unit in brackets after a name, or as its last part.
 _BRACKET = re.compile(r'\s*[\[(]([^\])]*)[\])]\s*$')
 _LAST = re.compile(r'_(s|ms|us|ns|deg|rad|rpm|mA|A|Nm|mNm)$')
 
@@ -156,7 +155,7 @@ def factor_of(signal: str, unit: str) -> float:
     if counts and f'rad{counts[2] or ""}' in known and float(counts[1]) > 0:
         return _TURN / float(counts[1])
     if signal == 'effort':
-        # Volts, per cent of a servo's range: the figures stay in the recording's own unit.
+        # For volts, or per cent of a servo's range, values stay in the unit of the recording.
         return 1.0
     listed = ', '.join(known) or 'none'
     more = ', counts/N (N to a turn)' if 'rad' in known else ', counts/N/s' if 'rad/s' in known \
@@ -213,7 +212,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
     for column in _guesses([name for name in names if name not in taken], layout):
         if column.signal in layout.columns or _one_of_two(column, used):
             continue
-        # Once the user names a joint's columns, columns of other joints are none of it.
+        # If the user names the columns of a joint, columns of other joints are ignored.
         if column.joint and 'position' in layout.columns:
             continue
         used.append(column)
@@ -223,7 +222,7 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
             raise InputError(f'{where}: which column is the {" or ".join(wanted)}? Name it with '
                              f'--columns {wanted[0]}=NAME; there are {listed}')
     notes = []
-    # A column that is called what it holds is no guess.
+    # A column named after its signal is not a guess.
     guessed = [column for column in guessed if _named(column) != column.name]
     if guessed:
         notes.append('columns guessed from their names: ' + ', '.join(
@@ -277,7 +276,7 @@ def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
         signal, joint = _signal_and_joint(name)
         if signal:
             columns.append(_column(name, signal, joint, layout))
-    # `effort` goes before `current`, where a table has both.
+    # `effort` is preferred to `current` if a table has both.
     columns.sort(key=lambda column: SIGNALS.index(column.signal))
     joints = {column.joint for column in columns if column.signal == 'position'}
     return [column for column in columns if column.joint in (*joints, '')]

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles functions with numba: at once, or later while plain Python does their work.
 
-To import numba and to load compiled code takes most of the time in which a node starts, and to
-compile anew takes many seconds. A process that is to begin soon calls `begin_plain` before it
-imports what is compiled: its kernels are then plain Python until `compile_rest`, in another
-thread, has compiled them for what they were called with. Each is exchanged between two calls, and
-gives the same numbers before and after, but for the last bit of an exponential.
+Importing numba and loading compiled code takes most of the start-up time of a node, and compiling
+without a cache takes many seconds. A process that must start fast calls `begin_plain` before it
+imports compiled functions: its kernels are then plain Python until `compile_rest`, in another
+thread, has compiled them for the argument types they were called with. Each kernel is exchanged
+between two calls, and returns the same numbers before and after, except for the last bit of an
+exponential.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 F = TypeVar('F', bound=Callable[..., Any])
 
 _SPARED = ('scipy.linalg.cython_blas', 'coverage')
-# The kernels of this process that begin as plain Python; None where all are compiled at once.
+# The kernels of this process that start as plain Python; None if all are compiled at once.
 _later: list[Kernel] | None = None
 _plain = False
 _compiling = False
@@ -53,15 +54,15 @@ def njit(*, cache: bool = False) -> Callable[[F], F]:
 
 
 def import_numba() -> None:
-    """Import numba with all that compiled code needs, in half of the time, for a process of ours.
+    """Import numba in half of the time, for a process of this package.
 
-    Numba imports scipy only to see whether a BLAS is there, and coverage if it is installed. No
-    kernel of this package multiplies matrices; in a process that compiles others the user is to
-    have them, so that libraries do not call this. Nor may another thread import scipy meanwhile:
-    the law, which runs beside it, needs none (`test_compiling`).
+    Numba imports scipy only to detect BLAS, and coverage if it is installed. No kernel of this
+    package multiplies matrices, but kernels of other packages may, so that this is called only by
+    the package's own programs. Another thread must not import scipy meanwhile: the law, which runs
+    in parallel, does not need it (`test_compiling`).
     """
     spared = [name for name in _SPARED if name not in sys.modules]
-    # To Python's importer None is a module that is known to be missing.
+    # For Python's importer, None marks a module that is known to be missing.
     sys.modules.update(dict.fromkeys(spared))  # type: ignore[arg-type]
     try:
         import numba.np.arraymath  # noqa: F401
@@ -80,20 +81,20 @@ def compiling() -> bool:
 
 
 def compile_rest() -> int:
-    """Compile the kernels that began as plain Python, for the arguments they were called with.
+    """Compile the kernels that started as plain Python, for the arguments they were called with.
 
-    For another thread than the one that calls them, which goes on meanwhile.
+    To be called in another thread than the one that runs the kernels.
 
     Returns
     -------
     int
-        How many were exchanged.
+        Number of kernels exchanged.
     """
     global _plain, _compiling
     if not _later or not _plain:
         return 0
     _compiling = True
-    # A search for garbage holds up all threads, the longer the more was imported.
+    # Garbage collection stops all threads, for longer the more was imported.
     gc.disable()
     try:
         import_numba()
@@ -140,7 +141,7 @@ class Kernel:
         if run is not None:
             return run(*args)
         if args and isinstance(args[0], Row):
-            # From within another plain kernel.
+            # Called from another plain kernel.
             return self.py_func(*args)
         if not _plain:
             self._run = self.dispatcher
@@ -159,7 +160,7 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        # What compiled functions see that call this one.
+        # What compiled callers of this function see.
         from numba import types
         return types.Dispatcher(self.dispatcher)
 

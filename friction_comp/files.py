@@ -91,7 +91,7 @@ def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
     """
     path = Path(path)
     try:
-        # Not to wait for a pipe's other end, which may never come.
+        # Do not wait for the other end of a pipe, which may never come.
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         with os.fdopen(handle, 'rb') as stream:
             kind = os.fstat(handle)
@@ -142,7 +142,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
                 stream.write(data)
                 stream.flush()
                 os.fsync(stream.fileno())
-            # mkstemp makes files private; a model or report is meant to be shared as usual.
+            # mkstemp creates private files; a model or report is meant to be shared as usual.
             os.chmod(temporary, 0o666 & ~_umask())
             os.replace(temporary, path)
         except BaseException:
@@ -153,7 +153,7 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
 
 
 def _write_through(path: Path, data: bytes) -> None:
-    # Not to wait for a pipe's other end, which may never come; but for one that reads slowly.
+    # Do not wait for the other end of a pipe, which may never come, but for a slow reader.
     handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     os.set_blocking(handle, True)
     with os.fdopen(handle, 'wb') as stream:
@@ -216,7 +216,7 @@ def check_folder(path: str | Path) -> None:
             folder = folder.parent
         if not folder.is_dir():
             raise InputError(f'{path}: cannot be written to: {folder} is no folder')
-        # What permissions say is not all: a file system may be full, or take no files at all.
+        # Permissions are not sufficient: a file system may be full or read-only.
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:

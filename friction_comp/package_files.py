@@ -48,7 +48,7 @@ def middlewares() -> list[str]:
     prefixes = [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
     installed = {path.name for prefix in (*prefixes, sys.prefix) for path in Path(
         prefix, 'share', 'ament_index', 'resource_index', 'rmw_typesupport').glob('rmw_*')}
-    # What chooses one of the others at run time.
+    # Variables that select another implementation at run time.
     return sorted(installed - {'rmw_implementation'})
 
 

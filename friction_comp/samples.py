@@ -167,10 +167,10 @@ class Samples:
         return replace(self, **changes)
 
     def averaged(self, length: int) -> Samples:
-        """Return averages over so many consecutive samples, segment by segment.
+        """Return averages over `length` consecutive samples, segment by segment.
 
-        What is left over at the end of a segment is dropped. Of what is not measured (direction,
-        recording) the first of each is kept.
+        Remaining samples at the end of a segment are dropped. Of values that are not measured
+        (direction, recording) the first is kept.
 
         Parameters
         ----------

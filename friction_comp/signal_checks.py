@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks whether measured signals are possible and agree with each other.
 
-A signal is believed where a second one says the same: the position goes where the velocity leads,
-and the measured current is the commanded one. Both comparisons have one result, a ratio: one where
-they agree, negative where a sign is wrong, and otherwise a number that often names the unit.
+A signal is accepted if a second one confirms it: the change of position equals the integrated
+velocity, and the measured current equals the commanded one. The result of either comparison is a
+ratio: one if they agree, negative if a sign is wrong, and otherwise a value that often identifies a
+wrong unit.
 
-Everything takes arrays, as recordings hold them. `VelocityCheck` and `CurrentCheck` hand the same
-functions what has come lately, for what judges while it runs. Whoever asks says how far a ratio may
-be from one: a drive that is about to be moved allows a factor of two, a person who looks for
-mistakes wants to know of a fifth.
+The functions take arrays, as recordings contain them. `VelocityCheck` and `CurrentCheck` apply them
+to recent samples of a running system. The caller decides how far a ratio may be from one: a factor
+of two for a drive that is about to be moved, a fifth for a person who looks for mistakes.
 """
 
 from __future__ import annotations
@@ -35,18 +35,19 @@ hours is 1e5 rad, the fastest motors turn at 1e4 rad/s, a wind turbine's shaft c
 BLOCK = 0.1
 """s over which the ways by position and by velocity are compared."""
 
-# A block tells nothing where the joint went less, rad and encoder counts.
+# A block is not used if the joint moved less than this, rad and encoder counts.
 _SHORT, _FEW_COUNTS = 2e-3, 50.0
-# A position that changes by no more counts while the velocity leads farther stands still.
+# A position that changes by fewer counts while the velocity predicts more is stuck.
 _STILL_COUNTS = 2.5
-# s by which a drive's filter may delay the velocity: the way then falls short by as much as the
-# speed changed over that time.
+# s by which a drive's filter may delay the velocity: the integral is then short by the change of
+# speed over that time.
 _VELOCITY_LAG = 0.02
-# Steps of time beyond this many s, and this many usual ones, are gaps: nobody knows the way in one.
+# Time steps above this in s, and above this multiple of the usual one, are gaps, over which nothing
+# is integrated.
 _GAP, _GAP_STEPS = 0.02, 3.0
 
-# s over which currents are smoothed before they are compared: longer than any drive's own lag. What
-# is later comes of the way between drive and controller.
+# s over which currents are smoothed before they are compared: longer than the lag of any drive.
+# Longer delays come from the connection between drive and controller.
 _SMOOTHING = 0.05
 LATEST = 0.3
 """s of the latest answer that is looked for: a busy machine takes a tenth of a second or two to
@@ -54,14 +55,14 @@ hand a current on. What comes later still is no answer to anybody who would tell
 
 # s of measured current that are compared.
 _MEMORY = 0.5
-# s between the points that are compared: a delay is told to the nearest of these.
+# s between the delays that are compared.
 _GRID = 0.005
-# A delay is believed where it raises the correlation by this much: with a current that is steady
-# any delay is as good as none.
+# A delay is accepted if it raises the correlation by this much: for a constant current all delays
+# are equally good.
 _CLEARLY = 0.005
-# Share of what smoothing takes away of the commanded current that has to be left of it.
+# Smallest share of the variation of the commanded current that must be left after smoothing.
 _STANDS_OUT = 0.2
-# A ratio within this share of a unit's is called by its name.
+# A ratio within this share of that of a unit is reported with the unit's name.
 _NAMED = 0.1
 
 _VELOCITY_UNITS = {
@@ -110,8 +111,8 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
     Returns
     -------
     ndarray, shape (K,)
-        One ratio for each block of `BLOCK` s in which the joint moved: infinite where the position
-        stands still, 0 where the velocity does, and 1 where a late velocity explains the rest.
+        One ratio for each block of `BLOCK` s in which the joint moved: infinite if the position
+        is constant, 0 if the velocity is zero, and 1 if a delayed velocity explains the difference.
         Blocks with gaps in them are left out.
     """
     good = np.isfinite(time) & np.isfinite(position) & np.isfinite(velocity)
@@ -195,7 +196,7 @@ class VelocityCheck:
         self.fault = ''
 
     def interrupt(self) -> None:
-        """Begin a new block, as after a gap: nobody knows how the joint moved in it."""
+        """Begin a new block, for instance after a gap, in which the motion is unknown."""
         self._samples.clear()
 
     def take(self, time: float, position: float, velocity: float) -> str:
@@ -280,7 +281,7 @@ def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> 
     index = int(np.argmax(size)) if size.max() > size[0] + _CLEARLY else 0
     gain = float(product[index] / max(power[index], 1e-300))
     likeness = float(alike[index])
-    # What is smoothed over a time varies independently after twice that time.
+    # Values smoothed over a time are independent after twice that time.
     return Answer(gain, likeness, _error(gain, likeness, _MEMORY / (2.0 * _SMOOTHING)),
                   float(delays[index]), float(np.sqrt(power[-1] / len(back))))
 
@@ -329,8 +330,8 @@ class CurrentCheck:
     def __init__(self) -> None:
         self.commanded = self._measured = 0.0
         self._zero, self._zeros = 0.0, 0
-        # Integrals over time, fading and over all: of the commanded current's square, its product
-        # with the measured one, and of one.
+        # Integrals over time, exponentially weighted and total: of the squared commanded current,
+        # of its product with the measured one, and of one.
         self._recent, self._all = [0.0] * 3, [0.0] * 3
         self._rattle = 0.0
         self._past: deque[tuple[float, float, float]] = deque()
@@ -366,8 +367,8 @@ class CurrentCheck:
         power, product, duration = self._recent if lately else self._all
         if duration < 0.3 * _MEMORY or power <= duration * least ** 2:
             return math.nan
-        # What smoothing leaves of a controller that rattles is no current to compare: an amplifier
-        # follows it late and in part.
+        # The part of an oscillating controller's current that smoothing removes is not compared,
+        # since an amplifier follows it late and incompletely.
         if lately and power < _STANDS_OUT ** 2 * self._rattle:
             return math.nan
         return product / power

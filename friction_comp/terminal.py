@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Standard output and error whose failure never ends a tool.
+"""Standard output and error streams whose failure never stops a tool.
 
-What a tool was asked for is in files; what it prints comes beside that. A reader who has gone
-(``| head``) or a terminal that lacks a letter costs words, and nothing else.
+The results of a tool are in files; what it prints is additional. A closed pipe (``| head``) or a
+terminal without some characters only loses text.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class _Patient:
             self._let_go()
 
     def _let_go(self) -> None:
-        # Below Python's buffers, which are written once more when the process ends.
+        # Below Python's buffers, which are flushed again when the process ends.
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())
         os.close(nowhere)

@@ -264,6 +264,6 @@ def test_python(text, workplace):
         # As refine reports it, and as the page says.
         error = np.sqrt(np.mean(names['residual'] ** 2))
         assert error < 1.3 * report_of(workplace, 'refine examples')['after']['held_out_rmse']
-        told = re.search(r'here some\s+([\d.]+) mA', (ROOT / 'docs' / 'tools.md').read_text(
+        told = re.search(r'here\s+([\d.]+) mA', (ROOT / 'docs' / 'tools.md').read_text(
             encoding='utf-8'))[1]
         assert 1e3 * error == pytest.approx(float(told), abs=0.3)

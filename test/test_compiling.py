@@ -105,8 +105,8 @@ def test_the_watchdog_alarms_earlier_while_its_process_compiles(monkeypatch, tim
     watchdog = Watchdog(timeout, lambda: alarms.append(now[0]), lambda: now[0])
     watchdog.feed()
     now[0] = limit + 1e-6
-    watchdog.look()
+    watchdog.check()
     assert not alarms
     monkeypatch.setattr(compiling, '_compiling', True)
-    watchdog.look()
+    watchdog.check()
     assert alarms == [now[0]]

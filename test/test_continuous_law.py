@@ -177,7 +177,7 @@ def test_friction_half_as_much_again_is_taken_back_and_said(gears):
     log, guards = let_go(gears, 1.5, 40.0, 1.0)
     fastest = log['link_speed'].max(axis=1)
     assert fastest.max() < 125.0 * DEGREE
-    assert np.all(guards['bears'][fastest > 101.0 * DEGREE] < 0.9)
+    assert np.all(guards['trust'][fastest > 101.0 * DEGREE] < 0.9)
     assert np.all(guards['overspeed'][fastest > 101.0 * DEGREE] > 0.0)
 
 

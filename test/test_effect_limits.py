@@ -39,8 +39,8 @@ def test_a_constant_is_kept_where_the_effect_is_what_its_name_says(name, constan
     ('stribeck', {'slow': 0.9}), ('temperature', {'temperature_span': 1.0}),
     ('direction_asymmetry', {'both_directions': False})])
 def test_what_cannot_be_seen_is_said_by_the_effect_itself(name, changes):
-    assert EFFECTS[name].hard_to_tell(SCENE) == ''
-    assert EFFECTS[name].hard_to_tell(replace(SCENE, **changes)).endswith('.')
+    assert EFFECTS[name].insufficient_data(SCENE) == ''
+    assert EFFECTS[name].insufficient_data(replace(SCENE, **changes)).endswith('.')
 
 
 def test_what_drifted_by_the_clock_is_left_out_on_another_day():

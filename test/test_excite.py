@@ -4,7 +4,7 @@
 
 import json
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 import numpy as np
 import pytest
 from report_pages import assert_documented
@@ -16,8 +16,14 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.excitation.comparison import fourier_series, staircase
 from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
-from friction_comp.excitation.move import sampled
-from friction_comp.excitation.plan import effort_of, moves_by, plan_joint, SHAPE, trajectory_of
+from friction_comp.excitation.plan import (
+    effort_of,
+    JointPlan,
+    moves_by,
+    plan_joint,
+    SHAPE,
+    trajectory_of,
+)
 from friction_comp.excitation.separation import (
     pairs_in,
     pairs_of,
@@ -33,6 +39,10 @@ PLAIN = ['--joint', 'elbow', '--position', '-1.2', '1.0', '--velocity', '1.5', '
 
 
 @settings(max_examples=40, deadline=None)
+# A last move that ends between the last sample and the end.
+@example(seed=6813, bends=(0.25, 0.7890625, 0.007039780636904249, 0.47629448692292786, 0.0),
+         lowest=0.0, span=5.212890625, velocity=3.435546875, acceleration=0.11,
+         seconds=32.0388164004364)
 @given(seed=st.integers(0, 2**32 - 1), bends=st.tuples(*[st.floats(0.0, 1.0)] * 5),
        lowest=st.floats(-3.0, 3.0), span=st.floats(0.05, 6.0), velocity=st.floats(0.05, 5.0),
        acceleration=st.floats(0.1, 50.0), seconds=st.floats(20.0, 60.0))
@@ -41,8 +51,9 @@ def test_no_plan_leaves_its_limits(seed, bends, lowest, span, velocity, accelera
     shape = [low + bend * (high - low) for bend, (low, high) in zip(bends, SHAPE)]
     points = qmc.Sobol(3, scramble=True, seed=seed).random(512)
     start, moves = moves_by(shape, limits, seconds, points)
-    time = np.arange(round(seconds * 500.0) + 1) / 500.0
-    q, v, a = sampled(moves, start, time)
+    plan = JointPlan(limits, start, tuple(moves), seconds, {})
+    q, v, a = (getattr(plan.samples(500.0), name)
+               for name in ('position', 'velocity', 'acceleration'))
     assert lowest < q.min()
     assert q.max() < lowest + span
     assert np.abs(v).max() < velocity

@@ -121,14 +121,14 @@ class Motor(RuleBasedStateMachine):
         """Let time go by; the watchdog's thread wakes when it asked to."""
         end = self.steady + seconds
         while True:
-            left = self.loop.watchdog.look()
+            left = self.loop.watchdog.check()
             if left is None or self.steady + left > end:
                 break
             self.steady += max(left, 1e-6)
         if self.clock_runs:
             self.ros += round((end - self.steady) * NANO) if end > self.steady else 0
         self.steady = max(self.steady, end)
-        self.loop.watchdog.look()
+        self.loop.watchdog.check()
 
     # Life.
 
@@ -137,14 +137,14 @@ class Motor(RuleBasedStateMachine):
     def activate(self):
         self.loop.activate(['/somebody'] if self.around.others else [])
         self.port.open()
-        self.port._matched = True
+        self.port._discovered = True
         self.active, self.latched, self.newest, self.heard = True, False, None, None
         self.alone = None
 
     @precondition(lambda self: self.active)
     @rule()
     def deactivate(self):
-        self.loop.leave()
+        self.loop.stop()
         self.port.close()
         self.active = False
 
@@ -294,7 +294,7 @@ class Motor(RuleBasedStateMachine):
         self.pass_time(seconds)
         self.around.others = int(there)
         if self.active:
-            self.loop.look_around(['/somebody'] if there else [])
+            self.loop.check_commanders(['/somebody'] if there else [])
             if there and self.alone is not None and self.steady - self.alone > 3.0:
                 self.latched = True
             self.alone = None if there else (self.alone or self.steady)

@@ -55,6 +55,8 @@ def system(room):
                     'joint_state_timeout': 10.0}):
         probe.commands = probe.listen(Float64MultiArray, 'current_command')
         probe.states = probe.listen(JointState, 'joint_states')
+        # Without it the beginning of the motion may be missed.
+        probe.until(lambda: probe.states, 'joint states')
         yield probe
 
 

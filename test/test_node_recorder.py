@@ -211,36 +211,36 @@ def test_losses_are_counted_and_other_publishers_are_not_taken_for_them(starts, 
     numbers = [start * 1000 for start in starts]
     losses, lost = Losses(), 0
     for k in range(len(numbers)):
-        losses.see(numbers[k])
-    losses.look(changed=True)
+        losses.add(numbers[k])
+    losses.check(changed=True)
     for who, missing in steps:
         who %= len(numbers)
         for k in range(len(numbers)):
             gone = missing if k == who else 0
             numbers[k] += 1 + gone
             lost += gone
-            losses.see(numbers[k])
+            losses.add(numbers[k])
         for _ in range(3):
-            losses.look(changed=False)
+            losses.check(changed=False)
             for k in range(len(numbers)):
                 numbers[k] += 1
-                losses.see(numbers[k])
+                losses.add(numbers[k])
     if len(set(starts)) == len(starts):
         assert losses.count == lost
 
 
 def test_a_slow_publisher_that_was_not_heard_before_is_no_loss():
     losses = Losses()
-    losses.see(5)
-    losses.look(changed=True)
+    losses.add(5)
+    losses.check(changed=True)
     for later in range(6):
         for _ in range(10):
-            losses.look(changed=False)
+            losses.check(changed=False)
         # Once a second each: the second one is heard when the first has long been silent.
-        losses.see(40 + later)
+        losses.add(40 + later)
         for _ in range(4):
-            losses.look(changed=False)
-        losses.see(6 + later)
+            losses.check(changed=False)
+        losses.add(6 + later)
     assert losses.count == 0
 
 
@@ -258,7 +258,7 @@ def test_publishers_that_say_who_they_are_are_told_apart():
                     'publication_sequence_number': number}))
             topic.drain()
             for _ in range(3):
-                topic.look()
+                topic.check_publishers()
     assert topic.lost == 2
 
 
@@ -322,7 +322,7 @@ def test_a_publisher_that_finds_one_subscription_late_is_heard_all_the_same(late
         while step and held and held[0][0] <= step:
             node.made[DurabilityPolicy.TRANSIENT_LOCAL].waiting.append(held.pop(0)[1])
         topic.drain()
-        topic.look()
+        topic.check_publishers()
     assert list(node.made) == [DurabilityPolicy.TRANSIENT_LOCAL]
     assert heard == list(range(1, number - delay * burst + 1))
     assert topic.lost == 0

@@ -21,7 +21,7 @@ from ros_system import joint_state, MODELS, probe_node, Process, RELIABLE
 from sensor_msgs.msg import JointState
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.joint_watch import frame_of, LiveSignals
+from friction_comp.nodes.joint_watch import frame_of, JointWatch, LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
 
 JOINT = 'elbow'
@@ -113,25 +113,41 @@ def test_a_topic_that_is_taken_late_does_not_end_the_past():
     assert frame_of(b'') == frame_of(b'\0\1\0\0') == ''
 
 
-def test_states_have_the_load_of_their_time_when_many_are_taken_at_once():
+@pytest.mark.parametrize('states_first', [False, True])
+def test_states_have_the_load_of_their_time_when_many_are_taken_at_once(states_first):
+    """A busy machine reads all waiting messages of one topic before those of the next."""
     signals, second = LiveSignals([JOINT], [1.0]), 10**9
-    for k in range(101):
+
+    def add_load(stamp, torque):
         wrench = WrenchStamped()
         wrench.header.frame_id = JOINT
-        wrench.wrench.torque.z = 0.01 * k
-        signals.hold('interaction_wrench', second + k * second // 50, serialize_message(wrench))
-    for k in range(0, 200):
-        stamp = second + k * second // 100
-        signals.see(stamp, serialize_message(joint_state(stamp, [JOINT], [0.0])))
+        wrench.wrench.torque.z = torque
+        signals.add_message('interaction_wrench', stamp, serialize_message(wrench))
+
+    def add_state(stamp):
+        signals.add_state(stamp, serialize_message(joint_state(stamp, [JOINT], [0.0])))
+
+    def add_states():
+        for k in range(200):
+            add_state(second + k * second // 100)
+
+    add_load(second, 0.0)
+    if states_first:
+        add_states()
+        assert len(signals.take()[0]) == 1
+    for k in range(101):
+        add_load(second + k * second // 50, 0.01 * k)
+    if not states_first:
+        add_states()
     load = signals.take()[0][:, 4]
-    np.testing.assert_allclose(load, 0.01 * (np.arange(200) // 2))
-    # What is old says nothing, and a clock that starts over ends what was before it.
-    late = 5 * second
-    signals.see(late, serialize_message(joint_state(late, [JOINT], [0.0])))
+    np.testing.assert_allclose(load, 0.01 * (np.arange(200) // 2)[-len(load):])
+    assert len(load) >= 199
+    # A load that is old counts for nothing, and a clock that starts over ends what was before it.
+    add_state(5 * second)
+    add_state(11 * second)
     assert np.isnan(signals.take()[0][0, 4])
-    wrench.wrench.torque.z = 7.0
-    signals.hold('interaction_wrench', second, serialize_message(wrench))
-    signals.see(second, serialize_message(joint_state(second, [JOINT], [0.0])))
+    add_load(second, 7.0)
+    add_state(second)
     assert signals.take()[0][0, 4] == 7.0
 
 
@@ -208,3 +224,26 @@ def test_a_recording_that_cannot_be_read_is_named_and_a_goal_can_be_cancelled(be
     for folder in set((room / 'out').glob('*')) - written:
         assert not (folder / 'model.yaml').exists()
         shutil.rmtree(folder)
+
+
+def test_a_trial_ends_with_enough_motion_and_names_the_previous_model_if_that_was_better(tmp_path):
+    same = tmp_path / 'same.yaml'
+    shutil.copy(MODELS[0], same)
+    time, position, velocity, current = motion(200.0, 0.0)
+    unknown = np.full(len(time), np.nan)
+    rows = np.column_stack((time, position, velocity, current, unknown, unknown))
+    ends = {}
+    for path in (str(same), MODELS[2]):
+        watch = JointWatch(0.25, MODELS[0])
+        watch.start_trial(path)
+        watch.take(rows[:1000])
+        assert watch.end_trial() is None
+        assert watch.trial is not None
+        # All of the trial's motion at once, as when the machine was busy.
+        watch.take(rows[1000:])
+        ends[path] = watch.end_trial()
+        assert watch.trial is None
+    assert ends[str(same)] is None
+    previous, reason = ends[MODELS[2]]
+    assert previous == MODELS[0]
+    assert 'blocks of motion' in reason

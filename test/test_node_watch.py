@@ -31,17 +31,17 @@ def test_joint_current_and_residual_of_the_last_seconds():
         try:
             probe.matched(publisher)
             probe.matched(planner)
-            stamp, steps = 10**9, itertools.count()
+            stamp, times = 10**9, itertools.count(step=0.02)
 
             def shown():
                 """Publish, as a best-effort listener may miss some, until all is shown."""
-                t = 0.02 * next(steps)
-                velocity = 0.6 * np.cos(2.0 * t)
-                publisher.publish(joint_state(
-                    stamp + round(t * 1e9), ['elbow'], [0.3 * np.sin(2.0 * t)], [velocity],
-                    [MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current]))
-                planner.publish(joint_state(stamp, ['elbow'], [], [-0.3]))
-                probe.spin_for(0.003)
+                for t in itertools.islice(times, 20):
+                    velocity = 0.6 * np.cos(2.0 * t)
+                    publisher.publish(joint_state(
+                        stamp + round(t * 1e9), ['elbow'], [0.3 * np.sin(2.0 * t)], [velocity],
+                        [MODEL.sigmoid(velocity) * MODEL.drive.torque_per_current]))
+                    planner.publish(joint_state(stamp, ['elbow'], [], [-0.3]))
+                    probe.spin_for(0.003)
                 data = feed.window('elbow', 0.0, 2.0)
                 return t > 4.0 and len(data['time']) > 30 and data['direction'][-1] == -1.0
             probe.until(shown, 'two seconds')

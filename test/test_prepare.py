@@ -176,4 +176,4 @@ def test_bumps_are_not_looked_for_where_every_place_is_passed_in_one_motion():
         samples = Samples(time=time, position=np.cumsum(velocity) * 0.005, velocity=velocity,
                           current=np.tanh(velocity / 0.02))
         scene = scene_of(samples, np.abs(velocity) > 0.01, Drive(1.0, 1.0), 0.01)
-        assert ('bumps' in EFFECTS['bump'].hard_to_tell(scene)) is one
+        assert ('bumps' in EFFECTS['bump'].insufficient_data(scene)) is one

@@ -16,6 +16,7 @@ import pytest
 from report_pages import assert_documented, promised
 
 from friction_comp.__main__ import run
+from friction_comp.note import experiment_set
 from friction_comp.note.condition_runs import run_trial
 from friction_comp.note.identify import identify_breakaway
 from friction_comp.note.published import EXPERIMENTS
@@ -49,8 +50,11 @@ def test_the_same_seed_gives_the_same_trial():
 
 @pytest.mark.slow
 @pytest.mark.timeout(400)
-def test_whole_tool(tmp_path):
+def test_whole_tool(tmp_path, monkeypatch):
     """Every floor holds, and the page and the numbers are there."""
+    # The curves over the gain and the speed are drawn and not tested here: of two points each.
+    monkeypatch.setattr(experiment_set, 'GAINS', (0.8, 1.2))
+    monkeypatch.setattr(experiment_set, 'DEAD_SPEEDS', (0.0, 3.0))
     assert run('reproduce', ['--cycles', '50', '--output', str(tmp_path / 'out')]) == 0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert page.count('<figure') == 5

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from friction_comp.compensation.effects_here import EffectsHere
+from friction_comp.compensation.effect_currents import EffectCurrents
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
@@ -73,26 +73,26 @@ def test_friction_of_effects_is_asked_for_in_both_directions_of_sliding():
                           'transition': 0.001})
     bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
                            'transition': 0.001})
-    here = EffectsHere(model([RIPPLE, GRAVITY, warmth, bristles]), Effect.why_left_out)
+    effects = EffectCurrents(model([RIPPLE, GRAVITY, warmth, bristles]), Effect.why_left_out)
     for temperature, more in ((None, 0.0), (35.0, 0.02)):
         for position in (-0.4, 0.0, 0.23):
-            asked = here.ask(1.0, position, 0.0, {
+            currents = effects.by_direction(1.0, position, 0.0, {
                 'temperature': temperature, 'load': None, 'rigid_body': None, 'coupling': None})
             expected = 0.02 * np.cos(20.0 * position) + more
-            assert asked.forward == pytest.approx(expected)
-            assert asked.backward == pytest.approx(-expected)
-            assert asked.carried == pytest.approx(0.03 * np.sin(position))
-            assert [name for name, _ in asked.missing] == (
+            assert currents.forward == pytest.approx(expected)
+            assert currents.backward == pytest.approx(-expected)
+            assert currents.carried == pytest.approx(0.03 * np.sin(position))
+            assert [name for name, _ in currents.missing] == (
                 ['temperature'] if temperature is None else [])
 
 
 def test_the_bound_is_asked_without_moving_what_remembers():
     bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
                            'transition': 0.001})
-    asked, fresh = (EffectsHere(model([bristles]), Effect.why_left_out) for _ in range(2))
-    assert asked.largest(1.0)[0] == pytest.approx(0.05)
+    effects, fresh = (EffectCurrents(model([bristles]), Effect.why_left_out) for _ in range(2))
+    assert effects.largest(1.0)[0] == pytest.approx(0.05)
     for time, position in ((0.0, 0.3), (0.01, 0.301), (0.02, 0.304)):
-        assert asked.total(time, position, 0.3, {}) == fresh.total(time, position, 0.3, {})
+        assert effects.total(time, position, 0.3, {}) == fresh.total(time, position, 0.3, {})
 
 
 def test_place_survives_the_model_file(tmp_path):

@@ -25,7 +25,7 @@ def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
     while True:
         step = min(int(now / seconds * _SPEEDS) + 1, _SPEEDS)
         speed = MARGIN * limits.velocity * step / _SPEEDS
-        # Slow steps turn round sooner, so that they too go in both directions.
+        # Slow steps reverse earlier, so that they too go in both directions.
         way = min(half, 0.2 * speed * seconds / _SPEEDS)
         move = Move.within(now, here, centre + side * way, speed, MARGIN * limits.acceleration)
         if now + move.duration > seconds:

@@ -5,8 +5,7 @@
 One principle: **a recording tests the model before it teaches it**. The motion of each round is
 new, so the error with which the model of the earlier rounds predicts it is the error that the model
 has anywhere within the limits. Then the round is fitted together with all others, and the next
-motion asks about what that fit leaves open. Nothing is left to ask once a motion that is new tells
-nothing new.
+motion is planned for what that fit leaves open, until a new motion adds no information.
 """
 
 from __future__ import annotations
@@ -31,9 +30,9 @@ from friction_comp.refinement.thresholds import GROWTH
 from friction_comp.refinement.verdict import AGAIN, IN_PART, TRUST
 from friction_comp.samples import Samples
 
-# Findings that a motion which was predicted before it was fitted refutes.
+# Findings that are refuted by a motion that was predicted before it was fitted.
 _REFUTED = ('extrapolates',)
-# Findings that more motion may end.
+# Findings that more motion may resolve.
 _BY_MOTION = ('extrapolates', 'ambiguous', 'unexplained', 'one_direction', 'explains_part',
               'explains_nothing')
 

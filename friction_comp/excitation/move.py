@@ -14,9 +14,9 @@ import math
 
 import numpy as np
 
-# Of u³(10 - 15u + 6u²), by which speed rises: its steepest slope.
+# Steepest slope of u³(10 - 15u + 6u²), the profile with which speed rises.
 _STEEPEST = 1.875
-# Seconds in which speed rises at least: jerk has a limit by it, in short moves too.
+# Shortest time in which speed rises, s: it limits jerk, in short moves too.
 _SHORTEST = 0.1
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+import math
 
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -27,17 +28,18 @@ from friction_comp.samples import Samples
 from friction_comp.trajectory import Trajectory
 
 # Share of the slowest speed, exponent of speeds, longest move and longest rest in s, exponent of
-# places; each with the range in which it is searched.
+# positions; each with its search range.
 SHAPE = ((0.01, 0.5), (0.3, 4.0), (1.0, 15.0), (0.05, 3.0), (0.05, 1.2))
-# Of the limits: the rest is left to controllers, which interpolate and overshoot.
+# Share of the limits that is used: the rest is left to controllers, which interpolate and
+# overshoot.
 MARGIN = 0.95
 SHORTEST = 20.0         # s, below which a plan has too few moves to be planned
 LONGEST = 1800.0        # s, beyond which it holds more moves than points are drawn
 _POINTS, _EVALUATED = 2048, 50.0
 _POPULATION, _GENERATIONS = 6, 10
-# By how much, and how often, a plan is slowed down that asks for too much effort.
+# Factor by which a plan that needs too much effort is slowed down, and how often.
 _SLOWER, _TRIALS = 0.8, 12
-# What each pair's logarithm counts beside that of the worst pair.
+# Weight of the logarithm of each pair relative to the worst pair.
 _MEAN = 0.3
 
 
@@ -63,12 +65,12 @@ class JointPlan:
     separation: dict[Pair, float]
 
     def samples(self, rate: float) -> Samples:
-        """Return the motion at so many samples a second, with zeros as current."""
+        """Return the motion sampled at a rate in Hz, with zero current."""
         return _samples(self.moves, self.start, self.seconds, rate, self.limits.joint)
 
 
 def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
-    """Return plans, as long as each other, as one trajectory with so many points a second."""
+    """Return plans of equal duration as one trajectory, sampled at a rate in Hz."""
     motions = [plan.samples(rate) for plan in plans]
     states = [np.column_stack([getattr(one, name) for one in motions])
               for name in ('position', 'velocity', 'acceleration')]
@@ -77,7 +79,8 @@ def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
 
 def _samples(moves: Sequence[Move], start: float, seconds: float, rate: float,
              joint: str) -> Samples:
-    time = np.arange(round(seconds * rate) + 1) / rate
+    # Up to the end at least, where the motion is at rest.
+    time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
     position, velocity, acceleration = sampled(moves, start, time)
     return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
                    current=np.zeros(len(time)), joint=joint)
@@ -134,7 +137,7 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     seed : int
         The same seed gives the same plan.
     model : FrictionModel, optional
-        Says what effort a motion asks for.
+        Predicts the effort of a motion.
     report : callable
         Called with the share that is done.
 
@@ -156,7 +159,7 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
             return separations(_samples(moves, start, seconds, _EVALUATED, own.joint), pairs,
                                scene)
         except InputError:
-            # Nearly all the time is rest.
+            # Almost the whole time is rest.
             return dict.fromkeys(pairs, 0.0)
 
     def cost(shape: np.ndarray) -> float:
@@ -176,7 +179,7 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         start, moves = moves_by(shape, own, seconds, points)
         distances = separation(shape, own)
         if not any(distances.values()):
-            # Slowed down, hardly a move fits into the time.
+            # Slowed down, hardly any move fits into the time.
             break
         if model is None or effort_of(model, _samples(
                 moves, start, seconds, 200.0, own.joint)) <= MARGIN * limits.effort:

@@ -24,13 +24,13 @@ from friction_comp.samples import Samples
 
 Pair = tuple[str, str]
 DEFAULT = ('gravity', 'spring', 'stribeck', 'viscous_shape', 'inner_load_friction')
-# Signals that a joint's own motion cannot vary, or that a plan does not know.
+# Signals that a joint's own motion cannot vary, or that are unknown in a plan.
 _NOT_MOVED = {'load', 'temperature', 'rigid_body', 'coupling'}
-# Constants of an effect that are compared, from all over its grid.
+# Constants of an effect that are compared, spread over its grid.
 _CONSTANTS = 3
-# Of the top speed: where friction changes its sign, and what counts as rest.
+# Share of the top speed at which friction changes its sign, and below which the joint is at rest.
 _TRANSITION, _SLOWEST = 0.02, 0.01
-# An effect that fewer of the repeated searches choose is asked about again.
+# An effect chosen by a smaller share of the repeated searches is open.
 _SURE = 0.9
 
 
@@ -141,7 +141,7 @@ def terms_of(name: str, scene: Scene) -> list[Term]:
     if not grid:
         raise InputError(f'effect {name!r} cannot be seen in {scene.duration:g} s within these '
                          'limits')
-    # What is carried loads the teeth most where the limb is level.
+    # A carried mass loads the teeth most where the limb is level.
     shares = [{'cosine': 1.0}] if kind.uses_inner_load else []
     chosen = dict.fromkeys(np.linspace(0, len(grid) - 1, _CONSTANTS).astype(int).tolist())
     return [Term(kind, kind.with_loads(grid[row], shares)) for row in chosen]

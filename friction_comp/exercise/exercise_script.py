@@ -24,9 +24,9 @@ from friction_comp.files import read_yaml
 FORMAT, VERSION = 'friction_comp_exercise', 1
 _UNITS = {'deg': math.pi / 180.0, 'rad': 1.0}
 _KEYS = {'format', 'version', 'unit', 'joints', 'repetitions', 'announcement', 'steps'}
-# Angles that differ by less are one place, rad.
+# Angles that differ by less are the same position, rad.
 _SAME = 1e-9
-# Instants at which a movement is looked at to find where it begins to slow down.
+# Number of points at which a movement is sampled to find where it begins to decelerate.
 _GRID = 200
 
 
@@ -34,10 +34,10 @@ class ExerciseScript:
     """A movement of several joints through waypoints, with the direction of each announced.
 
     Between waypoints each joint follows a monotone cubic (Fritsch and Carlson 1980): it passes a
-    waypoint without stopping where it goes on, and turns round there, and only there, where it
-    does not. A movement from rest is announced ahead, as `ReferenceMovement` does it; a direction
-    changes at the very waypoint where the joint turns round, and falls back to 0 as the joint
-    begins to slow down for a rest.
+    waypoint without stopping where its direction continues, and reverses only at waypoints. A
+    movement from rest is announced ahead, as `ReferenceMovement` does it; the direction changes at
+    the waypoint where the joint reverses, and returns to 0 when the joint begins to decelerate
+    towards a rest.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def _waypoints(steps: list[Any], joints: list[str], unit: float,
     if 'hold' not in steps[0]:
         raise InputError('steps[1] must be a hold: a movement from rest has to be announced')
     if 'hold' not in steps[-1]:
-        # The joints come to rest before the exercise ends or starts over.
+        # The joints come to rest before the exercise ends or repeats.
         times.append(times[-1] + _step('steps[1]', steps[0], joints, positions[-1], unit)[0])
         positions.append(positions[-1])
     if count > 1 and np.abs(positions[-1]).max() > _SAME:
@@ -183,7 +183,7 @@ def _spans(times: np.ndarray, position: np.ndarray, speed: Any,
             continue
         begin, end = float(times[k]), float(times[k + 1])
         if k == 0 or signs[k - 1] == 0:
-            # A movement that has not come to its end yet has its own direction.
+            # A movement that has not reached its end yet keeps its direction.
             begin = max(stopped, begin - announcement)
         stopped = end
         if k + 1 == len(signs) or signs[k + 1] == 0:

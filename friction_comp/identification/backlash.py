@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Detects backlash in current ramps: friction that rises more steeply again with displacement.
 
-The friction of a gear's contacts rises ever less with the way: every contact that begins to slide
-leaves fewer that still hold (Dahl, LuGre, Bouc-Wen and Maxwell slip alike). So along a ramp it is
-a concave curve of the way. Where teeth come apart, the motor meets its own friction alone until
-they touch on the other side; then the link's is added, and the curve turns up. How far it stays
-below its concave hull tells of backlash, and the way from the hull's corner to the lowest place is
-the least that it can be.
+The friction of a gear's contacts rises more and more slowly with displacement: every contact that
+begins to slide leaves fewer that still hold (in the Dahl, LuGre, Bouc-Wen and Maxwell-slip models
+alike). Along a ramp it is therefore a concave function of displacement. Where teeth separate, only
+the motor's own friction acts until they touch on the other side; then that of the link is added,
+and the curve bends upwards. The distance of the curve below its concave hull indicates backlash,
+and the displacement from the corner of the hull to the lowest point is its lower bound.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ import numpy as np
 if TYPE_CHECKING:
     from friction_comp.identification.friction_peak import RampFriction
 
-# Share of breakaway by which a ramp stays below its hull, and the share of the ramps in either
-# direction: which of them cross backlash hangs on where the slide before left the link. Simulated
-# gears without backlash stay within 0.03, but for one whose sides differ (`bench/law_table.py
-# --floors identification`, seeds 44 and 46); those that show it have 0.04 to 0.14.
+# Threshold on the share of breakaway by which a ramp stays below its hull, and share of the ramps
+# in each direction that must exceed it: whether a ramp crosses backlash depends on where the
+# previous slide left the link. Simulated gears without backlash stay below 0.03, except one with
+# asymmetric friction (`bench/law_table.py --floors identification`, seeds 44 and 46); gears with
+# visible backlash have 0.04 to 0.14.
 _DEPTH, _SHARE = 0.04, 0.2
 _COUNTS = 3.0    # the least that an encoder tells
 _PLACES = 60     # of the curve
@@ -46,11 +47,11 @@ def depth_below_hull(ramp: RampFriction, resolution: float) -> tuple[float, floa
     width = max(resolution, float(np.max(ramp.measured)) / _PLACES)
     index = np.maximum.accumulate(np.maximum(0, np.rint(ramp.measured / width).astype(int)))
     count = np.bincount(index)
-    # Within which part of a count the ramp began is not known, so the first one tells nothing.
+    # Where within a count the ramp began is unknown, so the first count is not used.
     visited = np.flatnonzero(count)[1:]
     if len(visited) < 4:
         return 0.0, 0.0
-    # What accelerates the rotor shows on neither curve, or on one alone.
+    # Acceleration of the rotor affects neither curve, or only one of them.
     depths, ways = zip(*(_below_hull(visited, np.bincount(index, current)[visited] / count[visited])
                          for current in (ramp.driven, ramp.current)))
     return min(depths), (ways[0] + 1.0) * width
@@ -90,7 +91,7 @@ def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
                for depth, way in softer]
     shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])
               for sign in set(directions)]
-    # A contact that is stiffer to one side turns up, too, but in one direction alone.
+    # A contact that is stiffer on one side also curves upwards, but in one direction only.
     if len(shares) < 2 or min(shares) < _SHARE:
         return 0.0, [0.0] * len(softer)
     return float(np.median([way for way in crossed if way > 0.0])), crossed

@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Breakaway currents from recorded current ramps (note, section 2.4, Eq. 8-10).
 
-Taken to the letter, Eq. 9 fires at the first encoder count. A real joint flickers by a count
-while it stands, and creeps by tens of counts on its elastic contacts before it slides. So each
-ramp is read backwards: first the run-away is found that no flicker and no creep can be (a speed
-held over many samples), then the instant at which it began, by fitting the position about it
-with a smooth creep that turns into a slide at an unknown time. The current at
-that instant is a local mean of the measured current, corrected for the ramp's slope.
+Applied literally, Eq. 9 detects breakaway at the first encoder count. A real joint flickers by a
+count at rest, and creeps by tens of counts on its elastic contacts before it slides. Each ramp is
+therefore evaluated backwards: first the run-away is found, a speed held over so many samples that
+it is neither flicker nor creep, then the time at which it began, by fitting the position with a
+smooth creep that changes into a slide at an unknown time. The current at that time is a local mean
+of the measured current, corrected for the slope of the ramp.
 
-That is all that a recording tells of a joint whose inertia is not known. Identification knows it,
-and takes the peak of what friction takes: `ramp_evaluation`.
+This is all that a recording shows of a joint of unknown inertia. Identification knows the inertia,
+and uses the peak of friction instead: `ramp_evaluation`.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ def find_ramps(time: np.ndarray, current: np.ndarray,
             continue
         top = begin + int(np.argmax(sign * signal[begin:end])) + 1
         rise = sign * signal[top - 1] / max(time[top - 1] - time[begin], 1e-9)
-        # The threshold cuts the ramp's foot off: go back to where it left zero.
+        # The threshold cuts off the beginning of the ramp: go back to where it left zero.
         foot = time[begin] - sign * signal[begin] / max(rise, 1e-12)
         first = int(np.searchsorted(time, foot)) if not exact else int(begin)
         if top - first >= 20 and sign * signal[top - 1] > 2.0 * threshold:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The first motion of an unknown joint: breakaway, then a short push.
 
-That tells what current its friction takes and what speed a current gives it, which every controller
-of its motion needs, and whether the measured current is the commanded one.
+It measures the current that overcomes friction and the acceleration per current, which the motion
+controller needs, and shows whether the measured current is the commanded one.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class FirstMotion(Motion):
                     sign * (sample.position - home) > 8.0 * self._resolution):
                 break
         if not self._supervision.known():
-            # Its answer may still be on its way.
+            # The response may still be on its way.
             yield from self._standstill(STILL_TIME + LATEST)
             self._supervision.require_known()
             sample = self.sample
@@ -101,7 +101,7 @@ class FirstMotion(Motion):
 
     def _combine(self, rates: list[float]) -> float:
         """The larger of the two estimates; from the breakaway current alone where both failed."""
-        # A joint that its own breakaway torque accelerates at 10 rad/s² is typical.
+        # Typically, a joint's own breakaway torque accelerates it at 10 rad/s².
         typical = 10.0 / max(self._push[1], -self._push[-1])
         rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
         if not rates:

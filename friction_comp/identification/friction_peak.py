@@ -6,12 +6,12 @@ Of the motor's current a part accelerates the joint, the rest is friction:
 
 ``f = i - a / (k_t·n/J) - c·ω``
 
-with the viscous current c·ω left to Eq. 6. While the gear gives within its presliding, f rises
-with the current; once the joint slides, f rises no more and the current's surplus accelerates it
-(LuGre, Dahl, Bouc-Wen and Maxwell slip alike: Armstrong-Hélouvry, Dupont and Canudas de Wit,
-Automatica 30(7), 1994). So the peak of f is breakaway whichever way the gear gives before, where
-the first motion, or the first that is faster than creep, comes 5 to 30 % too early on a gear with
-long presliding.
+with the viscous current c·ω left to Eq. 6. Within presliding, f rises with the current; once the
+joint slides, f no longer rises and the excess current accelerates the joint (in the LuGre, Dahl,
+Bouc-Wen and Maxwell-slip models alike: Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica
+30(7), 1994). The peak of f is therefore the breakaway current, whatever the presliding is like. The
+first motion, or the first motion faster than creep, comes 5 to 30 % too early on a gear with long
+presliding.
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ import numpy as np
 
 from friction_comp.identification.local_parabola import local_parabolas
 
-# rad/s above which a joint has left presliding, and nothing more is breakaway.
+# rad/s above which a joint has left presliding; later samples are not breakaway.
 SLIDING_SPEED = 0.02
-# s over which f is smoothed: a rotor on its presliding takes longer to break free, and the
-# resonance on the gear's compliance passes.
+# s over which f is smoothed: shorter than a rotor needs to break free of presliding, and long
+# enough to suppress the resonance on the gear's compliance.
 _SHORTEST, _LONGEST = 0.024, 0.064
-# Noise of f that smoothing leaves, as a share of the level.
+# Noise of f left after smoothing, as a share of the level.
 _NOISE = 0.007
-# Shares of breakaway: presliding is left at `_GONE`; stiffness is read from up to `_EARLY`.
+# Shares of breakaway: presliding has ended at `_GONE`; stiffness is computed up to `_EARLY`.
 _GONE, _EARLY = 0.95, 1.0 / 3.0
-# Standard deviations of presliding that no scatter shows: of a way that begins and ends within a
-# count, and of the method, as a share (gears of `bench/law_table.py`, seeds 44 and 46: 0.09).
+# Standard deviations of presliding that the scatter does not include: of a distance that begins and
+# ends within a count, and of the method, as a share (gears of `bench/law_table.py`, seeds 44 and
+# 46: 0.09).
 _SHARE_OF_COUNT, _METHOD = 0.4, 0.09
 _COUNTS = 4.0   # that a joint must have given in that part, times the root of the ramps' number
 
@@ -111,10 +112,11 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
 
     given, speed, acceleration = local_parabolas(way, count, step)
     smooth = np.convolve(driven, np.full(count, 1.0 / count), 'valid')
-    # A joint that is slowed down was stopped by friction, or by teeth that met after backlash.
+    # A joint that decelerates was stopped by friction, or by teeth in contact after backlash.
     inertia = np.maximum(acceleration, 0.0) / acceleration_per_current
     friction = smooth - inertia - viscous * speed
-    # A rotor that slides through backlash is caught by the link: the last slide is the joint's.
+    # A rotor that slides through backlash is stopped by the link: the last slide is that of the
+    # joint.
     slow = speed <= SLIDING_SPEED
     end = even.size - count + 1 - int(np.argmax(slow[::-1]))
     if slow.all() or not slow.any():
@@ -138,16 +140,16 @@ def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> 
 def combined_presliding(ways: list[tuple[bool, float]]) -> float:
     """Return the presliding distance in rad from ramps after slides to either side.
 
-    A contact of Maxwell-slip elements remembers where it slid: a ramp on in the direction of the
-    slide before it gives less than the distance, one against it gives more, and by Masing's rule
-    (each branch of a hysteresis loop is the first curve at twice its size) together twice the
-    distance. Contacts without that memory (Dahl, LuGre) give the same both times. So the mean of
-    both is the distance for either.
+    A contact of Maxwell-slip elements has a memory of sliding: a ramp in the direction of the slide
+    before it yields less than the presliding distance, one against it yields more, and by Masing's
+    rule (each branch of a hysteresis loop is the first curve at twice its size) the sum is twice
+    the distance. Contacts without that memory (Dahl, LuGre) yield the same both times. The mean of
+    both is the distance in either case.
 
     Parameters
     ----------
     ways : list of (bool, float)
-        Whether the slide before went the same way, and the way given in rad.
+        Whether the previous slide had the same direction, and the displacement in rad.
     """
     sides = [[way for same, way in ways if same is side] for side in (True, False)]
     return float(np.mean([np.median(side) for side in sides if side])) if ways else 0.0
@@ -168,7 +170,7 @@ def presliding_std(ways: list[tuple[bool, float]], distance: float, resolution: 
         rad of an encoder count.
     """
     sides = [np.array([way for same, way in ways if same is side]) for side in (True, False)]
-    # By the middle half of the ways, since one may be far off; one alone tells nothing.
+    # Mean of the middle half of the distances, since single ones may be far off.
     scatter = [float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
                if len(side) > 2 else 0.3 * distance for side in sides if len(side)]
     return math.hypot(float(np.sqrt(np.mean(np.square(scatter)))), _SHARE_OF_COUNT * resolution,
@@ -200,7 +202,7 @@ def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
         last = int(np.argmax(ramp.current > _EARLY * breakaway))
         if last < 3:
             return None
-        # Within which part of a count a ramp began is not known: deviations from means.
+        # Where within a count a ramp began is unknown, so deviations from the mean are used.
         rise = ramp.current[:last] - np.mean(ramp.current[:last])
         together += float(np.dot(rise, ramp.position[:last]))
         squares += float(np.dot(rise, rise))

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 STILL_TIME = 0.2        # s of standstill asked for before each ramp
 STILL_PATIENCE = 10.0   # s to come to rest
-# A joint that stays within so many counts, and this way in rad, stands: noise of the current shakes
-# it within its presliding, and the finest encoders show that by many counts.
+# A joint that stays within this many counts, and this distance in rad, is at rest: current noise
+# moves it within its presliding, and very fine encoders show that as many counts.
 STILL_COUNTS, STILL_WAY = 2.5, 1e-5
 
 
@@ -104,7 +104,7 @@ class Motion:
         return sample.time - still_since
 
     def _controller(self, bandwidth: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
-        # The encoder's single counts must not make the current rattle by more than friction.
+        # Single encoder counts must not change the current by more than friction.
         push = min(self._push[1], -self._push[-1])
         quiet = math.sqrt(0.06 * push * self.acceleration / self._resolution)
         return velocity_controller_parameters(

@@ -50,8 +50,7 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
         if len(moving) > 3 and sign * (moving[-1][1] - moving[-4][1]) <= 0.0:
             break
     slower, _ = _acceleration(moving[:max(4, int(0.8 * len(moving)))], sign)
-    # A joint that stops within a few samples: all that is known is how fast it was, and when it
-    # stood.
+    # For a joint that stops within a few samples, only its speed and the time of rest are known.
     stopping = -top / max(moving[-1][0] - coasted[0][0], 1e-4)
     if not math.isfinite(slower) or slower >= 0.0:
         slower = stopping
@@ -76,8 +75,8 @@ def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
 def acceleration_of_cycle(cycle: np.ndarray) -> float:
     """Estimate k_t·n/J from a cycle of Eq. 3.
 
-    At one speed in one direction friction takes the same, whether the joint gets faster or
-    slower: what the currents differ by has gone into the inertia.
+    At one speed in one direction friction is the same whether the joint accelerates or decelerates:
+    the difference of the currents is due to the inertia.
 
     Parameters
     ----------
@@ -87,7 +86,7 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
     Returns
     -------
     float
-        rad/s² per A; NaN where the inertia takes too little beside what else varies.
+        rad/s² per A; NaN if the effect of the inertia is small compared with other variations.
     """
     time, position, current = cycle.T
     duration = time[-1] - time[0]

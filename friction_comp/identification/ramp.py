@@ -12,9 +12,9 @@ import numpy as np
 STOP_TIME = 0.16
 """s that a ramp with stops waits at each."""
 
-# The joint goes on at a stop if in the last third of it it still moves at this share of the speed
-# of the second third, by so many counts and by this share of the way since the ramp's begin. On
-# its presliding it comes to rest.
+# The joint is still moving at a stop if, in the last third of it, it moves at this share of the
+# speed of the second third, by this many counts and by this share of the distance since the ramp
+# began. A joint on its presliding comes to rest.
 _SPEED_SHARE, _COUNTS, _WAY_SHARE = 0.5, 2.0, 0.08
 
 

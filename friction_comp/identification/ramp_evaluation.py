@@ -25,7 +25,7 @@ from friction_comp.identification.ramp import moving_level, Ramp
 from friction_comp.model.friction_model import Presliding
 
 _MOST_LOST = 0.1   # share of ramps without a breakaway that is borne
-# Two standard errors of breakaway, as a share of it, that are borne of a gear with backlash.
+# Two standard errors of breakaway, as a share of it, that are accepted for a gear with backlash.
 _MOST_LOOSE = 0.05
 
 
@@ -94,7 +94,8 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     at_peaks = _at_peaks(records, kept, peaks)
     moved = [(moving_level(ramp, slope, resolution), friction_of(ramp)) for ramp in stopping]
     shares = [level / peak.breakaway for level, peak in moved if level and peak]
-    # How much of its peak friction a joint bears at rest, by its stops and by the slides' begins.
+    # Share of the peak friction that a joint holds at rest, from its stops and from where slides
+    # begin.
     begun = float(np.mean(np.abs(records.current)) / np.mean(np.abs(at_peaks.current)))
     if not shares or _lower_bound(shares) > 0.5 * (1.0 + begun):
         records = at_peaks
@@ -122,9 +123,9 @@ def _backlash_message(backlash: float, records: BreakawayRecords) -> str:
 
 
 def _lower_bound(shares: Sequence[float]) -> float:
-    """Mean less what it may be off, by Student's t, as likely as one standard error.
+    """Return the mean less its uncertainty (Student's t, at the level of one standard error).
 
-    In doubt the lower breakaway is the safer one. Of one ramp nothing tells how far it is off.
+    A breakaway current that is too low is the safer error. One ramp has no uncertainty.
     """
     count = len(shares)
     if count < 2:
@@ -165,7 +166,7 @@ def _presliding(sides: Sequence[bool], peaks: Sequence[RampFriction], breakaway:
     ways = [(side, max(0.0, peak.presliding(level) - loose))
             for side, peak, level, loose in zip(sides, peaks, breakaway, crossed)]
     distance = combined_presliding(ways)
-    # Less than two counts is not known.
+    # Less than two counts cannot be resolved.
     if distance <= 2.0 * resolution:
         return None
     onward = [peak for side, peak in zip(sides, peaks) if side]

@@ -51,7 +51,7 @@ class IdentificationRun(SupervisedRun):
     Raises
     ------
     InputError
-        If the drive cannot do what the goal asks for.
+        If the drive cannot meet the goal.
     """
 
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:

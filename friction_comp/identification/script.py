@@ -34,22 +34,22 @@ if TYPE_CHECKING:
     from friction_comp.identification.kinetic import KineticPoint
     from friction_comp.identification.supervision import Supervision
 
-# The joint runs, well beyond the run-away that is looked for, at this speed in rad/s over so many
-# s, and beyond so many encoder counts. A ramp is cut once it has run so far, rad: a rotor that
-# slides through backlash runs, too, and is caught; few gears for robots have more of it.
+# The joint runs, well above the run-away threshold, at this speed in rad/s for this time in s, and
+# for more than this many encoder counts. A ramp ends when it has run this far, rad: a rotor that
+# slides through backlash also runs, and is then stopped; few robot gears have more backlash.
 CUT_SPEED, CUT_WINDOW, CUT_COUNTS, CUT_WAY = 0.05, 0.02, 8.0, 5e-3
-# Stick-slip asks for higher gains, a joint with more lag than expected, or with a link that is much
-# heavier than its rotor and swings against it, for lower ones.
+# Stick-slip requires higher gains; a joint with more lag than expected, or with a link that is much
+# heavier than its rotor and oscillates against it, requires lower ones.
 GAIN_LADDER = (1.0, 1.7, 0.3, 0.1)
-# Beyond this standard deviation, as a share of its mean, a current is no longer friction's: the
-# controller rattles, and what the amplifier cannot follow shifts the mean.
-RATTLE = 0.15
+# Above this standard deviation, as a share of its mean, a current does not measure friction: the
+# controller oscillates, and the part that the amplifier cannot follow biases the mean.
+MAX_SCATTER = 0.15
 REST_SHARE = 0.1        # of the ramp period at zero current after each ramp, as in Eq. 8
-# Ramps are made at places up to this share of the motion range off its centre, so that cogging and
-# what else depends on the motor's place averages out; four to a place.
+# Ramps are made at positions up to this share of the motion range off its centre, so that cogging
+# and other position-dependent torques average out; four ramps at each position.
 PLACES_SHARE = 0.015
-# After two of every so many cycles comes a ramp with stops in either direction: the first stop and
-# their distance are shares of the current at which the ramp before it was cut.
+# After every two of this many cycles follows a ramp with stops in each direction: the first stop
+# and their distance are shares of the current at which the previous ramp ended.
 STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 
 # Measured and commanded currents at one speed, forwards and backwards.
@@ -130,8 +130,8 @@ class Script(FirstMotion):
             self._speeds_done += 1
         if len({abs(point.speed) for point in self.points}) < 2:
             raise IdentificationError('too few speeds could be held: ' + '; '.join(self.warnings))
-        # Twice each way in turn: a gear gives less after a slide in the ramp's own direction than
-        # after one against it, and presliding is known from both.
+        # Two ramps in each direction in turn: a gear yields less after a slide in the ramp's own
+        # direction than after one against it, and presliding needs both.
         for first in range(0, self.goal.breakaway_cycles, 2):
             cycles = range(first, min(first + 2, self.goal.breakaway_cycles))
             yield from self._travel(self._place(first // 2))
@@ -174,15 +174,15 @@ class Script(FirstMotion):
                 driven = yield from self._one_cycle(speed, factor)
                 if driven is None:
                     continue
-                rattle = _rattle(driven[0])
-                if best is not None and rattle > 0.7 * _rattle(best[0]):
-                    # It is not the controller: friction itself is that uneven.
+                scatter = _current_scatter(driven[0])
+                if best is not None and scatter > 0.7 * _current_scatter(best[0]):
+                    # The controller is not the cause: friction itself is that uneven.
                     self._uneven, self._highest_gain = True, math.inf
                     break
                 best = driven
-                if self._uneven or rattle <= RATTLE:
+                if self._uneven or scatter <= MAX_SCATTER:
                     break
-                # Higher gains would only rattle more, at other speeds too.
+                # Higher gains would only cause more oscillation, at other speeds too.
                 self._highest_gain = max(0.99 * factor, GAIN_LADDER[-1])
             if best is None:
                 self.warnings.append(
@@ -263,7 +263,7 @@ class Script(FirstMotion):
         return Ramp(sign, cycle, rest, before, np.array(samples), tuple(stops))
 
 
-def _rattle(points: Sequence[KineticPoint]) -> float:
+def _current_scatter(points: Sequence[KineticPoint]) -> float:
     """Scatter of the current at constant velocity as a share of its mean."""
     return max(point.standard_deviation / max(abs(point.current), 1e-9) for point in points)
 

@@ -28,10 +28,10 @@ if TYPE_CHECKING:
 TOLERANCE = 3e-4
 """Share by which the error may rise for the sake of a well-behaved transition."""
 
-# Rounds of reweighting: enough to rank transitions, and to agree with linear programming.
+# Rounds of reweighting: enough to rank transitions and to agree with linear programming.
 _RANK, _CLOSE = 12, 45
 _ROUNDS = 40
-# Of the pattern search, in units of one over the steepness.
+# Steps of the pattern search, in units of one over the steepness.
 _STEP = np.array([(a, b) for a in (-1.0, -0.3, 0.0, 0.3, 1.0) for b in (-1.0, -0.3, 0.0, 0.3, 1.0)])
 
 
@@ -123,7 +123,7 @@ def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[float, fl
     """Return the steepness and the shift of the least error; speeds are scaled to [-1, 1]."""
     steepest = 40.0 / float(np.min(np.diff(values)))
     steepness = np.geomspace(0.5, steepest, 24)
-    # Steep transitions matter only where they cut through a point.
+    # Steep transitions differ only where they pass through a point.
     places = values[np.unique(np.linspace(0, len(values) - 1, 40).astype(int))]
     beside = places[:, None, None] + np.array([-5.0, -2.0, -0.6, 0.6, 2.0, 5.0]) / steepness[
         :, None]
@@ -147,7 +147,7 @@ def _search(x: np.ndarray, y: np.ndarray, values: np.ndarray) -> tuple[float, fl
         least = tried[np.arange(len(now)), best_trial]
         reach[~(least < error * (1.0 - 1e-6))] *= 0.4
         now, error = trial[np.arange(len(now)), best_trial], np.minimum(error, least)
-        # Half of the starts go on, until a few are left.
+        # Half of the starts are continued in each round, until a few are left.
         keep = np.argsort(error)[:max(6, len(now) // 2 if k % 4 == 3 else len(now))]
         now, error, reach = now[keep], error[keep], reach[keep]
         if reach.max() < 1e-3:

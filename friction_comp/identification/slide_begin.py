@@ -13,9 +13,9 @@ _POINTS = 160          # of the fit
 _MISFIT = 0.13         # of the way slid, by which the fit may be wrong
 
 
-# s before the run-away within which the slide began: a joint that slides reaches the run-away's
-# speed within tenths of a second. Seen over longer, the bend of creep on soft contacts, which give
-# ever more as the load comes near to breakaway, would pass for the slide.
+# s before the run-away within which the slide began: a sliding joint reaches the run-away speed
+# within tenths of a second. Over a longer time, creep on soft contacts, which yield more as the
+# load approaches breakaway, would be mistaken for the slide.
 _LONGEST_WINDOW = 0.6
 
 

@@ -22,25 +22,26 @@ from friction_comp.identification.kinetic import KineticPoint
 from friction_comp.identification.motion import MotionGoal
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
 
-# Measured over commanded current, and way by velocity over way by position, that are believed;
-# beyond, a unit or a constant is wrong.
+# Accepted ratios of measured to commanded current, and of integrated velocity to change of
+# position; outside, a unit or a constant is wrong.
 _FACTOR = 2.0
-# Standard errors by which a gain must lie beyond that to be wrong, and the largest one, as a share
-# of the gain, with which it is known to be right.
+# Standard errors by which a gain must be outside these limits to be wrong, and the largest standard
+# error, as a share of the gain, with which it is known to be right.
 _ERRORS, _KNOWN = 3.0, 0.25
-# Correlation from which on a measured current is the commanded one of some time before; and s from
-# which on that is what keeps a joint from answering.
+# Correlation above which a measured current is a delayed commanded one; and delay in s above which
+# that explains why a joint does not respond.
 _ALIKE, _LATE = 0.9, 0.01
 # Share of the ramps' peak that the commanded current must have to be compared.
 _LEAST = 0.02
-# Overall gain beyond which the result says so.
+# Overall gain above which the result reports it.
 _DOUBTFUL = 0.15
-# Longest step between samples over which anything is integrated, s.
+# Longest step between samples that is integrated, s.
 _STEP = 0.02
-# A current so many times what sets the joint free must accelerate it visibly.
+# A current of this multiple of breakaway must accelerate the joint visibly.
 _SURPLUS = 1.5
-# Counts that such a joint must be expected to have moved, and the share that it must have; and s
-# that it is given to answer, for delay, current loop and a filter take some milliseconds.
+# Counts by which such a joint must be expected to have moved, and the share of them that it must
+# have moved; and s that it has to respond, since delay, current loop and filter take some
+# milliseconds.
 _EXPECTED_COUNTS, _ANSWERED, _ANSWER_TIME = 30.0, 0.1, 0.01
 
 
@@ -108,7 +109,7 @@ class Supervision:
             return
         answer = self._currents.answer()
         _refuse_late(answer)
-        # A current that nobody had time to answer tells nothing yet.
+        # A current that had no time to take effect is not compared yet.
         if answer.earliest > self._least:
             self._refuse_gain(answer)
 
@@ -160,7 +161,7 @@ class Supervision:
         if fault:
             raise IdentificationError(fault)
 
-    # A current well above friction accelerates the joint.
+    # A current well above friction must accelerate the joint.
 
     def _begin_answer(self, time: float, position: float, sign: float) -> None:
         self._sign, self._since, self._from = sign, time, position
@@ -183,7 +184,8 @@ class Supervision:
         if (self._expected < _EXPECTED_COUNTS * self._resolution
                 or time - self._since < _ANSWER_TIME):
             return
-        # It went on, or it gained on where it would have gone, for instance by being braked.
+        # It kept moving, or it deviates from its expected motion, for instance because it is
+        # braked.
         went = position - self._from
         gained = went - self._drift * (time - self._since)
         if max(sign * went, sign * gained) < _ANSWERED * self._expected:

@@ -29,8 +29,8 @@ from friction_comp.identification.supervision import Supervision
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
 
-# Of the trajectory's range: how far beyond it the joint may be, how far about the place where it is
-# pushed, and how far behind its reference.
+# Shares of the trajectory's range: how far the joint may be outside it, how far from its position
+# it may be pushed, and how far behind its reference.
 _BEYOND, _PUSHED, _BEHIND = 0.025, 0.1, 0.1
 _LONGEST = 3600.0
 
@@ -166,7 +166,7 @@ class TrajectoryRun(SupervisedRun):
     Raises
     ------
     InputError
-        If the drive cannot do what the goal asks for.
+        If the drive cannot meet the goal.
     """
 
     def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:

@@ -110,6 +110,6 @@ def velocity_controller_step(parameters: np.ndarray, state: np.ndarray, referenc
     elif current < -limit:
         current = -limit
     else:
-        # The integrator stands still at the limit, else it winds up.
+        # The integrator stops at the limit, to avoid windup.
         state[INTEGRAL] += parameters[INTEGRAL_GAIN] * error * time_step
     return current

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from friction_comp.samples import Samples
 
 METHOD = 'zero-phase Butterworth'
-# Where a model does not say how it was fitted.
+# Used where a model does not say how it was fitted.
 DEFAULT_SETTINGS = {'method': METHOD, 'source': 'position', 'bandwidth': 40.0}
 _ORDER = 2
-# Steps of time that differ by less than this part of them are even.
+# Time steps that differ by a smaller share than this are uniform.
 _EVEN = 1e-3
 _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid_body', 'coupling')
 
@@ -125,7 +125,7 @@ def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     step = samples.time[after] - samples.time[index]
     share = (samples.time + lag - samples.time[index]) / np.where(step > 0, step, 1.0)
     share = np.where(step > 0, np.clip(share, 0.0, 1.0), 0.0)
-    # Column by column, each of which lies together in memory.
+    # Column by column, since each is contiguous in memory.
     moved = np.array([(1.0 - share) * column[index] + share * column[after]
                       for column in source.T]).T
     return moved.reshape(np.shape(values))
@@ -137,7 +137,8 @@ def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> 
     from scipy.signal import butter, sosfiltfilt
 
     sections = butter(_ORDER, 2.0 * bandwidth * sample_time, output='sos')
-    # Long enough padding for the slow start of narrow filters, short enough for short stretches.
+    # Padding long enough for the slow transients of narrow filters, and short enough for short
+    # parts.
     padding = min(len(signal) - 1, int(3.0 / (bandwidth * sample_time)))
     return sosfiltfilt(sections, signal, padtype='odd', padlen=padding)
 

@@ -59,7 +59,7 @@ class Breakaway:
 
 @dataclass(frozen=True)
 class Presliding:
-    """How far the gear gives before it slides, from current ramps.
+    """Displacement of the gear before it slides, from current ramps.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Presliding:
     stiffness : float, optional
         A/rad, of friction up to a third of breakaway.
     std : float, optional
-        rad by which a single rest may differ, a standard deviation. None where nobody knows.
+        Standard deviation between single rests, rad. None if unknown.
     """
 
     distance: float
@@ -147,16 +147,16 @@ class FrictionModel:
             If an effect needs a signal that was not recorded.
         """
         settings = self.differentiation or DEFAULT_SETTINGS
-        known = self if same_recording else self.for_another_day()
+        known = self if same_recording else self.for_other_recordings()
         current = known.current(differentiate(self.with_arm(samples), settings))
         return np.nan_to_num(current, nan=0.0, posinf=0.0, neginf=0.0)
 
     def measured(self, samples: Samples) -> np.ndarray:
-        """Return the measured current in A, shape (N,), that `predict` is to be compared with.
+        """Return the measured current in A, shape (N,), with which `predict` is compared.
 
-        What a person gives the motor is spared, so the current that friction takes is the motor's
-        and the person's share ``τ_b/(k_t·n)`` together, where the load was recorded. A model with
-        an effect of the load torque says itself what the load spares: then it is the motor's.
+        Friction is overcome by the motor and the person together. Where the load was recorded, the
+        person's share ``τ_b/(k_t·n)`` is therefore added to the motor current, unless the model has
+        an effect of the load torque, which already describes that share.
 
         Parameters
         ----------
@@ -168,7 +168,7 @@ class FrictionModel:
             return samples.current
         return samples.current + np.nan_to_num(samples.load) / self.drive.torque_per_current
 
-    def for_another_day(self) -> FrictionModel:
+    def for_other_recordings(self) -> FrictionModel:
         """Return the model without the effects that do not hold in another recording."""
         lasting = [effect for effect in self.effects if effect.holds_on_another_day]
         return self if len(lasting) == len(self.effects) else replace(self, effects=lasting)

@@ -40,18 +40,19 @@ KEYS = {
 _OF_BREAKAWAY = {'mean', 'std', 'position'}
 _OF_EFFECT = {'name', 'variable', 'parameters', 'intervals', 'valid_range'}
 
-# rad/s; the note's largest speed, where the file does not say up to which one it was identified.
+# rad/s; the note's largest speed, used if the file does not give the largest identified speed.
 _SPEED = math.radians(100.0)
-# s, Hz: a movement to and fro, and how finely it is looked at.
+# s, Hz: a movement to and fro, and the rate at which it is sampled.
 _PERIOD, _RATE = 5.0, 100.0
-# Degrees Celsius between which a motor works.
+# Range of motor temperatures, degrees Celsius.
 _COLD, _WARM = 10.0, 60.0
-# How many times as large as sliding friction breakaway may be, and effects that are friction, and
-# how small. The note's drives have 1.05, measured gears 0.8 to 2.
+# Largest and smallest ratio of breakaway, and of effects that are friction, to sliding friction.
+# The note's drives have 1.05, measured gears 0.8 to 2.
 _MOST, _LEAST = 5.0, 0.2
-# Exponents of friction's laws are 0.5 to 2.
+# Exponents of friction laws are between 0.5 and 2.
 _STEEPEST = 10.0
-# Share of the sigmoid's span by which it may fall where it should rise; a fit is never exact.
+# Share of the sigmoid's span by which it may decrease where it should increase, since a fit is
+# never exact.
 _DIP = 0.1
 # Share of the largest current in the table by which the sigmoid may miss it.
 _MISS = 0.5

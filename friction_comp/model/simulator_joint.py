@@ -20,14 +20,14 @@ from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
 
-# rad/s, where the model does not say how fast it was measured.
+# rad/s, if the model does not give its largest measured speed.
 _TOP_SPEED = 1.0
-# Sweeps have these shares of the top speed; a joint that hardly moves says nothing of a plateau.
+# Sweeps have these shares of the top speed; a joint that hardly moves does not show a plateau.
 _SPEEDS = np.geomspace(0.02, 1.0, 12)
 _POINTS = 720
 _ROOM = 20.0  # °C
 _LINKS = ('gravity', 'rigid_body', 'other_joints', 'load_torque')
-_TOLD = ('inertia', 'spring')
+_OWN_ELEMENTS = ('inertia', 'spring')
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class SimulatorJoint:
     inertia : float
         Of the drive at the joint, kg·m².
     stiffness, rest : float
-        Of a spring, N·m/rad, and where it gives nothing, rad.
+        Of a spring, N·m/rad, and its rest position, rad.
     error : float
-        RMS of what the poorer form misses of the model's torque, N·m.
+        RMS error of the simplified form, N·m.
     share : float
         The same as a share of the model's torque.
     top_speed : float
         Up to which the form was fitted, rad/s.
     left_out : list of str
-        Effects that are not in it, with the reason.
+        Effects that are left out, with the reason.
     """
 
     friction: float
@@ -76,7 +76,7 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
     """
     top_speed = top_speed or measured_top_speed(model)
     gain = model.drive.torque_per_current
-    kept, left_out = of_the_joint(model)
+    kept, left_out = joint_friction_only(model)
     motion, late = sweeps(model, top_speed)
     torque = gain * kept.current(motion)[late]
     speed = np.asarray(motion.velocity)[late]
@@ -100,14 +100,14 @@ def measured_top_speed(model: FrictionModel) -> float:
     return max(speeds, default=_TOP_SPEED) or _TOP_SPEED
 
 
-def of_the_joint(model: FrictionModel) -> tuple[FrictionModel, list[str]]:
+def joint_friction_only(model: FrictionModel) -> tuple[FrictionModel, list[str]]:
     """Return the model with what a joint's friction may depend on, and what was left out."""
     kept, left_out = [], []
     for effect in model.effects:
         unknown = [name for name in effect.needs if name not in ('acceleration', 'velocity')]
         if effect.name in _LINKS:
             left_out.append(f'{effect.name}: belongs to the links and what they touch')
-        elif effect.name in _TOLD:
+        elif effect.name in _OWN_ELEMENTS:
             continue
         elif unknown or not effect.holds_on_another_day:
             left_out.append(f'{effect.name}: depends on {unknown[0] if unknown else "time"}')
@@ -161,7 +161,7 @@ def table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = Non
         Names of the columns: velocity, position, load, torque; and the rows.
     """
     top_speed = top_speed or measured_top_speed(model)
-    named = [effect for effect in model.effects if effect.name not in (*_LINKS, *_TOLD)
+    named = [effect for effect in model.effects if effect.name not in (*_LINKS, *_OWN_ELEMENTS)
              and effect.holds_on_another_day]
     kept = replace(model, effects=[effect for effect in named if not (
         {'temperature', 'rigid_body', 'coupling'} & set(effect.needs))], arm=None)

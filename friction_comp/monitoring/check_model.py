@@ -57,10 +57,10 @@ def check_current(seen: Observation, joint: str, model: FrictionModel) -> list[F
     unit = model.drive.torque_per_current if seen.command_unit == 'N·m' else 1.0
     command = np.interp(
         states.received, seen.commanded, seen.commands[:, order.index(joint)] / unit)
-    good = np.isfinite(measured) & np.isfinite(command)
-    measured, command = measured[good], command[good]
+    finite = np.isfinite(measured) & np.isfinite(command)
+    measured, command = measured[finite], command[finite]
     power = float(command @ command)
-    if good.sum() < _FEWEST or power < good.sum() * (_SMALL * model.drive.current_limit) ** 2:
+    if finite.sum() < _FEWEST or power < finite.sum() * (_SMALL * model.drive.current_limit) ** 2:
         return []
     answer = current_answer(command, measured)
     if abs(answer.likeness) < _LEAST_CORRELATION:
@@ -117,7 +117,7 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
 
 
 def measured_rows(seen: Observation, joint: str, model: FrictionModel) -> np.ndarray:
-    """Return the rows that `LiveResidual` takes, shape (N, 6)."""
+    """Return measurements as rows for `LiveResidual`, shape (N, 6)."""
     states = seen.states
     if states is None:
         return np.empty((0, 6))

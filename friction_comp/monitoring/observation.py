@@ -64,7 +64,7 @@ class StatesSeen:
     position, velocity, effort : ndarray, shape (N, J)
         NaN where there is no value.
     twice : list of str
-        Joints that one message named more than once.
+        Joints named more than once in a message.
     """
 
     joints: list[str]
@@ -94,7 +94,7 @@ class Observation:
     commands : ndarray, shape (M, J)
         In the unit `command_unit`.
     commanded : ndarray, shape (M,)
-        System time in s at which each command came.
+        System time of each command, s.
     command_unit : str
         'A', or 'N·m' for torques at the joints.
     directions : list of list of int

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Running statistics of a model's residual and of the variables it depends on.
 
-A block is a short piece of motion in one direction. Averaging over it removes the noise of single
-samples, so that a few numbers a second say all there is to know.
+A block is a short piece of motion in one direction. Averaging over blocks removes the noise of
+single samples and leaves a few values per second.
 """
 
 from __future__ import annotations
@@ -178,14 +178,14 @@ def _explaining_variables(blocks: np.ndarray, throughout: bool) -> tuple[tuple[s
     readings = [_relative_residual(blocks, residual)]
     if not throughout:
         readings += [residual, residual * np.sign(blocks[:, _VELOCITY])]
-    found = max(
+    candidates = max(
         ([(name, max(_explained(values, variable),
                      _explained_by_step(values) if name == 'time' else 0.0))
           for name, variable in columns.items()] for values in readings),
         key=lambda shares: max(share for _, share in shares))
-    found = sorted((item for item in found if item[1] >= _NAMED_SHARE),
-                   key=lambda item: -item[1])
-    return tuple(item for item in found if item[1] >= found[0][1] - _NAMED_MARGIN)
+    candidates = sorted((item for item in candidates if item[1] >= _NAMED_SHARE),
+                        key=lambda item: -item[1])
+    return tuple(item for item in candidates if item[1] >= candidates[0][1] - _NAMED_MARGIN)
 
 
 def _relative_residual(blocks: np.ndarray, residual: np.ndarray) -> np.ndarray:

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 SAMPLE_TIME = 1e-3
 REPETITIONS = 10
 CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
-# What nobody does twice alike: standard deviations of the person's stiffness (relative), of the
-# instant at which the movement begins, s, and of its speed (relative).
+# Variation of human movements: standard deviations of the person's stiffness (relative), of the
+# time at which the movement begins, s, and of its speed (relative).
 STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
 
 
@@ -106,7 +106,7 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
     parameters['human_stiffness'] *= factors
     parameters['human_damping'] *= np.sqrt(factors)
     if name == 'inertia':
-        # A bearing without friction: what is left of the levels only keeps the formulas finite.
+        # A bearing without friction: the small remaining levels only keep the formulas finite.
         for field in FRICTION:
             parameters[field] *= 1e-6
     law = law_parameters(model, 'none' if name == 'inertia' else name, gain)

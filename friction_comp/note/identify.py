@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 SAMPLE_TIME = 1e-3
 MOTION_RANGE = math.radians(90.0)
 CYCLES_PER_RUN = 10
-# Ramps are cut as identification cuts them; the note's joint had a motion range too.
+# Ramps end as in identification; the note's joint also had a motion range.
 CUT_SAMPLES = round(CUT_WINDOW / SAMPLE_TIME)
 
 
@@ -145,7 +145,7 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
                                 resolution=model.drive.position_resolution)
              for position, current, command in (rows.T for rows in log)]
     records = BreakawayRecords.join(parts)
-    # The last run may be longer than was asked for.
+    # The last run may be longer than requested.
     records = _first(records, cycles)
     shown = slice(0, round(RAMP_PERIOD / SAMPLE_TIME))
     return Ramps(time[shown], log[0, shown, 0].copy(), log[0, shown, 1].copy(), records,

@@ -27,7 +27,7 @@ def ramp_figure(outcome: ExperimentOutcome) -> Figure:
     """Fig. 2: current ramp, velocity, and the instants at which the joint breaks free."""
     ramps = outcome.ramps
     figure, (upper, lower) = new_figure(2, 1, height=2.1, sharex=True)
-    # Velocity as an eye sees it: over 20 ms, not from count to count.
+    # Velocity as seen by eye: over 20 ms, not from count to count.
     window = 20
     speed = np.zeros(len(ramps.time))
     speed[window:] = (ramps.position[window:] - ramps.position[:-window]) / (
@@ -115,7 +115,7 @@ def gain_figure(outcomes: list[ExperimentOutcome]) -> Figure:
                        color=COLOURS[colour], label=label)
             limit = safe_gain(outcome, law)
             if limit is not None:
-                # Each law's safe region as a strip of its own at the foot of the axes.
+                # The safe region of each law as a strip at the bottom of the axes.
                 for axes in (upper, lower):
                     bottom = 0.0 if law == 'paper' else 0.03
                     axes.axvspan(gains[0], limit, ymin=bottom, ymax=bottom + 0.03,

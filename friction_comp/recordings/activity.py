@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which law and model a compensator reported while a recording was made."""
+"""Reads the law and model that a compensator reported during a recording."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def from_diagnostics(messages: Sequence[tuple[int, bytes]], begin: int) -> list[
     Returns
     -------
     list of Activity
-        Each differs from the one before in more than its time.
+        Successive ones differ in state, law or model.
     """
     store = get_typestore(Stores.ROS2_JAZZY)
     activities: list[Activity] = []

@@ -10,7 +10,7 @@ import numpy as np
 
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
-from friction_comp.recordings.joint_motion import beside
+from friction_comp.recordings.joint_motion import joint_states_at
 from friction_comp.recordings.reader import (
     RecordingInfo,
     usable_joints,
@@ -64,6 +64,6 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
                              'same joints in each')
         for name, (samples, info) in joints.items():
             samples = samples.with_(recording=np.full(len(samples), index),
-                                    arm=beside(samples, info, joints))
+                                    arm=joint_states_at(samples, info, joints))
             result.setdefault(name, []).append((samples, info))
     return result

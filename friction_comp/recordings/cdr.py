@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decodes many CDR messages of one type at once.
 
-A recording holds up to millions of messages whose layout hardly ever changes: the same joint
-names, the same array lengths. The layout is worked out on one message, and every message with
-the same length, counts and strings is then cut out of one block of memory with numpy. Messages
-with another layout form another group, so nothing depends on the layouts being equal.
+A recording holds up to millions of messages, usually with the same layout (joint names and array
+lengths). The layout is determined from one message; all messages with the same length, counts and
+strings are then decoded together with numpy. Messages with other layouts form further groups.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ class _Cursor:
         self._advance(self.count(), 1)
 
     def values(self, name: str, code: str, count: int | None = 1) -> None:
-        """Note where a field's values are; None reads their number first."""
+        """Add a field of `count` values; None reads the count first."""
         if count is None:
             count = self.count(MOST_VALUES)
         size = np.dtype(code).itemsize

@@ -86,7 +86,7 @@ class History:
         Raises
         ------
         InputError
-            If the file is no history, or was made with another torque constant or gear ratio.
+            If the file is invalid, or was made with another torque constant or gear ratio.
         """
         path, gain = cls.path_of(model), drive.torque_per_current
         if not path.exists():

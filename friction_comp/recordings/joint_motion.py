@@ -21,8 +21,8 @@ class Started(Protocol):
     start: float
 
 
-def beside(samples: Samples, info: Started,
-           everyone: Mapping[str, tuple[Samples, Started]]) -> JointStates:
+def joint_states_at(samples: Samples, info: Started,
+                    everyone: Mapping[str, tuple[Samples, Started]]) -> JointStates:
     """Return the motion of all joints at the times of one of them.
 
     Parameters

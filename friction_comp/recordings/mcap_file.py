@@ -57,7 +57,7 @@ class McapFile:
     topics : dict
         Topic to (message type, number of messages), as far as the file has been read.
     notes : list of str
-        What is missing or damaged, in plain words; complete after `messages` has ended.
+        Remarks on missing or damaged parts; complete after `messages` has ended.
     custom : dict
         ``custom_data`` of rosbag2's metadata in the file.
     encodings : dict
@@ -344,11 +344,11 @@ class McapFile:
                               + (f' and {more} further places' if more else ''))
         if not ended and self._footer is None:
             if not self._message_count:
-                raise DamagedError('it breaks off before the end of its first chunk')
+                raise DamagedError('it is truncated before the end of its first chunk')
             behind = self.size - self.position
             self.notes.append(
                 f'it was not finished: {self._message_count} messages recovered'
-                + (f', {behind} bytes behind them are no whole chunk' if behind > 0 else ''))
+                + (f', {behind} bytes after them are an incomplete chunk' if behind > 0 else ''))
         elif self._footer is None:
             self.notes.append('the index at its end is missing')
         if self._expected is not None and self._message_count < self._expected:

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Refuses measured values that no joint can have, and signals that contradict each other.
 
-Whatever is computed from such a recording would look like a result. The limits lie far beyond any
-geared drive, so that they catch broken files, units and signs, never an unusual machine.
+Results from such recordings would look valid. The limits are far beyond any geared drive, so that
+they detect corrupt files and wrong units and signs, but accept unusual machines.
 """
 
 from __future__ import annotations
@@ -143,9 +143,9 @@ def _check_power(samples: Samples, where: str) -> None:
     scatter = np.sqrt(max(float(weight @ (0.5 * (spread[0::2] + spread[1::2])[used])), 0.0))
     if weight @ difference < -scatter and weight[difference < 0].sum() > _REVERSED_SHARE:
         raise InputError(
-            f'{where}: the motor takes power out of the motion ({float(weight @ difference):.3g} A '
-            'between its two ways): effort has the wrong sign, or something else drives it '
-            'and no current_command or interaction_wrench says so')
+            f'{where}: the motor brakes the motion ({float(weight @ difference):.3g} A between '
+            'its two directions): effort has the wrong sign, or another torque drives the joint '
+            'and neither current_command nor interaction_wrench is recorded')
 
 
 def _rate(samples: Samples) -> np.ndarray:

@@ -16,7 +16,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings import clocks
 from friction_comp.recordings.activity import Activity
-from friction_comp.recordings.joint_motion import beside, unwrapped
+from friction_comp.recordings.joint_motion import joint_states_at, unwrapped
 from friction_comp.recordings.plausible import check_plausible
 from friction_comp.recordings.scan import (
     AnyPath,
@@ -153,7 +153,7 @@ def read_recording_with_info(paths: AnyPath | Sequence[AnyPath], joint: str | No
                               None if others else joint, layout)
         samples, info = to_samples(scan, joint, torque_per_current)
         if others and len(info.joints) > 1:
-            samples = samples.with_(arm=beside(samples, info, usable_joints(scan)))
+            samples = samples.with_(arm=joint_states_at(samples, info, usable_joints(scan)))
         if results:
             info.check_joint(results[0][1])
         samples = samples.with_(recording=np.full(len(samples), index))

@@ -47,7 +47,7 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
     for other in joints[1:]:
         if not np.array_equal(other.time, first.time):
             raise InputError('samples: the joints of one recording must share their time base')
-    names = [one.joint or joint or f'joint_{k + 1}' for k, one in enumerate(joints)]
+    names = [each.joint or joint or f'joint_{k + 1}' for k, each in enumerate(joints)]
     store = get_typestore(Stores.ROS2_JAZZY)
     messages = _Messages(store, names, joints, torque_constant * gear_ratio)
     prefix = f'/{namespace.strip("/")}' if namespace.strip('/') else ''
@@ -83,7 +83,7 @@ class _Messages:
             self._make('builtin_interfaces/msg/Time', seconds, nanoseconds), frame)
 
     def _column(self, name: str, k: int, gain: float = 1.0) -> np.ndarray:
-        values = [getattr(one, name) for one in self._joints]
+        values = [getattr(each, name) for each in self._joints]
         if any(value is None for value in values):
             return np.zeros(0)
         return np.array([gain * float(value[k]) for value in values])
@@ -120,19 +120,19 @@ class _Messages:
     def _changed(self, name: str, k: int) -> bool:
         # Every change and every tenth sample are enough: a direction is published at some 100 Hz.
         return k % 10 == 0 or any(
-            getattr(one, name)[k] != getattr(one, name)[k - 1] for one in self._joints)
+            getattr(each, name)[k] != getattr(each, name)[k - 1] for each in self._joints)
 
     def _by_frame(self, k: int, stamp: int) -> Iterator[tuple[str, str, Any]]:
         vector = 'geometry_msgs/msg/Vector3'
-        for name, one in zip(self._names, self._joints):
-            if one.load is not None:
+        for name, each in zip(self._names, self._joints):
+            if each.load is not None:
                 kind = 'geometry_msgs/msg/WrenchStamped'
                 wrench = self._make(
                     'geometry_msgs/msg/Wrench', self._make(vector, 0.0, 0.0, 0.0),
-                    self._make(vector, 0.0, 0.0, float(one.load[k])))
+                    self._make(vector, 0.0, 0.0, float(each.load[k])))
                 yield 'interaction_wrench', kind, self._make(
                     kind, self._header(stamp, name), wrench)
-            if one.temperature is not None and k % 100 == 0:
+            if each.temperature is not None and k % 100 == 0:
                 kind = 'sensor_msgs/msg/Temperature'
                 yield 'motor_temperature', kind, self._make(
-                    kind, self._header(stamp, name), float(one.temperature[k]), 0.0)
+                    kind, self._header(stamp, name), float(each.temperature[k]), 0.0)

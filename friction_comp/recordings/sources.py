@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one place that knows whether a recording is a rosbag2 one or a table."""
+"""Opens recordings of either kind: rosbag2 recordings and tables."""
 
 from __future__ import annotations
 

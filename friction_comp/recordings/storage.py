@@ -124,17 +124,17 @@ class Storage:
 
     def _list_files(self) -> list[Path]:
         """Return the files listed in the metadata, or else those in the folder."""
-        here = sorted((path for path in self.path.iterdir() if is_storage(path)), key=_natural_key)
+        files = sorted((path for path in self.path.iterdir() if is_storage(path)), key=_natural_key)
         if not (self.path / METADATA).is_file():
             self.notes.append(f'{METADATA} is missing: files are read in the order of their names')
-            return here
+            return files
         try:
             listed = self._read_metadata()
         except InputError:
-            if not here:
+            if not files:
                 raise
             self.notes.append(f'{METADATA} is damaged: files are read in the order of their names')
-            return here
+            return files
         missing = [path.name for path in listed if not path.is_file()]
         if missing and len(missing) == len(listed):
             raise unreadable(self.path, f'{METADATA} lists {", ".join(missing)}, which is not here')

@@ -12,7 +12,7 @@ from friction_comp.columns import Layout
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.recordings.clocks import gap_length, GAPS
-from friction_comp.recordings.joint_motion import beside
+from friction_comp.recordings.joint_motion import joint_states_at
 from friction_comp.recordings.reader import (
     RecordingInfo,
     to_samples,
@@ -91,7 +91,7 @@ def stream_recording_with_info(path: AnyPath, joint: str | None = None,
             break
         samples, info = to_samples(scan, joint, gain)
         if others and len(info.joints) > 1:
-            samples = samples.with_(arm=beside(samples, info, usable_joints(scan)))
+            samples = samples.with_(arm=joint_states_at(samples, info, usable_joints(scan)))
         if progress:
             progress(scanner.progress)
         # Gaps are counted over all stretches.
@@ -183,15 +183,15 @@ class _CommonClock:
     def convert(self, samples: Samples, info: RecordingInfo) -> Samples:
         if self._origin is None:
             self._origin = info.start
-        since = info.start - self._origin
-        time = samples.time + since
+        offset = info.start - self._origin
+        time = samples.time + offset
         if self._last > 0 and time[0] <= self._last:
-            behind = self._last - time[0]
-            if behind > 1.0:
-                shift = behind + 10.0 * samples.sample_time
+            set_back = self._last - time[0]
+            if set_back > 1.0:
+                shift = set_back + 10.0 * samples.sample_time
                 self._origin -= shift
-                since, time = since + shift, time + shift
-                info.notes.append(f'the clock was set back by {behind:.3g} s after '
+                offset, time = offset + shift, time + shift
+                info.notes.append(f'the clock was set back by {set_back:.3g} s after '
                                   f'{self._last:.3f} s: later times are shifted')
             else:
                 fresh = time > self._last
@@ -201,7 +201,7 @@ class _CommonClock:
             self.gaps.extend(float(step) for step in steps[steps > gap_length(steps)])
             self._last = float(time[-1])
         info.start = self._origin
-        info.activity = [(moment + since, activity) for moment, activity in info.activity]
+        info.activity = [(moment + offset, activity) for moment, activity in info.activity]
         return samples.with_(time=time)
 
 

@@ -114,8 +114,8 @@ def _joint_state_track(columns: Columns, use: Assignment, first: int, joint: str
     finite = np.isfinite(time)
     stamp = np.zeros(len(time), dtype=np.int64)
     scaled = use.time.factor * 1e9 * time
-    good = finite & (np.abs(np.where(finite, scaled, 0.0)) < 9e18)
-    stamp[good] = np.round(scaled[good]).astype(np.int64)
+    valid = finite & (np.abs(np.where(finite, scaled, 0.0)) < 9e18)
+    stamp[valid] = np.round(scaled[valid]).astype(np.int64)
     values = {}
     for name in use.joints:
         if joint not in (None, name) and name:
@@ -125,12 +125,12 @@ def _joint_state_track(columns: Columns, use: Assignment, first: int, joint: str
             column = use.of(signal, name)
             if column is not None:
                 states[:, k] = column.factor * columns[column.name]
-        states[~good] = np.nan
+        states[~valid] = np.nan
         values[name] = states
-    if not good.all():
+    if not valid.all():
         # They get the time of their neighbour, so that it is no jump of the clock.
-        index = np.maximum.accumulate(np.where(good, np.arange(len(good)), -1))
-        stamp = np.where(index >= 0, stamp[index.clip(0)], stamp[np.argmax(good)])
+        index = np.maximum.accumulate(np.where(valid, np.arange(len(valid)), -1))
+        stamp = np.where(index >= 0, stamp[index.clip(0)], stamp[np.argmax(valid)])
     order = first + np.arange(len(time))
     return Track('joint_states', 'joint_states', stamp, stamp, order, use.joints, values)
 
@@ -139,15 +139,15 @@ def _other_tracks(columns: Columns, use: Assignment, first: int) -> Iterator[Tra
     """Yield a block's other signals; stamps are those of the joint states."""
     states = _joint_state_track(columns, use, first, None)
     for signal, topic in _TOPICS.items():
-        known = {name: column.factor * columns[column.name] for name in use.joints
-                 if (column := use.of(signal, name)) is not None}
-        if not known:
+        signals = {name: column.factor * columns[column.name] for name in use.joints
+                   if (column := use.of(signal, name)) is not None}
+        if not signals:
             continue
         if topic in ('current_command', 'direction'):
-            values = {'': np.column_stack([known.get(name, np.full(len(states.stamp), np.nan))
+            values = {'': np.column_stack([signals.get(name, np.full(len(states.stamp), np.nan))
                                            for name in use.joints])}
         else:
-            values = {name: each[:, None] for name, each in known.items()}
+            values = {name: each[:, None] for name, each in signals.items()}
         yield Track(topic, topic, states.receive, states.stamp, states.order, use.joints, values)
     references = {}
     for name in use.joints:

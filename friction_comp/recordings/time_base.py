@@ -36,11 +36,11 @@ class TimeBase:
 
     def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
         """Return the last value at each joint state; `before` where there is none yet."""
-        times, known = self.pair(track)
-        good = np.isfinite(values)
-        order = np.argsort(known[good], kind='stable')
-        known, values = known[good][order], values[good][order]
-        index = np.searchsorted(known, times, side='right') - 1
+        times, other_times = self.pair(track)
+        finite = np.isfinite(values)
+        order = np.argsort(other_times[finite], kind='stable')
+        other_times, values = other_times[finite][order], values[finite][order]
+        index = np.searchsorted(other_times, times, side='right') - 1
         held: np.ndarray = np.where(
             index >= 0, values[index.clip(0)] if len(values) else before, before)
         return held
@@ -50,17 +50,17 @@ class TimeBase:
 
         Beyond its ends the nearest value is used.
         """
-        times, known = self.pair(track)
-        good = np.isfinite(values)
-        if not good.any():
+        times, other_times = self.pair(track)
+        finite = np.isfinite(values)
+        if not finite.any():
             return None
-        order = np.argsort(known[good], kind='stable')
-        known, values = known[good][order], values[good][order]
+        order = np.argsort(other_times[finite], kind='stable')
+        other_times, values = other_times[finite][order], values[finite][order]
         origin = times[0]
-        covered = (times >= known[0]) & (times <= known[-1])
-        if len(known) > 1 and covered.mean() < 0.5:
+        covered = (times >= other_times[0]) & (times <= other_times[-1])
+        if len(other_times) > 1 and covered.mean() < 0.5:
             return None
-        interpolated: np.ndarray = np.interp(times - origin, known - origin, values)
+        interpolated: np.ndarray = np.interp(times - origin, other_times - origin, values)
         return interpolated
 
 
@@ -103,7 +103,7 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
 
 def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]],
                base: TimeBase, notes: list[str]) -> np.ndarray | None:
-    """Return what was announced, by the later of the plain and the stamped topic."""
+    """Return the announced direction, by the later message of the plain and stamped topics."""
     directions = []
     plain = _find_array(scan.of('direction'), joint, order, notes)
     if plain is not None:
@@ -143,7 +143,7 @@ def _find_joint(tracks: list[Track], joint: str, joints: list[str],
             notes.append(f'{tracks[0].topic} of {name!r} is taken to be that of {joint!r}')
         return tracks[0], values
     if tracks:
-        notes.append(f'{tracks[0].topic} says nothing about joint {joint!r}')
+        notes.append(f'{tracks[0].topic} has no values of joint {joint!r}')
     return None
 
 

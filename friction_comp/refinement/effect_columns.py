@@ -310,7 +310,7 @@ def kinds_for(rows: Rows) -> list[type[Effect]]:
     """Return the effects whose signals were recorded and varied."""
     return [kind for kind in EFFECTS.values()
             if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
-            and not kind.hard_to_tell(rows.scene)
+            and not kind.insufficient_data(rows.scene)
             # The person's torque answers friction: it correlates with every missing effect.
             and not (rows.load_by_mechanics and 'load' in kind.needs)]
 

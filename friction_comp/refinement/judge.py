@@ -223,7 +223,7 @@ def notes_on_coverage(samples: Samples, scene: Scene) -> list[Finding]:
         notes.append(Finding('no_load', 'No load was recorded: effects of load, and an error of '
                              'the torque constant, cannot be seen.'))
     for kind in EFFECTS.values():
-        reason = kind.hard_to_tell(scene)
+        reason = kind.insufficient_data(scene)
         note = Finding('not_seen', reason)
         if reason and note not in notes and all(
                 getattr(samples, signal) is not None for signal in kind.needs):

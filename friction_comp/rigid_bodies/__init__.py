@@ -2,6 +2,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits the rigid bodies of a URDF to recordings of an arm, offline.
 
-What comes of it, a `friction_comp.model.arm.tree.Tree` with fitted parameters, belongs to the
-model.
+The result, a `friction_comp.model.arm.tree.Tree` with fitted parameters, becomes part of the model.
 """

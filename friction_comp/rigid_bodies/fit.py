@@ -35,21 +35,21 @@ if TYPE_CHECKING:
     from friction_comp.rigid_bodies.urdf import Chain
 
 FEWEST = 200
-# Strengths of the regularisation that are compared, and the one with which everything else is
-# chosen. One unit is one squared standard deviation of one sample.
+# Regularisation strengths that are compared, and the one used for all other choices. One unit is
+# one squared standard deviation of one sample.
 STRENGTHS = tuple(float(value) for value in np.geomspace(1.0, 1e6, 13))
 _FIRST_STRENGTH = 100.0
-# Held-out errors that differ by less are as good as each other; the URDF is believed then.
+# Held-out errors that differ by less are considered equal; the URDF is preferred then.
 _AS_GOOD = 0.01
-# Another direction of gravity than the URDF's has to lower errors by this share.
+# A direction of gravity other than that of the URDF must lower errors by this share.
 _CLEARLY_BETTER = 0.15
 _SAY = 0.1  # of a joint's current that friction explains, before it tells the efforts' sign
 _ROUNDS = 3
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
 _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
-# Of the logarithm of current per torque: drives of one arm differ by a factor. Where they are
-# declared, links are fitted in their terms; what a declared one is wrong shows in the joint's own
-# refinement, where the torque of the rigid bodies has a free coefficient.
+# Standard deviation of the logarithm of current per torque: drives of one arm differ by a factor.
+# Where they are declared, links are fitted with the declared values; errors of these appear in the
+# joint's own refinement, where the torque of the rigid bodies has a free coefficient.
 _UNKNOWN_WIDTH, _DECLARED_WIDTH = 1.0, 1e-3
 
 
@@ -122,7 +122,7 @@ class ArmFit:
         total = self.tree.torques(*motion)[:, joint_index]
         for index, part in enumerate(self.unseen):
             rows = ours == index
-            # In terms of the current per torque of the whole, for which links make up.
+            # Relative to the current per torque of the whole arm, which the links compensate.
             ratio = part.scales[joint_index] / self.scales[joint_index]
             total[rows] = ratio * part.tree.torques(*(x[rows] for x in motion))[:, joint_index]
         return total
@@ -305,7 +305,7 @@ def _usual_scale(problem: Sums, bodies: Bodies) -> float | None:
         own = own / norm / norm[:, None]
         coefficients = np.linalg.pinv(own[:-1, :-1], rcond=1e-12, hermitian=True) @ own[:-1, -1]
         if own[-1, -1] > 0.0:
-            # In shares of the current; below, the joint stood still or nothing resists it.
+            # As a share of the current; below, the joint stood still or had no friction.
             sliding = math.sqrt(max(coefficients[2:4] @ own[2:4, 2:4] @ coefficients[2:4], 0.0))
             if sliding > _SAY:
                 resisting.append(coefficients[2] / norm[2] + coefficients[3] / norm[3] > 0.0)
@@ -317,7 +317,7 @@ def _usual_scale(problem: Sums, bodies: Bodies) -> float | None:
                          'of the positions')
     if not scales:
         return None
-    # Joints that carry much tell it best.
+    # Joints that carry large loads determine it best.
     order = np.argsort(scales)
     share = np.cumsum(np.array(sizes)[order]) / max(sum(sizes), 1e-300)
     return float(np.exp(np.array(scales)[order][int(np.searchsorted(share, 0.5))]))

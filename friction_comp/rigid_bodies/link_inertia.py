@@ -23,8 +23,7 @@ from friction_comp.model.arm.tree import PARAMETERS
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# Where a URDF gives a link no mass or no extent, as many do for frames, it is taken to have these:
-# kg and m.
+# Mass in kg and extent in m assumed for links without them, as many URDFs have for frames.
 _LEAST_MASS, _LEAST_RADIUS = 1e-3, 1e-3
 _UPPER = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
 
@@ -71,7 +70,7 @@ def nearest_possible(parameters: ArrayLike) -> np.ndarray:
     pseudo = pseudo_inertia(parameters)
     mass = max(pseudo[3, 3], _LEAST_MASS)
     centre = pseudo[:3, 3] / mass
-    # About the centre of mass: what the link's extent is.
+    # About the centre of mass, from the link's extent.
     spread = pseudo[:3, :3] - mass * np.outer(centre, centre)
     sizes, axes = np.linalg.eigh(spread)
     largest = max(float(sizes[-1]), mass * _LEAST_RADIUS ** 2)

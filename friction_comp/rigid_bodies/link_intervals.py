@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Intervals of link parameters, from the recording and the URDF together.
 
-What the recording's noise does to the fit is told by the scatter of the gradient from stretch to
-stretch, since errors beside each other in time are alike (White's covariance clustered by
-stretches, Liang and Zeger 1986); how far from the URDF the regularisation lets a number go adds to
-it. A number of which the regularisation tells more than the recording is the URDF's and has no
-interval: how well a URDF's figures are known, no recording says.
+The effect of noise is computed from the scatter of the gradient between parts of the recording,
+since successive errors are correlated (White's covariance, clustered by parts, Liang and Zeger
+1986); the uncertainty left by the regularisation towards the URDF adds to it. A parameter that the
+regularisation determines more than the recording is that of the URDF and has no interval: how well
+the URDF's values are known cannot be seen in a recording.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.model.arm.tree import PARAMETERS
-from friction_comp.rigid_bodies.solver import loss_slope_bend, Prior, Unknowns
+from friction_comp.rigid_bodies.solver import loss_gradient_hessian, Prior, Unknowns
 
 _LEVEL = 0.95
-# Part of a number's uncertainty that the recording has to take away for it to be the recording's.
+# Share of the uncertainty of a parameter that the recording must remove for the value to be
+# attributed to it.
 _OWN = 0.5
 
 
@@ -57,17 +58,17 @@ def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIn
         The fitted unknowns.
     """
     unknowns = Unknowns(stretches.shape[1])
-    _, _, bend = loss_slope_bend(stretches.sum(axis=0), prior, unknowns, x)
-    pulls = np.array([loss_slope_bend(own, prior, unknowns, x)[1] for own in stretches])
-    # The prior pulls alike in every stretch, and drops out with the mean.
+    _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, unknowns, x)
+    pulls = np.array([loss_gradient_hessian(own, prior, unknowns, x)[1] for own in stretches])
+    # The prior has the same gradient in every part, and cancels with the mean.
     pulls -= pulls.mean(axis=0)
     known = np.zeros(unknowns.size)
     known[unknowns.links], known[unknowns.scales] = prior.strength, 1.0 / prior.log_width ** 2
     free = x > unknowns.lowest
     count = len(stretches)
-    inverse = np.linalg.pinv(bend[np.ix_(free, free)], rcond=1e-13, hermitian=True)
+    inverse = np.linalg.pinv(hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
     scatter = pulls[:, free].T @ pulls[:, free] * count / max(count - 1, 1)
-    covariance = np.zeros_like(bend)
+    covariance = np.zeros_like(hessian)
     covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(known[free])) @ inverse
     wide = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
 
@@ -79,7 +80,7 @@ def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIn
         variance = np.einsum('ij,jk,ik->i', own, covariance[rows, rows], own)
         half = wide * np.sqrt(np.maximum(variance, 0.0))
         bounds[link] = np.stack((parameters[link] - half, parameters[link] + half), axis=-1)
-        # A body has a mass above zero, whatever the linearised interval says.
+        # The mass of a body is positive, whatever the linearised interval says.
         bounds[link, 0] = np.maximum(bounds[link, 0], 0.0)
         unseen = np.einsum('ij,ij->i', first, first) / prior.strength
         known_share[link] = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 # Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration.
 FRICTION = 4
 STRETCHES, FOLDS = 12, 3
-# Friction of an arm's joint turns round within this share of its usual top speed.
+# Friction of an arm's joint changes its sign within this share of its usual top speed.
 _TRANSITION, _STILL = 0.03, 0.01
 
 
@@ -78,10 +78,10 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
     current = np.column_stack([one.current[rows] for one in joints])
     top = np.maximum(np.percentile(np.abs(v), 95, axis=0), 1e-9)
     friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
-    # Stiction takes any value at rest; a joint that hardly ever moves has nothing else to show.
+    # Stiction can take any value at rest; but a joint that hardly ever moves has no other data.
     moving = np.abs(v) > _STILL * top
     counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
-    # A gripper's effort that is never anything but zero tells nothing.
+    # A gripper's effort that is always zero is not a measurement.
     counts &= np.ptp(current, axis=0) > 0.0
     variance = np.maximum(np.var(current, axis=0), 1e-12)
     stretch = stretches_of(joints[0].recording)[rows]

@@ -86,20 +86,20 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     """
     unknowns = Unknowns(len(matrices))
     x = np.maximum(start, unknowns.lowest)
-    loss, slope, bend = loss_slope_bend(matrices, prior, unknowns, x)
+    loss, gradient, hessian = loss_gradient_hessian(matrices, prior, unknowns, x)
     damping = 1e-3
     for _ in range(_STEPS):
-        free = ~((x <= unknowns.lowest) & (slope > 0.0))
-        system = bend[np.ix_(free, free)].copy()
+        free = ~((x <= unknowns.lowest) & (gradient > 0.0))
+        system = hessian[np.ix_(free, free)].copy()
         system[np.diag_indices_from(system)] *= 1.0 + damping
         system[np.diag_indices_from(system)] += 1e-12 * np.trace(system) / len(system)
         trial = x.copy()
-        trial[free] -= np.linalg.solve(system, slope[free])
+        trial[free] -= np.linalg.solve(system, gradient[free])
         trial = np.maximum(trial, unknowns.lowest)
-        after = loss_slope_bend(matrices, prior, unknowns, trial)
+        after = loss_gradient_hessian(matrices, prior, unknowns, trial)
         if np.isfinite(after[0]) and after[0] < loss:
             gain = loss - after[0]
-            x, (loss, slope, bend) = trial, after
+            x, (loss, gradient, hessian) = trial, after
             damping = max(damping / 5.0, 1e-9)
             if gain < _CONVERGED:
                 break
@@ -110,9 +110,9 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
     return x
 
 
-def loss_slope_bend(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
-                    x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return half the loss, its slope and the Gauss-Newton matrix.
+def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
+                          x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return half the loss, its gradient and the Gauss-Newton matrix.
 
     Parameters
     ----------
@@ -129,14 +129,14 @@ def loss_slope_bend(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
     for k, own in enumerate(slopes):
         rows = slice(PARAMETERS * k, PARAMETERS * (k + 1))
         inner[rows, rows] = own
-    bend = np.zeros((x.size, x.size))
-    slope = np.zeros(x.size)
+    hessian = np.zeros((x.size, x.size))
+    gradient = np.zeros(x.size)
     away = (x[unknowns.scales] - prior.log_scale) / prior.log_width
     loss = prior.strength * float(x[links] @ x[links]) + float(away @ away)
-    slope[links] = prior.strength * x[links]
-    slope[unknowns.scales] = away / prior.log_width
-    bend[links, links] = prior.strength * np.eye(flat.size)
-    bend[unknowns.scales, unknowns.scales] = np.eye(joints) / prior.log_width ** 2
+    gradient[links] = prior.strength * x[links]
+    gradient[unknowns.scales] = away / prior.log_width
+    hessian[links, links] = prior.strength * np.eye(flat.size)
+    hessian[unknowns.scales, unknowns.scales] = np.eye(joints) / prior.log_width ** 2
     for joint, matrix in enumerate(matrices):
         scale = np.exp(np.clip(x[unknowns.scales][joint], -50.0, 50.0))
         own = unknowns.friction(joint)
@@ -150,9 +150,9 @@ def loss_slope_bend(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
         change[flat.size:-1, flat.size + 1:] = np.eye(FRICTION)
         places = np.concatenate((np.arange(flat.size), [unknowns.scales.start + joint],
                                  np.arange(own.start, own.stop)))
-        slope[places] += change.T @ product
-        bend[np.ix_(places, places)] += change.T @ (matrix @ change)
-    return 0.5 * loss, slope, bend
+        gradient[places] += change.T @ product
+        hessian[np.ix_(places, places)] += change.T @ (matrix @ change)
+    return 0.5 * loss, gradient, hessian
 
 
 def squares(matrices: np.ndarray, bodies: Bodies, x: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from friction_comp.model.arm.tree import FREE_FALL, Tree
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# What drivers and robot descriptions put round a joint's name.
+# Prefixes and suffixes that drivers and robot descriptions add to joint names.
 _WORDS = ('joint', 'axis')
 
 
@@ -149,7 +149,7 @@ def pinocchio() -> Any:
             'a URDF needs Pinocchio, which cannot be imported '
             f"({error}): pip install 'friction_comp[arm]', or rosdep's pinocchio") from None
     if not hasattr(library, 'computeJointTorqueRegressor'):
-        # The name belongs to another package on PyPI as well.
+        # Another package on PyPI has the same name.
         raise InputError("a URDF needs Pinocchio, but the module 'pinocchio' is something else: "
                          "pip uninstall pinocchio, then pip install pin")
     return library

@@ -80,7 +80,7 @@ def closed_loops(
         *, released: int | None = None, speed: float = 0.0,
         disturbance: np.ndarray | None = None, logged: Sequence[str] = LOGGED
         ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-    """Run many joints under their laws, which feed back Eq. 6 and no further effects.
+    """Simulate many joints with their laws, which use Eq. 6 without further effects.
 
     Parameters
     ----------
@@ -102,11 +102,11 @@ def closed_loops(
     every : int
         Log every n-th sample; 0 logs nothing.
     released : int, optional
-        Sample at which the person lets go; never when omitted. With 0 nobody holds the joint.
+        Sample at which the person lets go; never when omitted. With 0 the joint is free.
     speed : float
         Of the joint at the beginning, rad/s.
     disturbance : ndarray, shape (L,) or (D, L), optional
-        What to add to the position that the law sees, rad; run r has row r modulo D.
+        Added to the position that the law receives, rad; run r has row r modulo D.
     logged : sequence of str
         Some of `SIGNALS`.
 
@@ -117,7 +117,7 @@ def closed_loops(
     extremes : ndarray, shape (R, 2)
         Lowest and highest true position of each run in rad.
     guards : ndarray of compensation.records.STATE, shape (R,)
-        The laws' states at the end.
+        Final states of the laws.
     """
     movements = np.ascontiguousarray(np.stack(
         [np.atleast_2d(np.asarray(a, dtype=float)) for a in reference], axis=1))

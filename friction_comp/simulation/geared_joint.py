@@ -7,7 +7,7 @@ Seen at the gear's output, with the rotor at φ (where encoder and friction are)
 ``J_m·φ'' = k_t·n·i - F - K·(φ - θ) - C·(φ' - θ')``
 ``J_l·θ'' = K·(φ - θ) + C·(φ' - θ') + τ_human``
 
-Friction F turns round in displacement and slides at the level g(|φ'|) of `friction_level`:
+Friction F reverses with displacement and slides at the level g(|φ'|) of `friction_level`:
 
 - Maxwell slip: parallel elements j of stiffness k_j, damping c_j and share w_j, each
   ``clamp(k_j·z_j + c_j·φ', ±w_j·g)``. Element j slips after its own distance; the farthest of
@@ -106,7 +106,7 @@ def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, mem
                              reference_velocity, s.link, s.link_speed)
         else:
             s.human = s.pushed_on = 0.0
-        # Which way the joint slides, or would, decides which level applies.
+        # The direction in which the joint slides, or would slide, determines the level.
         way = v if v != 0.0 else s.late_current
         level, load = friction_level(p, s, abs(v), way > 0.0), 0.0
         if table.shape[0] > 0 and table[0, 0] >= 0.0:

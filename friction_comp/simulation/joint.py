@@ -88,7 +88,7 @@ class Plant:
         self._memories = np.zeros((self.joints, max(1, max(e.memory_size for e in extras))))
         self._states = np.zeros(self.joints, JOINT_STATE)
         self._out = np.zeros(self.joints, MEASURED)
-        # Views and constants, made once: a step is a microsecond, and so is each of them.
+        # Views and constants, created once: a step takes a microsecond, and so would each of them.
         self._samples = self._states['samples']
         self._shown = self._out.view(float).reshape(self.joints, -1).T
         self._zeros, self._nobody = np.zeros(self.joints), np.zeros(self.joints, dtype=bool)
@@ -140,7 +140,8 @@ class Plant:
             self.sample_time, command, position, velocity, active, self._out)
 
     def _row(self, values: ArrayLike, kind: type = float) -> np.ndarray:
-        # Broadcasting costs more than a step: what is one value a joint already is taken as it is.
+        # Broadcasting takes longer than a step, so arrays with one value per joint are used as they
+        # are.
         row: np.ndarray = np.asarray(values, dtype=kind, order='C')
         if row.shape == (self.joints,):
             return row

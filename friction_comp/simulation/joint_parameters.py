@@ -31,22 +31,24 @@ SIMULATION_ENTRIES = {
     'torque_noise', 'delay_samples', 'human', 'movement', 'sources'} | GEAR_ENTRIES
 HUMAN_ENTRIES = {'stiffness', 'damping', 'response_time', 'integral_time'}
 
-# Where a model file says nothing: a joint that its breakaway torque would accelerate at 10 rad/s²
-# and deflect by 0.5 mrad, about what the note's drives do.
+# Defaults if a model file does not give them: the breakaway torque would accelerate the joint at 10
+# rad/s² and deflect it by 0.5 mrad, similar to the note's drives.
 DEFAULT_ACCELERATION = 10.0
 DEFAULT_PRESLIDING = 5e-4
 DEFAULT_DAMPING_RATIO = 0.5
 DEFAULT_STRIBECK_VELOCITY = math.radians(3.0)
 DEFAULT_CURRENT_NOISE = 2e-3
-# The person leans on the joint with the breakaway torque when it lags 0.1 rad behind.
+# The person pushes with the breakaway torque when the joint lags 0.1 rad behind.
 DEFAULT_HUMAN_LAG = 0.1
 DEFAULT_HUMAN_RESPONSE = 0.04
-# A joint that stays short of its end is pushed twice as hard after this time, and so arrives within
-# one to two seconds. Another value moves that moment and hardly the torque, which is what friction
-# asks: with a quarter and half of it the note's peaks without compensation change by 1.5 % at most.
-# With half of it, though, a joint whose sliding friction is compensated is thrown beyond the end.
+# A joint that stops short of its target is pushed twice as hard after this time, and so arrives
+# within one to two seconds. Another value changes the time of arrival and hardly the torque, which
+# depends on friction: with a quarter and half of it the note's peaks without compensation change by
+# at most 1.5 %. With half of it, however, a joint whose sliding friction is compensated overshoots
+# the target.
 DEFAULT_HUMAN_INTEGRAL_TIME = 0.5
-# A robot's rotor has most of the inertia seen through its gear, which rings at some 40 Hz.
+# Most of the inertia seen through a robot's gear is that of the rotor; the two resonate at about 40
+# Hz.
 DEFAULT_ROTOR_SHARE = 0.8
 DEFAULT_RESONANCE = 40.0
 DEFAULT_GEAR_DAMPING = 0.05
@@ -160,7 +162,7 @@ def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
     if 'supply_voltage' in section or 'winding_resistance' in section:
         p['voltage'] = _entry(section, 'supply_voltage', 0.0, above=0.0)
         p['resistance'] = _entry(section, 'winding_resistance', 0.0, above=0.0)
-        # In SI units a motor's torque constant is its voltage per speed.
+        # In SI units the torque constant of a motor equals its back-EMF constant.
         p['back_emf'] = model.drive.torque_per_current
 
 

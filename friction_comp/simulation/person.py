@@ -47,7 +47,7 @@ def follow_reference(p: Record, s: Record, h: float, muscle: float, reference_po
     if reference_velocity != 0.0:
         s.arrived = 0
     elif abs(lag) <= ARRIVED:
-        # What springs back now is not pushed again.
+        # The recoil is not pushed again.
         s.arrived = 1
     if reference_velocity != 0.0 or s.arrived == 1 or p.human_integral_time <= 0.0:
         s.pushed_on = 0.0

@@ -7,8 +7,8 @@ Seen at the gear's output, the joint obeys
 ``J·dω/dt = k_t·n·i + τ_human + τ_load - F``
 
 Friction F is an elastic bristle of stiffness σ0 and damping σ1 that slips at the level g of
-`friction_level`: ``F = clamp(σ0·z + σ1·ω, -g, +g)``. Below the level nothing drifts, however long
-or often the joint is pushed, which is what tells true stiction from Dahl's and LuGre's models
+`friction_level`: ``F = clamp(σ0·z + σ1·ω, -g, +g)``. Below the level there is no drift, however
+long or often the joint is pushed, which distinguishes true stiction from Dahl's and LuGre's models
 (elasto-plastic friction: Dupont, Hayward, Armstrong and Altpeter, IEEE Trans. Automatic Control
 47(5), 2002, here with its plastic range shrunk to a point).
 """
@@ -39,7 +39,7 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
                reference_velocity: float, active: bool) -> None:
     """Move the joint over one sample; parameters as for `joint_kernel.joint_sample`."""
     h = sample_time / SUBSTEPS
-    # The amplifier is fast: an undeclared lag lies between the current and the torque.
+    # The amplifier is fast; an undeclared lag is applied between the current and the torque.
     s.current = command
     follow = low_pass_weight(h, p.actuation_lag)
     muscle = low_pass_weight(h, p.human_response)
@@ -55,7 +55,7 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
         else:
             s.human = s.pushed_on = 0.0
         torque = p.torque_per_current * s.late_current + s.human
-        # Which way the bristle would go if it held decides which level applies.
+        # The direction in which the bristle would deflect determines the level.
         stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
         extra = 0.0
         if table.shape[0] > 0 and table[0, 0] >= 0.0:

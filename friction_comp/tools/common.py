@@ -26,7 +26,8 @@ from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, encodable, plain
 
 T = TypeVar('T')
-# Of the JSON that the tools write: one more where an entry goes, or means something else.
+# Version of the JSON that the tools write: increased when an entry is removed or changes its
+# meaning.
 REPORT_VERSION = 1
 
 
@@ -122,7 +123,7 @@ class Arguments(argparse.ArgumentParser):
 def command_line(name: str, argv: Sequence[str] | None) -> str:
     """Return the command that made a page, for its foot, marked as code."""
     given = list(sys.argv[1:] if argv is None else argv)
-    # The process's own arguments begin with the name.
+    # The arguments of the process begin with its name.
     named = given if argv is None and given[:1] == [name] else [name, *given]
     return f'`friction_comp {shlex.join(named)}`'
 
@@ -152,10 +153,10 @@ def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) 
 
 @contextmanager
 def output_folder(path: str | Path) -> Iterator[Path]:
-    """Give a folder to write results into; they appear in `path` when the block ends well.
+    """Provide a folder for results, which are moved to `path` when the block succeeds.
 
-    Until then they are in a hidden folder beside it, which goes away if the block raises. Files of
-    the same names in `path` are replaced, others are left alone.
+    Until then they are in a hidden folder next to it, which is removed if the block raises. Files
+    with the same names in `path` are replaced, others are kept.
 
     Parameters
     ----------
@@ -201,7 +202,7 @@ def output_folder(path: str | Path) -> Iterator[Path]:
         if room is not None:
             shutil.rmtree(room, ignore_errors=True)
         if not done:
-            # Folders that were made for nothing go as well, the innermost first.
+            # Folders that were created are removed as well, the innermost first.
             for folder in made:
                 with suppress(OSError):
                     folder.rmdir()
@@ -255,7 +256,7 @@ def _progress_lines(first: str) -> Callable[..., None]:
 
 
 def to_json(content: dict[str, Any]) -> str:
-    """Return a report as JSON text, the version of its form first; msg_docs/reports.md tells both.
+    """Return a report as JSON text, its schema version first: see msg_docs/reports.md.
 
     Numpy values become plain ones, NaN and infinity null.
     """

@@ -56,11 +56,11 @@ def main(argv: list[str] | None = None) -> int:
                                 or package_file('config', 'undeclared_pair.yaml')),
             '--position', '-1', '1', '--velocity', '1.5', '--acceleration', '6',
             '--seed', str(arguments.seed), '--output', str(arguments.output)])
-    # A domain of its own, on this machine only: no other robot is disturbed.
+    # A separate domain, on this machine only, so that no robot is disturbed.
     with leased_domain() as domain:
-        # Importing ROS 2 may start Python again: nothing may have happened before.
+        # Importing ROS 2 may restart Python, so it comes first.
         os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-        # Nodes find each other in half a second, where it may take three.
+        # Nodes then discover each other in half a second instead of three.
         os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
                               str(package_file('config', 'quick_discovery.xml')))
         from friction_comp.nodes.demo_client import DemoClient

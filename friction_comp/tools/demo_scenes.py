@@ -91,14 +91,14 @@ class Wear(Stage):
     movement = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
                 'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.7}
     period = 2.0 * (1.0 + 40.0 / 30.0 + 0.5)
-    # Half of what would be told by default: the change is to be seen early.
+    # Half of the default tolerance, so that the change is detected early.
     tolerance = 0.125
-    # Coarser than elsewhere: refinement and the loop share the machine.
+    # Coarser than elsewhere, since refinement and the loop share the machine.
     sample_time, clock_period = 4e-3, 0.02
-    # s of simulated time within which a warning must have come; s of movement before it refines, in
-    # which the drive warms nearly as far as it will. From the first half of the warming alone, what
-    # grows with warmth is not always told from what grows with speed, and a model that has taken
-    # the one for the other is wrong when the drive has become warmer still.
+    # s of simulated time within which a warning must come; s of movement before refinement, in
+    # which the drive reaches nearly its final temperature. In the first half of the warm-up,
+    # effects of temperature and of speed cannot always be distinguished, and a model that confuses
+    # them is wrong once the drive is warmer.
     patience, past = 400.0, 40.0
 
     def __init__(self, arguments: Namespace, nodes: Nodes, ros: DemoClient) -> None:
@@ -165,7 +165,7 @@ class Wear(Stage):
         words = ''
         with progress('moves on with the refined model') as show:
             while (passed := self._now() - begin) < least or (
-                    'not enough' in words and passed < self.patience):
+                    not words.startswith('the model') and passed < self.patience):
                 self._ros.wait(0.1)
                 words = str(self._ros.value('refinement', f'{self.joint}: residual') or '')
                 show(passed / max(least, 0.1 * self.patience))
@@ -173,8 +173,7 @@ class Wear(Stage):
 
     def _refine(self) -> Any:
         """Refine from all that the node has kept, while the joint moves on."""
-        # A loop that runs as fast as it can would leave the refinement, which is the more patient
-        # one, little of the machine.
+        # A loop that runs as fast as it can would leave little processor time to refinement.
         self._ros.set_parameter('plant', 'pace', 1.0)
         with progress('refines beside the running loop') as show:
             result = self._ros.refine(

@@ -44,7 +44,7 @@ class Stage(ABC):
         self._output = arguments.output.absolute()
         self._console = Console(highlight=False)
         self._began = time.monotonic()
-        # Simulated and real s of what was waited for.
+        # Simulated and real time spent waiting, s.
         self._speeds: list[tuple[float, float]] = []
 
     @abstractmethod
@@ -61,7 +61,7 @@ class Stage(ABC):
     def _common(self, *model_files: Path) -> dict[str, Any]:
         return {'joints': self._joints, 'model_files': [str(path) for path in model_files],
                 'use_sim_time': True, 'input_reliability': 'reliable',
-                # A plant in lockstep rests while the machine does something else.
+                # A plant in lockstep waits while the machine does something else.
                 'joint_state_timeout': 10.0}
 
     def _start_plant(self, models: Sequence[Path], undeclared: Sequence[Path | str],
@@ -83,13 +83,13 @@ class Stage(ABC):
 
     def _until_recorded(self) -> None:
         """Wait until the recorder hears everything that is said from now on."""
-        # Subscriptions to the command: the plant's and the recorder's.
-        # Identification has a publisher while it commands only.
+        # Subscriptions to the command: the plant's and the recorder's. Identification has a
+        # publisher only while it commands.
         self._ros.until_connected('current_command', 0, 2)
         self._ros.until_connected('interaction_wrench', 1, 1)
         if self._nodes.started('compensator'):
-            # What it says before it has found the recorder would be missing in the recording: an
-            # exercise begins after this.
+            # Messages sent before the recorder was discovered would be missing in the recording, so
+            # an exercise begins after this.
             self._ros.forget('compensator')
             self._ros.until(
                 lambda: int(self._ros.value('compensator', 'listeners to the command') or 0)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from friction_comp.refinement.refine import RefineResult
 
 JOINT = 'armin_1'
-# A quarter of a real driver's rate, for a quarter of the time. At 1 kHz the peaks are the same
+# A quarter of the rate of a real driver, for a quarter of the time. At 1 kHz the peaks are the same
 # within 8 %, and the refined model's error is 2.7 mA instead of 3.5.
 SAMPLE_TIME, CLOCK_PERIOD = 4e-3, 0.02
 GOAL = {
@@ -68,10 +68,10 @@ class Demo(Stage):
         """Run everything, from the first measurement to the report."""
         with process_beside() as beside:
             model_file = self._identify()
-            # On the other processor, while the joint is moved.
+            # On the other core, while the joint is moved.
             refined = beside.submit(
                 refined_model, self._output / 'recordings' / 'identification', model_file)
-            # From now on the joint's time rests wherever no exercise is shown.
+            # From now on, the joint's time advances only during an exercise.
             self._ros.set_parameter('plant', 'wait_for_reference', True)
             self._nodes.start('compensator', {**self._common(model_file), 'law': 'none'})
             for trial in TRIALS[:3]:

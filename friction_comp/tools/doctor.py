@@ -25,7 +25,7 @@ from friction_comp.tools.common import Arguments, positive, progress, to_json
 if TYPE_CHECKING:
     from friction_comp.monitoring.observation import Finding, Observation
 
-# Module, distribution on PyPI, what it is for, and whether the package can do without it.
+# Module, distribution on PyPI, purpose, and whether the package works without it.
 _PACKAGES = (
     ('numpy', 'numpy', '', False), ('scipy', 'scipy', '', False), ('numba', 'numba', '', False),
     ('yaml', 'PyYAML', '', False), ('matplotlib', 'matplotlib', '', False),

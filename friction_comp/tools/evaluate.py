@@ -13,10 +13,10 @@ from friction_comp.tools.common import Arguments, command_line, output_folder, p
 from friction_comp.tools.recorded_drive import layout_of
 from friction_comp.tools.workers import add_workers, for_workers, workers
 
-# Bytes to read from which on processes save more time than it takes to start them: 40 MB are read
-# and evaluated in a second, a process starts in about 6 s of processor time and takes 150 MB of
-# memory. A recording is read once for each of its joints (bench/many_recordings.py). With a smaller
-# number two processes are slower than one, with a larger one a core stays idle.
+# Bytes to read above which processes save more time than their start takes: 40 MB are read and
+# evaluated in a second; a process takes about 6 s of processor time to start and 150 MB of memory.
+# A recording is read once for each of its joints (bench/many_recordings.py). With a smaller number
+# two processes are slower than one, with a larger one a core stays idle.
 _MIN_SHARED = 2_000_000_000
 
 

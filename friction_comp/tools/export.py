@@ -92,7 +92,7 @@ def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) ->
     joint : SimulatorJoint
     remarks : list of str
     """
-    # Two hyphens in a row would end a comment of XML.
+    # Two consecutive hyphens would end an XML comment.
     remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
     friction, damping = f'{joint.friction:.9g}', f'{joint.damping:.9g}'
     if form == 'mujoco':

@@ -132,7 +132,7 @@ def _system(arguments: Namespace, joint: str) -> Iterator[tuple[TrajectoryClient
     output = arguments.output.absolute()
     with ExitStack() as stack:
         if arguments.simulate:
-            # A domain of its own, on this machine only: no other robot is disturbed.
+            # A separate domain, on this machine only, so that no robot is disturbed.
             domain = stack.enter_context(leased_domain())
             os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
             os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
@@ -170,10 +170,11 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: Trajec
     nodes.start('recorder', {
         'output': str(path), 'use_sim_time': bool(arguments.simulate),
         'input_reliability': 'reliable' if arguments.simulate else 'best_effort'})
-    ros.forget('recorder')
-    # Who has heard a state hears all that follow.
-    ros.until(lambda: int(ros.value('recorder', 'joint_states') or 0) > 0,
-              'joint_states, as the recorder hears them')
+    # A subscriber that has received one state receives all later ones. Diagnostics of the recorder
+    # before may still arrive: they name another folder.
+    ros.until(lambda: ros.value('recorder', 'hardware_id') == str(path)
+              and int(ros.value('recorder', 'joint_states') or 0) > 0,
+              'joint_states at the recorder')
 
     def tell(share: float, word: str) -> None:
         show(None, f'round {index}: {word}, {100.0 * share:.0f} %')

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from friction_comp.tools.common import Arguments, positive, progress
 
-# s within which the other side must answer.
+# s within which the other side must respond.
 _PATIENCE = 20.0
 
 

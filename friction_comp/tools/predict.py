@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``predict``: the current that a model expects for a recording.
 
-The measured current beside it is what the expected one is compared with: the motor's, and where the
-load was recorded the person's share too, unless the model says itself what a load does.
+It is compared with the measured current: that of the motor and, where the load was recorded, the
+person's share, unless the model has an effect of the load.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from friction_comp.recordings.reader import RecordingInfo
     from friction_comp.samples import Samples
 
-# Share of the top speed below which a joint does not count as moving.
+# Share of the top speed below which a joint is considered at rest.
 _SLOWEST = 0.05
 
 

@@ -69,10 +69,10 @@ class Nodes:
         parameters : dict
         """
         self._logs.mkdir(parents=True, exist_ok=True)
-        # Interrupted half-way, the process would be there and nobody would know of it.
+        # If interrupted half-way, the process would run on unnoticed.
         with interrupts_deferred(), (self._logs / f'{name}.log').open('ab') as log:
-            # A session of its own: an interrupt from the keyboard goes to the tool, which ends the
-            # nodes in order.
+            # A separate session: an interrupt from the keyboard reaches only the tool, which stops
+            # the nodes in order.
             self._running[name] = subprocess.Popen(
                 [sys.executable, '-m', 'friction_comp', name, *ros_arguments(parameters)],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=self._environment,

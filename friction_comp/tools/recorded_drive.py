@@ -32,10 +32,10 @@ def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
 
 def limited(arguments: Namespace, drive: Drive, recorded: list[Samples]
             ) -> tuple[Drive, dict[str, str]]:
-    """Return the drive with its current limit, and a note on where that is from.
+    """Return the drive with its current limit, and a note on the origin of the limit.
 
-    A recording that nobody has said a limit for shows one current that the drive can take for
-    certain: the largest one in it. It is taken as it is, neither more nor less.
+    If no limit is given, it is the largest current in the recordings, which the drive has certainly
+    withstood.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ def main(argv: list[str] | None = None) -> int:
                 recorded, model, drive,
                 progress=lambda share, name: report(0.2 + 0.7 * share, f'trying {name}'),
                 unit=unit)
-        # What is missing from a recording, or odd in it, is to be known beside the result.
+        # Show what is missing or unusual in a recording together with the result.
         result.report['warnings'].extend(
             f'{info.path}: {note}' for _, info in recordings for note in info.notes)
         report(0.9, 'writing')

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reserves a ROS domain that nobody else on this machine uses."""
+"""Reserves a ROS domain that no other process on this machine uses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import tempfile
 
 from friction_comp.errors import InputError
 
-# What ROS 2 calls safe on every system: ports below those that the system gives out by itself.
+# Domain IDs that ROS 2 calls safe on all systems: their ports are below the ephemeral ports.
 _DOMAINS = range(1, 102)
 # DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain.
 _PORT_BASE, _PORT_GAIN = 7400, 250
@@ -40,7 +40,7 @@ def leased_domain() -> Iterator[int]:
     """
     used = domains_in_use()
     numbers = [domain for domain in _DOMAINS if domain not in used]
-    # Whoever does not ask takes a small one.
+    # Other participants use small ones by default.
     random.SystemRandom().shuffle(numbers)
     for domain in numbers:
         lock = _lock(domain)
@@ -71,7 +71,7 @@ def _lock(domain: int) -> int | None:
     """Return the descriptor of a domain's lock, None where another holds it."""
     path = Path(tempfile.gettempdir()) / f'ros_domain_{domain}.lock'
     try:
-        # Another user's file cannot be opened for creation in a shared folder, but be locked.
+        # In a shared folder, another user's file cannot be opened for creation, but can be locked.
         descriptor = os.open(path, os.O_RDONLY | (0 if path.exists() else os.O_CREAT), 0o644)
     except OSError:
         return None

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from friction_comp.reports.live_page import Feed
     from friction_comp.samples import Samples
 
-# Samples a second that are shown.
+# Samples per second that are shown.
 _RATE = 100.0
 
 
@@ -160,7 +160,7 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     columns['torque'] = columns['current'] * gain
     columns['predicted'] = columns['residual'] = none
     if model is None:
-        # Without a model nobody knows torque constant and gear ratio: effort is a torque.
+        # Without a model, torque constant and gear ratio are unknown, so effort is shown as torque.
         columns['current'] = none
     else:
         with suppress(InputError):

@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 T = TypeVar('T')
 U = TypeVar('U')
 
-# From so many recordings to refine on, processes save more time than it takes to start them: that
-# is about 6 s of processor time each, as much as four short recordings need.
+# Number of recordings from which processes save more time than their start takes: about 6 s of
+# processor time each, as much as four short recordings take.
 MIN_SHARED = 8
-# s within which a scheduler must answer.
+# s within which a scheduler must respond.
 _PATIENCE = 10.0
 # s within which it must have a worker.
 _WORKER_PATIENCE = 60.0
 _CONFIGURATION = {
-    # One recording at a time for each process, so that the loss of a process is the loss of one;
-    # what has killed a process is not tried on the next.
+    # One recording at a time for each process, so that losing a process loses one recording; a
+    # recording that killed a process is not retried.
     'distributed.scheduler.worker-saturation': 1.0,
     'distributed.scheduler.allowed-failures': 0,
     'distributed.comm.timeouts.connect': _PATIENCE,
@@ -135,9 +135,9 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Client]:
                 _check_workers(client, scheduler)
                 yield client
             return
-        # An interrupt from the keyboard goes to all processes of the terminal. It is this one's to
-        # end the others: they, and the thread that looks after them, inherit that it is blocked.
-        # Python's tracker of resources would unblock it on its start, so it is started before.
+        # An interrupt from the keyboard reaches all processes of the terminal, but this process
+        # stops the others: they, and the thread that supervises them, inherit a blocked signal
+        # mask. Python's resource tracker would unblock it when it starts, so it is started before.
         resource_tracker.ensure_running()
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
@@ -164,7 +164,7 @@ def _check_workers(client: Client, scheduler: str) -> None:
     except TimeoutError:
         raise InputError(f'--scheduler {scheduler}: it has had no workers for '
                          f'{_WORKER_PATIENCE:.3g} s') from None
-    # Nothing of this package can be sent to ask whether it is there.
+    # This package may be missing there, so nothing of it can be sent to check.
     there = client.run(eval, "__import__('friction_comp').__version__", on_error='return')
     for worker, version in there.items():
         if version != __version__:
@@ -182,7 +182,7 @@ def _spread(client: Client, work: Callable[[T], U], things: Sequence[T]) -> Outc
         for future in as_completed(futures):
             index = index_of[future.key]
             try:
-                # What was done, but not yet fetched when its process was killed, is done again.
+                # Results that were not fetched before their process was killed are computed again.
                 yield index, future.result()
             except KilledWorker:
                 yield index, Failure(f'{things[index]}: the process that had it was killed '

@@ -17,7 +17,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 
-# How many joints each kind of group names beside those of its angles.
+# Number of joints that each kind of group names besides those of its angles.
 _JOINTS = {'weight': 0, 'kinetic': 3}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.compiling import njit
 
-# Three numbers in a tuple, which cost no memory from the heap.
+# Three numbers in a tuple, which needs no heap memory.
 Vector = tuple[float, float, float]
 
 

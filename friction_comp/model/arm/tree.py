@@ -14,7 +14,8 @@ from friction_comp.errors import InputError
 # Of each link: m, m·c (three), and Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its joint's origin.
 PARAMETERS = 10
 FREE_FALL = (0.0, 0.0, -9.81)
-# A rotation's rows in a file are rounded; farther from orthonormal than this is another matrix.
+# Rotation matrices in a file are rounded; if it is farther from orthonormal than this, it is no
+# rotation.
 _ROUNDED = 1e-6
 _KINDS = ('revolute', 'prismatic')
 
@@ -100,7 +101,7 @@ class Tree:
         ndarray, shape (N, L)
             N·m, or N of prismatic joints.
         """
-        # Here, so that a model without an arm asks for no compiler.
+        # Imported here, so that a model without an arm needs no compiler.
         from friction_comp.model.arm.recursion import joint_torques
 
         q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))

@@ -50,7 +50,7 @@ class Effect(ABC):
     role : str
         `RESISTS`, `CARRIES` or `NEITHER`.
     needs : tuple of str
-        Signals of `Samples` beyond position and velocity it cannot do without.
+        Signals of `Samples` that it needs besides position and velocity.
     constants : dict of str to SearchRange or None
         Every nonlinear constant and how it is searched around a point of the grid; None where it
         is not. A constant named ``transition`` is the velocity over which friction changes sign,
@@ -58,7 +58,7 @@ class Effect(ABC):
     numbers : tuple of (str, str)
         What each coefficient is, and its unit, A standing for the recording's own.
     signs : tuple of int
-        Sign that physics asks of the first coefficients: 1, -1, or 0 where it may be either.
+        Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     most : int
         How many of the kind a model may have, with other constants.
     physics : bool
@@ -66,7 +66,7 @@ class Effect(ABC):
         data do not bear it out.
     holds_on_another_day : bool
         Whether it may be expected in another recording of the same drive.
-    sees_history : bool
+    has_memory : bool
         Whether a sample's value depends on the samples before it.
     not_fed_back : str
         Why the compensator must not apply the effect; empty where it may.
@@ -93,7 +93,7 @@ class Effect(ABC):
     most = 1
     physics = False
     holds_on_another_day = True
-    sees_history = False
+    has_memory = False
     not_fed_back = ''
     weight = False
     gives_load = False
@@ -186,7 +186,7 @@ class Effect(ABC):
         return False
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why it cannot be seen in such a scene, one sentence; empty where it can.
 
         Refinement warns of it, and does not name the effect then.
@@ -206,7 +206,7 @@ class Effect(ABC):
 
     @staticmethod
     def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
-        """Return the state one sample later, for effects with `sees_history`.
+        """Return the state one sample later, for effects with `has_memory`.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Effect(ABC):
     @classmethod
     def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
         """Return the state at every sample, shape (N,): `step` run from each stretch's start."""
-        if not cls.sees_history:
+        if not cls.has_memory:
             return 0.0
         broken, start = segment_starts(samples), cls.start(side + np.zeros(len(samples)), c)
         states = np.empty(len(samples))
@@ -241,8 +241,8 @@ class Effect(ABC):
     def live_constants(cls, values: dict[str, float]) -> dict[str, float]:
         """Return the constants as they are used when the effect is fed back.
 
-        A recording may show that friction turns round within a thousandth of a radian a second.
-        Fed back as sharply, every count of the encoder would set off the whole term.
+        A recording may show that friction reverses within a thousandth of a radian per second. In
+        the compensator, every encoder count would then switch the whole term.
         """
         if 'transition' not in values:
             return values
@@ -273,7 +273,7 @@ class Effect(ABC):
                     samples.load, samples.temperature, side, cls.memory(samples, side, c),
                     samples.rigid_body, samples.coupling)
         columns = cls.columns(x, c)
-        # Each column together in memory, as those who solve for coefficients want it.
+        # Each column contiguous in memory, as solvers of coefficients need it.
         result = np.empty((len(columns), len(samples)))
         for index, column in enumerate(columns):
             result[index] = column

@@ -14,7 +14,7 @@ from friction_comp.model.effects.scene import CARRIES, nearly_one_speed, RESISTS
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Look, Scene, Signals
 
-# Places proposed for each width, and the fewest rows that one is judged by.
+# Positions proposed for each width, and the fewest rows by which one is judged.
 _PLACES, _FEWEST = 2, 20
 
 
@@ -93,7 +93,7 @@ class Bump(Effect):
         return value
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why motion at nearly one speed shows none for certain."""
         return nearly_one_speed(scene)
 

@@ -38,7 +38,7 @@ class DirectionAsymmetry(Effect):
         return (1.0 if c.offset else x.side ** 2, abs(x.velocity))
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why motion in one direction shows nothing of it."""
         if scene.both_directions:
             return ''

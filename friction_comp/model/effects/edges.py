@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
     from friction_comp.samples import Samples
 
-# Percent of the samples below the low edge and above the high one: a few values beyond the others
-# are a sensor's, and no range that was moved through.
+# Percentage of the samples below the low edge and above the high one: a few outlying values are
+# sensor errors, not a range that was moved through.
 _TAIL = 0.1
 
 

@@ -45,7 +45,7 @@ class Gravity(Effect):
         return scene.span < 2.0
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why a short range shows little of it."""
         if scene.span >= 0.5:
             return ''

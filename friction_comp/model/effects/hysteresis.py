@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
     """Return Dahl's state z after a step of position, solved exactly.
 
-    dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p = 1 turns round like an exponential, p < 1
-    arrives after a finite distance, p > 1 takes its time.
+    dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p = 1 reverses exponentially, p < 1
+    within a finite distance, p > 1 more slowly.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ def _dahl_states(position: np.ndarray, broken: np.ndarray, start: np.ndarray,
 class Hysteresis(Effect):
     """``A·z + B·dz/dt`` with Dahl's state z over a presliding distance.
 
-    A is the share of Coulomb friction that turns round with the distance since the reversal; the
-    sigmoid keeps the share that turns round with the velocity. B is the damping of the bristles in
+    A is the part of Coulomb friction that reverses with the distance since the reversal; the
+    sigmoid keeps the part that reverses with velocity. B is the damping of the bristles in
     the LuGre model (Canudas de Wit et al. 1995), in A·s.
     """
 
@@ -76,7 +76,7 @@ class Hysteresis(Effect):
     variable = 'history'
     constants = {'distance': SearchRange(1.6), 'exponent': SearchRange(1.5), 'transition': None}
     signs = (1,)
-    sees_history = True
+    has_memory = True
     fades_at_rest = True
 
     @classmethod
@@ -110,9 +110,9 @@ class Hysteresis(Effect):
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Keep it presliding: turning round within steps that are seen, well within the range.
+        """Keep it presliding: reversing over resolved steps, and well within the range.
 
-        Beyond these exponents it turns round at once, or never.
+        Beyond these exponents it reverses at once, or never.
         """
         if name == 'exponent':
             return min(max(value, 0.3), 3.0)
@@ -122,7 +122,7 @@ class Hysteresis(Effect):
         return value
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why few reversals or coarse positions show nothing of it."""
         if scene.reversals < 3:
             return (f'The direction of motion changed {scene.reversals:.0f} times: what happens '

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""An effect as it is fed back, one sample at a time."""
+"""Evaluates an effect for the compensator, one sample at a time."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ class LiveTerm:
     Attributes
     ----------
     needs : tuple of str
-        Live signals beyond position and velocity that it cannot do without.
-    sees_history : bool
-        Whether asking it changes it, so that it cannot be asked what it would be elsewhere.
+        Live signals that it needs besides position and velocity.
+    has_memory : bool
+        Whether evaluation changes it, so that it cannot be evaluated at other positions.
     """
 
     def __init__(self, effect: Effect) -> None:
         values = effect.live_constants(effect.values)
         self._effect, self._constants = effect, effect.Constants(**values)
         self._transition = values.get('transition')
-        self.needs, self.sees_history = effect.needs, effect.sees_history
+        self.needs, self.has_memory = effect.needs, effect.has_memory
         self.reset()
 
     def reset(self) -> None:
@@ -72,8 +72,8 @@ class LiveTerm:
                    ) -> tuple[float, float]:
         """Return the current in A in the positive and in the negative direction of sliding.
 
-        As if the joint had slid far enough to have turned round; how it turns round is left to
-        whoever asks. A memory that knows no direction is the one of this sample.
+        The values are those after sliding far enough to complete the reversal, which the caller
+        models. Memories without a direction have the value of this sample.
 
         Parameters
         ----------
@@ -96,7 +96,7 @@ class LiveTerm:
     def _evaluate(self, position: float, velocity: float, side: float, state: float,
                   temperature: float | None, load: float | None, rigid_body: float | None,
                   coupling: float | None) -> float:
-        # By position, in the order of the fields: by name it takes twice as long.
+        # By position, in the order of the fields: arguments by name take twice as long.
         x = self._held(Signals(0.0, position, velocity, 0.0, load, temperature, side, state,
                                rigid_body, coupling))
         total = 0.0
@@ -109,13 +109,13 @@ class LiveTerm:
         """Return signals at the edge of an effect's valid range where they are beyond it."""
         for name, (low, high) in self._effect.valid_range.items():
             value = getattr(x, name)
-            # Seldom: replacing takes longer than an effect does.
+            # Rarely, since replacing takes longer than evaluating an effect.
             if value is not None and not low <= value <= high:
                 x = x._replace(**{name: between(value, low, high)})
         return x
 
     def _remember(self, time: float, position: float, velocity: float) -> float:
-        if not self.sees_history:
+        if not self.has_memory:
             return 0.0
         if self._state is None:
             self._state = float(self._effect.start(0.0, self._constants))

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class LoadTorque(Effect):
-    """``A·τ_b``: the share of the measured back-driving torque that the motor is spared.
+    """``A·τ_b``: the current that the measured back-driving torque saves the motor.
 
-    By mechanics A = -1/(k_t·n); another value tells that the torque constant is not as declared.
+    By mechanics A = -1/(k_t·n); another value means that the declared torque constant is wrong.
     """
 
     name = 'load_torque'

@@ -62,7 +62,7 @@ class RestTime(Effect):
     constants = {'time_constant': SearchRange(1.8), 'distance': SearchRange(1.8), 'velocity': None,
                  'transition': None}
     signs = (1,)
-    sees_history = True
+    has_memory = True
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
@@ -90,7 +90,7 @@ class RestTime(Effect):
         return (x.side * x.memory,)
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why a joint that never rests shows nothing of it."""
         if scene.rested >= 1.0:
             return ''
@@ -99,11 +99,11 @@ class RestTime(Effect):
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Keep the constants where it is stiction that grows at rest.
+        """Limit the constants to stiction that grows at rest.
 
-        Slower than the recording it is a straight line in time; quicker than a tenth of a second
-        it does not grow but is there whenever the joint stands still. Lost over less than a
-        resolution step or more than the range, it is not seen to be lost.
+        With a time constant above the recording's duration it is linear in time; below a tenth of a
+        second it is constant at rest. A distance below a resolution step or above the range cannot
+        be observed.
         """
         if name == 'time_constant':
             return min(max(value, 0.1), max(5.0 * scene.duration, 0.2))

@@ -32,7 +32,7 @@ class _Ripple(Effect):
     constants = {
         'frequency': SearchRange(1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12)),
         'growth': None, 'speed': None, 'transition': None}
-    # Its size at speeds that were seen; along the way it repeats.
+    # Its amplitude at the speeds that were seen; over position it repeats.
     held = {'velocity': 0.25}
     _word = ''
 

@@ -10,7 +10,7 @@ import numpy as np
 
 _BINS_A_PERIOD = 4
 _MOST_BINS = 1 << 17
-# Over the range of position, for a wave to be told from a slope.
+# Fewest waves over the range of position, to distinguish a wave from a slope.
 FEWEST_PERIODS = 1.5
 
 

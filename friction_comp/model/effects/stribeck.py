@@ -37,7 +37,7 @@ class Stribeck(Effect):
         return (x.side * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why a speed that hardly varies shows nothing of it."""
         return speed_hardly_varied(scene)
 

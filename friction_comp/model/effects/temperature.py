@@ -24,7 +24,8 @@ class Temperature(Effect):
                ('offset per kelvin', 'A/K'))
     variable = 'temperature'
     needs = ('temperature',)
-    # Friction falls nearly in a straight line over tens of kelvin: twice what was seen is believed.
+    # Friction falls almost linearly over tens of kelvin, so it is extrapolated to twice the range
+    # seen.
     held = {'temperature': 1.0}
     constants = {'reference_temperature': None, 'transition': None}
 
@@ -34,7 +35,7 @@ class Temperature(Effect):
         return [{'reference_temperature': scene.temperature, 'transition': scene.transition}]
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why a temperature that hardly changes shows nothing of it."""
         if scene.temperature_span >= 2.0:
             return ''

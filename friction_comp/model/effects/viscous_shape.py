@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 class ViscousShape(Effect):
-    """``A·tanh(v/v_t)·(u^p - 6p/((p+1)(p+2))·u)``, u = |v|/v_ref: how friction bends over speed.
+    """``A·tanh(v/v_t)·(u^p - 6p/((p+1)(p+2))·u)``, u = |v|/v_ref: friction is curved over speed.
 
-    What is taken away is the straight line nearest to u^p between standstill and v_ref, so that
-    the sigmoid's linear term remains what it would be without the bend. Beyond the speeds that
-    were seen, where the bend keeps its value, friction goes on along that line: with the power
-    alone, the linear term is fitted against it, and by itself may be many times too steep.
+    The straight line nearest to u^p between standstill and v_ref is subtracted, so that the linear
+    term of the sigmoid does not change. Beyond the recorded speeds the effect is constant, and
+    friction continues along that line. Without the subtraction, the linear term would be fitted
+    against the power, and could by itself be many times too steep.
     """
 
     name = 'viscous_shape'
@@ -43,7 +43,7 @@ class ViscousShape(Effect):
         return (x.side * (speed ** c.exponent - slope * speed),)
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why a speed that hardly varies shows nothing of it."""
         return speed_hardly_varied(scene)
 

@@ -14,7 +14,7 @@ from friction_comp.model.effects.scene import NEITHER, SearchRange
 if TYPE_CHECKING:
     from friction_comp.model.effects.scene import Scene, Signals
 
-# Motors and gears warm up over minutes; in less than this, s, other things look like it.
+# Motors and gears warm up over minutes; below this time in s, other effects look the same.
 SHORTEST = 30.0
 
 
@@ -30,7 +30,7 @@ class _Drift(Effect):
         return value
 
     @classmethod
-    def hard_to_tell(cls, scene: Scene) -> str:
+    def insufficient_data(cls, scene: Scene) -> str:
         """Return why a short recording shows nothing of it."""
         if scene.duration >= SHORTEST:
             return ''
