@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from friction_comp.recordings.scan import Track
+from friction_comp.recordings.tracks import Track
 
 _SECOND = 1_000_000_000
 # A leading stamp of zero is a time, not an empty field, if the next one is smaller than this.

@@ -19,8 +19,10 @@ import numpy as np
 
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
-from friction_comp.recordings.reader import read_recording_with_info, RecordingInfo
-from friction_comp.recordings.scan import AnyPath, find_recordings, Progress
+from friction_comp.recordings.joint_samples import RecordingInfo
+from friction_comp.recordings.reader import read_recording_with_info
+from friction_comp.recordings.sources import find_recordings, Progress
+from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.stream import stream_recording_with_info
 from friction_comp.samples import Samples
 
@@ -115,7 +117,7 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
             if progress:
                 progress((index + share) / len(recordings))
         samples, info = _read(condensing, path, stream_recording_with_info(
-            path, joint, torque_constant, gear_ratio, _STRETCH, layout=layout, others=True,
+            path, joint, torque_constant, gear_ratio, _STRETCH, layout, others=True,
             progress=report))
         if results:
             info.check_joint(results[0][1])

@@ -23,7 +23,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.recordings.condense import condensed
-from friction_comp.recordings.reader import RecordingInfo
+from friction_comp.recordings.joint_samples import RecordingInfo
 from friction_comp.samples import Samples
 
 VERSION = 1

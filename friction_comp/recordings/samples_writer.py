@@ -11,7 +11,7 @@ import numpy as np
 from rosbags.typesys import get_typestore, Stores
 
 from friction_comp.errors import InputError
-from friction_comp.recordings.scan import AnyPath
+from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.writer import RecordingWriter
 from friction_comp.samples import Samples
 

@@ -17,8 +17,7 @@ import zstandard
 
 from friction_comp.errors import InputError
 from friction_comp.recordings.mcap_part import McapPart, Qos, span
-from friction_comp.recordings.scan import AnyPath
-from friction_comp.recordings.storage import METADATA
+from friction_comp.recordings.storage import AnyPath, METADATA
 
 _VERSION = 9
 # rosbag2's value of a duration that is not set.

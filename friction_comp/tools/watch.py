@@ -201,12 +201,12 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
     """
     from friction_comp.recordings import (
         find_recording,
-        inspect_recording,
         read_recording_with_info,
+        recorded_joints,
     )
 
     with progress('reading') as report:
-        wanted = joints or inspect_recording(path).joints
+        wanted = joints or recorded_joints(path)
         if models and len(models) != len(wanted):
             raise InputError(f'--model: one file per joint is needed, {len(wanted)} for '
                              f'{", ".join(wanted)}')
