@@ -55,7 +55,8 @@ class MessageScanner:
         try:
             for index, (topic, kind, receive, raw) in enumerate(
                     self._storage.messages(_is_wanted)):
-                begin = begin if index else receive
+                if not index:
+                    begin = receive
                 if kind == DIAGNOSTICS:
                     self._activity.add(receive, raw, begin)
                     continue
@@ -98,13 +99,15 @@ class _TopicReader:
         self.raw: list[bytes] = []
         self.broken = 0     # messages that cannot be decoded
         self._joint = joint
-        self._times: list[tuple[int, int]] = []
+        self._receive: list[int] = []
+        self._order: list[int] = []
         self._names: dict[str, None] = {}
         self._tracks: list[Track] = []
 
     def add(self, receive: int, raw: bytes, order: int) -> None:
         self.raw.append(raw)
-        self._times.append((receive, order))
+        self._receive.append(receive)
+        self._order.append(order)
 
     def decode(self) -> None:
         """Decode the collected messages, so that they no longer take memory."""
@@ -125,12 +128,13 @@ class _TopicReader:
                 known[index, :columns.shape[1]] = columns
         self.broken += len(broken)
         whole = np.delete(np.arange(size), broken)
-        receive, order = np.array(self._times, dtype=np.int64)[whole].T
+        receive, order = (np.array(each, dtype=np.int64)[whole]
+                          for each in (self._receive, self._order))
         if len(whole):
             self._tracks.append(Track(
                 self.topic, self.signal, receive, stamps[whole], order, list(self._names),
                 {key: value[whole] for key, value in values.items()}))
-        self.raw, self._times = [], []
+        self.raw, self._receive, self._order = [], [], []
 
     def _columns(self, names: tuple[str, ...], fields: dict[str, Any]
                  ) -> Iterator[tuple[str, np.ndarray]]:
