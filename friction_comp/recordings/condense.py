@@ -21,7 +21,7 @@ from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.recordings.joint_samples import RecordingInfo
 from friction_comp.recordings.reader import read_recording_with_info
-from friction_comp.recordings.sources import find_recordings, Progress
+from friction_comp.recordings.sources import find_recordings, part_of, Progress
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.stream import stream_recording_with_info
 from friction_comp.samples import Samples
@@ -42,15 +42,7 @@ _SMALLEST = 10
 
 @dataclass(frozen=True)
 class Condensing:
-    """Averaging and selection of samples.
-
-    Parameters
-    ----------
-    length : int
-        Samples per average.
-    share : float
-        Share of the pieces that is kept.
-    """
+    """Averages over `length` samples, of which a share of all pieces is kept."""
 
     length: int = 1
     share: float = 1.0
@@ -70,17 +62,14 @@ class Condensing:
 
 
 def condensed(samples: Samples, limit: int) -> Samples:
-    """Return averages at 100 Hz or more, spread over a recording.
-
-    Parameters
-    ----------
-    samples : Samples
-        Of one recording.
-    limit : int
-        Approximate number of averages.
-    """
-    length = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
+    """Return some `limit` averages at 100 Hz or more, spread over one recording."""
+    length = _longest(samples)
     return Condensing(length, min(1.0, limit * length / max(len(samples), 1))).of(samples)
+
+
+def _longest(samples: Samples) -> int:
+    """Return the number of samples in an average at the slowest rate."""
+    return max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
 
 
 def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
@@ -113,12 +102,9 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                                         progress=progress, layout=layout)
     results: list[tuple[Samples, RecordingInfo]] = []
     for index, path in enumerate(recordings):
-        def report(share: float, index: int = index) -> None:
-            if progress:
-                progress((index + share) / len(recordings))
         samples, info = _read(condensing, path, stream_recording_with_info(
             path, joint, torque_constant, gear_ratio, _STRETCH, layout, others=True,
-            progress=report))
+            progress=part_of(progress, index, len(recordings))))
         if results:
             info.check_joint(results[0][1])
         results.append((samples.with_(recording=np.full(len(samples), index)), info))
@@ -138,8 +124,7 @@ def _condensing(recordings: Sequence[Path], joint: str | None, layout: Layout | 
                                            progress=shares.append)
     samples, _ = next(stretches)
     rows = len(samples) / max(shares[-1], 1e-9) * sum(sizes) / max(sizes)
-    longest = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
-    length = int(np.clip(math.ceil(rows / limit), 1, longest))
+    length = int(np.clip(math.ceil(rows / limit), 1, _longest(samples)))
     return Condensing(length, min(1.0, limit * length / rows))
 
 
@@ -155,7 +140,9 @@ def _read(condensing: Condensing, path: Path, stretches: Iterator[tuple[Samples,
     notes: list[str] = []
     for samples, info in stretches:
         if parts and len(samples):
-            samples = _remove_turns(samples, parts[-1])
+            # Angles are unwrapped only within each stretch.
+            turns = round(float(samples.position[0] - parts[-1].position[-1]) / (2.0 * math.pi))
+            samples = samples.with_(position=samples.position - 2.0 * math.pi * turns)
         kept = condensing.of(samples)
         if len(kept):
             parts.append(kept)
@@ -165,12 +152,3 @@ def _read(condensing: Condensing, path: Path, stretches: Iterator[tuple[Samples,
     info.stamps = info.rows = None
     info.notes = notes
     return Samples.concatenate(parts), info
-
-
-def _remove_turns(samples: Samples, before: Samples) -> Samples:
-    """Return samples without a jump by whole turns after those before.
-
-    Angles are unwrapped only within each stretch.
-    """
-    turns = round(float(samples.position[0] - before.position[-1]) / (2.0 * math.pi))
-    return samples.with_(position=samples.position - 2.0 * math.pi * turns) if turns else samples

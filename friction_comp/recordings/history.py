@@ -36,23 +36,11 @@ _FIRST_DATE = 1e9
 
 @dataclass(frozen=True)
 class Remembered:
-    """Averages of one recording.
+    """Averages of one recording, at 100 Hz at most."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the file or folder.
-    start : float
-        Stamp of its first sample, s.
-    day : str
-        ISO date of the recording, or of its addition where the stamps hold no date.
-    samples : Samples
-        At 100 Hz at most.
-    """
-
-    name: str
-    start: float
-    day: str
+    name: str       # of the file or folder
+    start: float    # stamp of its first sample, s
+    day: str        # ISO date of the recording, or of its addition where stamps hold no date
     samples: Samples
 
 
@@ -120,13 +108,7 @@ class History:
         return history
 
     def add(self, samples: Samples, info: RecordingInfo) -> bool:
-        """Add a recording; return False if it is already there.
-
-        Parameters
-        ----------
-        samples : Samples
-        info : RecordingInfo
-        """
+        """Add a recording; return False if it is already there."""
         name, start = info.path.name, float(info.start)
         if any((name, start) == (recording.name, recording.start) for recording in self.recordings):
             return False

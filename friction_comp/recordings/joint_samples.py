@@ -38,22 +38,20 @@ class RecordingInfo:
         Topic name to (message type, number of messages).
     start : float
         Stamp of the samples' time zero in s.
-    stamps : ndarray
-        Time of every joint state in s since `start`, in the order received, shape (M,).
-    rows : ndarray of int
-        Indices of the joint states used as samples, shape (N,).
+    stamps : ndarray, shape (M,)
+        Time of every joint state in s since `start`, in the order received.
+    rows : ndarray of int, shape (N,)
+        Indices of the joint states used as samples.
     dropped : dict
-        Number of joint states that were omitted, by reason: 'not finite', 'duplicate stamp', 'stamp
-        far off'.
+        Number of joint states that were left out, by reason.
     notes : list of str
         Remarks on the recording for readers of the results.
     model : str or None
         Active model file, if recorded.
     activity : list of (float, Activity)
-        The compensator's reported state, law and model, each with its begin in s since `start`;
-        empty if not recorded.
+        What the compensator reported, each with its begin in s since `start`.
     effort_is_current : bool
-        Whether the effort is already the motor current in A, as a table may declare.
+        Whether the effort is the motor current in A already, as a table may declare.
     """
 
     path: Path
@@ -80,22 +78,8 @@ def to_samples(scan: Scan, joint: str | None,
                torque_per_current: float) -> tuple[Samples, RecordingInfo]:
     """Interpolate one joint's signals to the times of its joint states.
 
-    Parameters
-    ----------
-    scan : Scan
-    joint : str, optional
-        Needed where the scan has several.
-    torque_per_current : float
-        k_t · n in N·m/A.
-
-    Returns
-    -------
-    Samples, RecordingInfo
-
-    Raises
-    ------
-    InputError
-        If the joint is missing, or its values are impossible.
+    Raises InputError if the joint is missing, not named though there are several, or its values
+    are impossible.
     """
     if scan.effort_is_current:
         torque_per_current = 1.0
@@ -146,19 +130,7 @@ def to_samples(scan: Scan, joint: str | None,
 
 def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambda joint: 1.0
                   ) -> dict[str, tuple[Samples, RecordingInfo]]:
-    """Return every usable joint of a scan.
-
-    Parameters
-    ----------
-    scan : Scan
-    torque_per_current : callable
-        k_t · n in N·m/A for a joint's name.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Return every usable joint of a scan; raises InputError if there is none."""
     read: dict[str, tuple[Samples, RecordingInfo]] = {}
     reason = None
     wanted: list[str | None] = [*scan.joints] or [None]

@@ -48,11 +48,7 @@ class DamagedError(ValueError):
 
 
 class McapFile:
-    """One mcap file.
-
-    Parameters
-    ----------
-    path : Path
+    """One mcap file; raises DamagedError if it is empty.
 
     Attributes
     ----------
@@ -64,11 +60,6 @@ class McapFile:
         ``custom_data`` of rosbag2's metadata in the file.
     encodings : dict
         Topic to serialisation.
-
-    Raises
-    ------
-    DamagedError
-        If the file is empty.
     """
 
     def __init__(self, path: Path) -> None:
@@ -105,24 +96,10 @@ class McapFile:
         return self._position / self._size
 
     def messages(self, wanted: Wanted) -> Iterator[Message]:
-        """Yield the messages in the order of the file.
+        """Yield (topic, type, receive time in ns, payload) of messages in the order of the file.
 
-        Parameters
-        ----------
-        wanted : callable
-            Returns whether messages of a topic and type are wanted; all are counted.
-
-        Yields
-        ------
-        topic, type : str
-        time : int
-            Receive time (mcap's log time) in ns.
-        payload : bytes
-
-        Raises
-        ------
-        DamagedError
-            If the file holds no readable record at all.
+        Only messages of a topic and type that are wanted are yielded; all are counted. Raises
+        DamagedError if the file holds no readable record at all.
         """
         self._file.seek(0)
         begin = self._file.read(len(MAGIC))

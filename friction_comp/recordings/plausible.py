@@ -36,20 +36,10 @@ _REVERSED_SHARE = 0.8
 def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
     """Raise InputError for samples that are physically impossible.
 
-    Parameters
-    ----------
-    samples : Samples
-    name : str
-        Name of the recording, for messages.
-    alone : bool
-        Whether no other joint of the recording moved. The gravity torque then depends on the
-        position alone, and the motor's mean power must be positive.
-
-    Raises
-    ------
-    InputError
-        If a value or the rate of position exceeds what any joint can have, velocity contradicts
-        position, or the effort has the wrong sign; the text names signal, value and time.
+    That is if a value or the rate of position exceeds what any joint can have, velocity contradicts
+    position, or the effort has the wrong sign; the text names signal, value and time. If no other
+    joint of the recording moved (`alone`), the gravity torque depends on the position alone, and
+    the motor's mean power must be positive.
     """
     if not len(samples):
         return

@@ -22,6 +22,7 @@ from friction_comp.recordings.joint_samples import (
 from friction_comp.recordings.sources import (
     find_recording,
     find_recordings,
+    part_of,
     Progress,
     scan_recording,
 )
@@ -168,8 +169,6 @@ def _scan_all(paths: AnyPath | Sequence[AnyPath], progress: Progress | None, joi
     """Yield the scan of each recording; progress is that of all."""
     recordings = find_recordings(paths)
     for index, path in enumerate(recordings):
-        def report(share: float, index: int = index) -> None:
-            if progress:
-                progress((index + share) / len(recordings))
+        report = part_of(progress, index, len(recordings))
         yield scan_recording(path, report, joint, layout)
         report(1.0)

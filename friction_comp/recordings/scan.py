@@ -27,15 +27,9 @@ def signal_of(topic: str, type_name: str) -> str | None:
 
 
 class MessageScanner:
-    """Reads one rosbag2 recording batch by batch.
+    """Reads one rosbag2 recording, or only one joint's values of it.
 
-    Parameters
-    ----------
-    path : Path
-    joint : str, optional
-        Keep only this joint's values, where messages name joints.
-    batch : int
-        Messages of a topic that are decoded at once.
+    Messages of a topic are decoded a batch at once.
     """
 
     def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000) -> None:

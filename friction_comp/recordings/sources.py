@@ -21,6 +21,14 @@ Progress = Callable[[float], None]
 _FIRST_MESSAGES = 200
 
 
+def part_of(progress: Progress | None, index: int, count: int) -> Progress:
+    """Return what reports the progress of one of several recordings."""
+    def report(share: float) -> None:
+        if progress:
+            progress((index + share) / count)
+    return report
+
+
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
     """Return the recordings at paths; folders are searched for recordings.
 
@@ -79,18 +87,9 @@ def _expand(path: Path) -> Iterator[Path]:
 
 def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
                  **options: int) -> MessageScanner | TableScanner:
-    """Return what reads a recording in batches.
+    """Return what reads a recording in batches, only one joint's values if one is given.
 
-    Parameters
-    ----------
-    path : path-like
-        One recording, as `find_recordings` returns it.
-    joint : str, optional
-        Keep only this joint's values.
-    layout : Layout, optional
-        Known columns and units of a table.
-    **options : int
-        ``batch``, the messages or rows in memory at once.
+    The option ``batch`` is the number of messages or rows in memory at once.
     """
     path = Path(path)
     if path.is_file() and is_table(path):
@@ -100,13 +99,7 @@ def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None 
 
 def scan_recording(path: AnyPath, progress: Progress | None = None, joint: str | None = None,
                    layout: Layout | None = None) -> Scan:
-    """Read the signals of one recording; parameters as for `open_scanner`.
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read; the text gives the reason.
-    """
+    """Read the signals of one recording; raises InputError if it cannot be read."""
     scanner = open_scanner(path, joint, layout)
     parts: dict[str, list[Track]] = {}
     for scan in scanner.scans():

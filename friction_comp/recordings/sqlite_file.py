@@ -17,16 +17,7 @@ class SqliteFile:
     """One .db3 file; as `McapFile`.
 
     The topics' quality of service is ignored: its format differs between releases, and nothing here
-    depends on it.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    DamagedError
-        If it is not a database with rosbag2's tables.
+    depends on it. Raises DamagedError if it is not a database with rosbag2's tables.
     """
 
     def __init__(self, path: Path) -> None:

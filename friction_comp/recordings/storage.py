@@ -43,12 +43,7 @@ def belongs_to_folder(folder: Path) -> bool:
 
 
 class Storage:
-    """Reads the messages of one recording from its files.
-
-    Parameters
-    ----------
-    path : Path
-        A rosbag2 folder or a single file.
+    """Reads the messages of a rosbag2 folder or a single file; raises InputError if unreadable.
 
     Attributes
     ----------
@@ -60,11 +55,6 @@ class Storage:
         The ``custom_data`` of the recording's metadata.
     progress : float
         Share of the recording that has been read.
-
-    Raises
-    ------
-    InputError
-        If it is unreadable.
     """
 
     def __init__(self, path: Path) -> None:
@@ -78,10 +68,7 @@ class Storage:
     def messages(self, wanted: Wanted) -> Iterator[Message]:
         """Yield the messages of all files in their order, as `McapFile.messages` does.
 
-        Raises
-        ------
-        InputError
-            If none of the files can be read, or wanted messages are not serialised as CDR.
+        Raises InputError if none of the files can be read, or wanted messages are not CDR.
         """
         reasons = []
         for index, file in enumerate(self.files):

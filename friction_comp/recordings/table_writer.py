@@ -41,13 +41,7 @@ def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
 
 
 def write_table(path: Path, joints: Sequence[Samples]) -> None:
-    """Write samples as CSV, Parquet or npz, depending on the file name.
-
-    Parameters
-    ----------
-    path : Path
-    joints : sequence of Samples
-        As for `table_of`.
+    """Write samples as CSV, Parquet or npz, depending on the file name, with columns of `table_of`.
 
     Raises
     ------

@@ -37,19 +37,9 @@ def is_table(path: Path) -> bool:
 
 
 class TableScanner:
-    """Reads a table block by block; the counterpart of `MessageScanner`.
+    """Reads a table block by block; the counterpart of `MessageScanner`."""
 
-    Parameters
-    ----------
-    path : Path
-    layout : Layout, optional
-        Columns and units given by the user.
-    joint : str, optional
-        Keep only this joint's values.
-    batch : int
-        Rows in memory at once; by default 20 MB for ten columns.
-    """
-
+    # A batch of rows takes 20 MB for ten columns.
     def __init__(self, path: Path, layout: Layout | None = None, joint: str | None = None,
                  batch: int = 250_000) -> None:
         self.progress = 0.0
@@ -251,7 +241,6 @@ class _Parquet:
         self.names: list[str] = list(self._file.schema_arrow.names)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        """Yield blocks of columns and the share of the file that has been read."""
         read, total = 0, max(self._file.metadata.num_rows, 1)
         for batch in self._file.iter_batches(batch_size=rows, columns=list(dict.fromkeys(wanted))):
             read += batch.num_rows
@@ -279,7 +268,6 @@ class _Npz:
         self.names = list(self._columns)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        """Yield blocks of columns and the share that has been read."""
         sizes = {name: len(self._columns[name]) for name in wanted}
         size = sizes[wanted[0]]
         if set(sizes.values()) != {size}:

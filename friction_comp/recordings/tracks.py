@@ -76,29 +76,16 @@ class Track:
 class Scan:
     """Raw contents of one recording, or of a stretch of it.
 
-    Attributes
-    ----------
-    path : Path
-    tracks : list of Track
-    topics : dict
-        Topic to (message type, number of messages) of the whole recording.
-    notes : list of str
-        Remarks on what is missing or damaged, as far as the recording has been read.
-    custom : dict of str
-        ``custom_data`` of rosbag2's metadata.
-    activity : list of Activity
-        What the compensator reported so far.
-    effort_is_current : bool
-        Whether efforts are currents in A already, as tables may declare.
+    Notes, activity and the count of messages by topic are those of all that has been read so far.
     """
 
     path: Path
     tracks: list[Track]
-    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    custom: dict[str, str] = field(default_factory=dict)
+    topics: dict[str, tuple[str, int]]     # topic to message type and number of messages
+    notes: list[str]                       # on what is missing or damaged
+    custom: dict[str, str] = field(default_factory=dict)    # of rosbag2's metadata
     activity: list[Activity] = field(default_factory=list)
-    effort_is_current: bool = False
+    effort_is_current: bool = False        # in A already, as tables may declare
 
     def of(self, signal: str) -> list[Track]:
         """Return the tracks of a signal; an exact topic name takes precedence over its ending."""

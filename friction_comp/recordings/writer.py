@@ -110,14 +110,11 @@ class RecordingWriter:
         return False
 
     def add_topic(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> str:
-        """Declare a topic, so that it is listed even without messages; return its name.
+        """Declare a topic, so that it is listed even without messages; return its absolute name.
 
         Parameters
         ----------
-        topic : str
-            A relative name becomes absolute.
-        type_name : str
-            For instance 'sensor_msgs/msg/JointState'.
+        topic, type_name : str
         qos : sequence of dict, optional
             QoS of its publishers, as `qos_profile` returns it; rosbag2's default when empty.
 
