@@ -20,26 +20,13 @@ _FIRST_REPORT = 10_000_000_000
 
 @dataclass(frozen=True)
 class Activity:
-    """State of a compensator from one time on, as it reported it.
+    """State of a compensator from one time on, as it reported it; '' what it did not report."""
 
-    Attributes
-    ----------
-    time : int
-        Receive time in ns.
-    state : str
-        Its lifecycle state, for instance 'active'; '' if not reported; 'identification' while
-        that node moved the joint.
-    law, model : str
-        Compensation law and model file; '' if not reported.
-    joints : str
-        The joints of the files in `model`, in the same order; '' if not reported.
-    """
-
-    time: int
-    state: str
+    time: int           # received at, ns
+    state: str          # its lifecycle state; 'identification' while that node moved the joint
     law: str
-    model: str
-    joints: str = ''
+    model: str          # model files
+    joints: str = ''    # of these files, in the same order
 
     @property
     def models(self) -> dict[str, str]:
@@ -62,14 +49,8 @@ class ActivityLog:
     def add(self, time: int, raw: bytes, begin: int) -> None:
         """Add a serialised DiagnosticArray; one that is truncated is skipped.
 
-        Parameters
-        ----------
-        time : int
-            Receive time in ns.
-        raw : bytes
-        begin : int
-            Receive time in ns of the recording's first message. A compensator's first report also
-            holds for the time just before it, since reports come every second.
+        A compensator's first report also holds for the time just before it, down to the begin of
+        the recording, since reports come every second.
         """
         if not any(node in raw for node in _SOURCES):
             return
@@ -100,14 +81,7 @@ class ActivityLog:
 
 
 def compensator_activity(status: Any, time: int = 0) -> Activity | None:
-    """Return a compensator's state from a diagnostic status; None for another node's.
-
-    Parameters
-    ----------
-    status : diagnostic_msgs/msg/DiagnosticStatus
-    time : int
-        Receive time in ns.
-    """
+    """Return a compensator's state from a DiagnosticStatus; None if it is another node's."""
     if 'compensator' not in f'{status.name} {status.hardware_id}':
         return None
     values = {item.key: item.value for item in status.values}

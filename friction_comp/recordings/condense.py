@@ -76,24 +76,15 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    torque_constant: float = 1.0, gear_ratio: float = 1.0,
                    progress: Progress | None = None, layout: Layout | None = None,
                    limit: int = LIMIT) -> list[tuple[Samples, RecordingInfo]]:
-    """Read recordings of one joint in a bounded amount of memory.
+    """Read recordings of one joint as `read_recording_with_info`, in a bounded amount of memory.
 
     Parameters
     ----------
     paths, joint, torque_constant, gear_ratio, progress, layout
         As for `read_recording`.
     limit : int
-        Approximate number of samples kept of all recordings together; fewer are kept unchanged.
-
-    Returns
-    -------
-    list of (Samples, RecordingInfo)
-        One per recording. The notes of the first say whether samples were averaged.
-
-    Raises
-    ------
-    InputError
-        As `read_recording`.
+        Approximate number of samples kept of all recordings together. If there are more, they are
+        averaged, and the notes of the first recording say so.
     """
     recordings = find_recordings(paths)
     condensing = _condensing(recordings, joint, layout, limit)

@@ -131,16 +131,7 @@ def read_arm(paths: AnyPath | Sequence[AnyPath],
 def read_joints(path: AnyPath, joints: Sequence[str] | None = None,
                 progress: Progress | None = None, layout: Layout | None = None
                 ) -> tuple[list[Samples], list[str]]:
-    """Read several joints of one recording on one time base, with efforts in N·m as currents.
-
-    Parameters
-    ----------
-    path : path-like
-        One recording.
-    joints : sequence of str, optional
-        In this order; all joints of the joint states when omitted.
-    progress, layout
-        As for `read_recording`.
+    """Read joints of one recording, or all, on one time base, with efforts in N·m as currents.
 
     Returns
     -------

@@ -112,7 +112,7 @@ def scan_recording(path: AnyPath, progress: Progress | None = None, joint: str |
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
-    """Return the joints in a recording's first joint states.
+    """Return the joints in a recording's first joint states, '' for one without a name.
 
     Parameters
     ----------
@@ -120,11 +120,6 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
         One recording, as `find_recordings` returns it.
     layout : Layout, optional
         Known columns and units of a table.
-
-    Returns
-    -------
-    list of str
-        '' for a joint without a name.
 
     Raises
     ------

@@ -134,16 +134,7 @@ class RecordingWriter:
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
-        """Append one serialised message.
-
-        Parameters
-        ----------
-        topic, type_name : str
-            As for `add_topic`.
-        stamp_ns : int
-            Receive time in nanoseconds.
-        cdr : bytes
-            The serialised message with its encapsulation header.
+        """Append one serialised message, with its encapsulation header, that came at a time in ns.
 
         Raises
         ------
@@ -166,17 +157,12 @@ class RecordingWriter:
         self.message_count += 1
 
     def flush(self, wait: bool = False) -> None:
-        """End the present chunk and write it.
+        """End the present chunk and write it; raises InputError as `write` does.
 
         Parameters
         ----------
         wait : bool
             Whether to wait until it is written, so that it survives the end of this process.
-
-        Raises
-        ------
-        InputError
-            As for `write`.
         """
         if self._part is not None:
             try:
