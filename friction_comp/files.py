@@ -49,6 +49,10 @@ class _QuotingDumper(yaml.SafeDumper):
     """Quotes words that either version of YAML would take for a number: 3:00 as well as 0E0."""
 
 
+def _whole_number(loader: Any, node: Any) -> int:
+    return int(loader.construct_scalar(node))
+
+
 def _number(loader: Any, node: Any) -> float:
     text = loader.construct_scalar(node).lower().replace('.inf', 'inf').replace('.nan', 'nan')
     return float(text)
@@ -64,8 +68,7 @@ for _tag, _pattern, _first in (
     for _either in (_PlainLoader, _QuotingDumper):
         _either.add_implicit_resolver(
             f'tag:yaml.org,2002:{_tag}', re.compile(_pattern), list(_first))
-_PlainLoader.add_constructor(
-    'tag:yaml.org,2002:int', lambda loader, node: int(loader.construct_scalar(node)))
+_PlainLoader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 _PlainLoader.add_constructor('tag:yaml.org,2002:float', _number)
 
 LARGEST = 1_000_000
