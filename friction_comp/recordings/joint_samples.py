@@ -83,7 +83,7 @@ def to_samples(scan: Scan, joint: str | None,
     """
     if scan.effort_is_current:
         torque_per_current = 1.0
-    track, joint, joints = _select_joint(scan, joint)
+    track, joint, joints, values = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, joints, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current)
     stamp = clocks.message_times(track, info.notes)
@@ -91,7 +91,7 @@ def to_samples(scan: Scan, joint: str | None,
     shifts = clocks.set_backs(stamp[~stray], track.order[~stray], track.receive[~stray],
                               info.notes)
     stamp = shifts.of(stamp, track.order)
-    position, velocity, effort = track.values[joint].T
+    position, velocity, effort = values.T
     finite = np.isfinite(position) & np.isfinite(effort)
     _check_finite(scan, track.topic, joint, position, effort)
     # Velocity may be empty; one that is mostly empty is ignored.
@@ -124,7 +124,7 @@ def to_samples(scan: Scan, joint: str | None,
         velocity=None if velocity is None else velocity[order], joint=joint)
     samples = samples.with_(**further_signals(
         scan, joint, joints, base, torque_per_current, info.notes))
-    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, joint))
+    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, values))
     return samples, info
 
 
@@ -185,14 +185,15 @@ def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndar
     return position + 2.0 * np.pi * turns
 
 
-def _others_moved(scan: Scan, joint: str) -> bool:
-    """Return whether another joint of the recording was moved."""
+def _others_moved(scan: Scan, own: np.ndarray) -> bool:
+    """Return whether a joint with other values was moved."""
     positions = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
-              for name, values in track.values.items() if name != joint]
+                 for values in track.values.values() if values is not own]
     return any(len(position) > 0 and np.ptp(position) > 0.01 for position in positions)
 
 
-def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str]]:
+def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
+    """Return the track of a joint, its name, the names of all in the track, and its values."""
     tracks = scan.of('joint_states')
     if not tracks:
         if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
@@ -209,17 +210,17 @@ def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str]]
         if len(joints) > 1:
             raise InputError(f'{scan.path}: several joints, name one with --joint: {listed}')
         joint = joints[0]
-    elif joint not in joints:
-        if joints != ['']:
-            raise InputError(f'{scan.path}: no joint {joint!r} in it, but {listed}')
-        tracks[0].values[joint] = tracks[0].values['']
-        tracks[0].names[:] = joints = [joint]
-    holding = [track for track in tracks if joint in track.names]
+    elif joint not in joints and joints != ['']:
+        raise InputError(f'{scan.path}: no joint {joint!r} in it, but {listed}')
+    # A single joint may have no name in the recording.
+    key = '' if joints == [''] else joint
+    holding = [track for track in tracks if key in track.names]
     if len(holding) > 1:
         raise InputError(
             f'{scan.path}: joint {joint!r} is in several topics: '
             f'{", ".join(track.topic for track in holding)}')
-    return holding[0], joint, list(holding[0].names)
+    track = holding[0]
+    return track, joint, list(track.names) if key else [joint], track.values[key]
 
 
 def _check_finite(scan: Scan, topic: str, joint: str, position: np.ndarray,
