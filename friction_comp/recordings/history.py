@@ -97,8 +97,9 @@ class History:
                 history = cls(float(document['torque_per_current']),
                               notes=[(str(day), str(text)) for day, text in document['notes']])
                 for index, entry in enumerate(document['recordings']):
-                    signals: dict[str, Any] = {name: stored[f'{index}/{name}']
-                                               for name in entry['signals']}
+                    signals: dict[str, Any] = {
+                        name: stored[key] for name in _SIGNALS
+                        if (key := f'{index}/{name}') in stored}
                     history.recordings.append(Remembered(
                         str(entry['name']), float(entry['start']), str(entry['day']),
                         Samples(joint=str(entry['joint']), **signals)))
@@ -142,11 +143,11 @@ class History:
             'notes': self.notes, 'recordings': []}
         arrays: dict[str, Any] = {}
         for index, recording in enumerate(self.recordings):
-            signals = [name for name in _SIGNALS if getattr(recording.samples, name) is not None]
             document['recordings'].append({
                 'name': recording.name, 'start': recording.start, 'day': recording.day,
-                'signals': signals, 'joint': recording.samples.joint})
-            arrays.update({f'{index}/{name}': getattr(recording.samples, name) for name in signals})
+                'joint': recording.samples.joint})
+            arrays.update({f'{index}/{name}': values for name in _SIGNALS
+                           if (values := getattr(recording.samples, name)) is not None})
         stream = io.BytesIO()
         np.savez_compressed(stream, about=np.array(json.dumps(document)), **arrays)
         path = self.path_of(model)

@@ -46,12 +46,11 @@ class SqliteFile:
     def messages(self, wanted: Wanted) -> Iterator[Message]:
         """Yield the messages in the order they were written, as `McapFile.messages` does."""
         topic_ids = [k for k, topic_and_type in self._by_id.items() if wanted(*topic_and_type)]
-        placeholders = ','.join('?' * len(topic_ids))
         recovered = 0
         try:
             for row, topic, time, payload in self._database.execute(
-                    'SELECT id, topic_id, timestamp, data FROM messages '
-                    f'WHERE topic_id IN ({placeholders}) ORDER BY id', topic_ids):
+                    'SELECT id, topic_id, timestamp, data FROM messages WHERE topic_id IN '
+                    f'({",".join("?" * len(topic_ids))}) ORDER BY id', topic_ids):
                 recovered += 1
                 self.progress = row / self._last
                 yield *self._by_id[topic], int(time), bytes(payload)
