@@ -10,9 +10,9 @@ from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.constants import adjust_constants
 from friction_comp.refinement.effect_columns import base_columns, proposals, Table, Term
+from friction_comp.refinement.naming import intervals, repeat_search, Stability
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import Search, Split, total
-from friction_comp.refinement.stability import intervals, repeat_search, Stability
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
@@ -130,9 +130,8 @@ def test_intervals_hold_what_is_true_and_tell_what_is_not_there(rippled):
         low, high = found.coefficients[place]
         assert low <= true <= high
         assert high - low < 0.06
-    signs = rippled.sums.signs
-    assert found.excludes_zero([cosine, sine], signs[[cosine, sine]])
-    assert not found.excludes_zero([inertia], signs[[inertia]])
+    assert found.excludes_zero(rippled, keys[0])
+    assert not found.excludes_zero(rippled, keys[1])
 
 
 def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(rippled, plain):

@@ -77,18 +77,9 @@ def adjust_constants(table: Table, keys: Sequence[Key], rounds: int = 3,
                      only: Container[Key] | None = None) -> list[Key]:
     """Adjust the constants of terms together, by the Gauss-Newton method, and return the terms.
 
-    Each round solves for the coefficients and for small changes of the constants at once, and
-    halves the step until the error decreases. Terms that depend on the load of others get the
-    loads of the new fit.
-
-    Parameters
-    ----------
-    table : Table
-    keys : sequence of Key
-    rounds : int
-        Maximum number of rounds.
-    only : container of Key, optional
-        Terms whose constants may change; all when omitted.
+    Each round solves for the coefficients and for small changes of the constants (of `only` some
+    terms) at once, and halves the step until the error decreases. Terms that depend on the load of
+    others get the loads of the new fit.
     """
     keys = _with_current_loads(table, list(keys))
     for _ in range(rounds):
@@ -104,25 +95,22 @@ def adjust_constants(table: Table, keys: Sequence[Key], rounds: int = 3,
         gram[np.diag_indices(len(gram))] += _RIDGE
         step = np.linalg.solve(gram, scaled @ residual) / norm
         step = np.clip(step[-len(free):], -1.0, 1.0)
-        initial, reduced = float(residual @ residual), None
+        initial = float(residual @ residual)
         for share in (1.0, 0.5, 0.25):
             changed = list(terms)
             for constant, size in zip(free, share * step):
                 term = changed[constant.term]
                 changed[constant.term] = term.with_constants(
                     **{constant.name: constant.stepped(term, float(size), table)})
-            if len({term.key for term in changed}) < len(changed):
-                continue
-            error = table.error_with(changed)
-            if error < initial:
-                reduced = error
+            distinct = len({term.key for term in changed}) == len(changed)
+            if distinct and (error := table.error_with(changed)) < initial:
                 break
-        if reduced is None:
-            break
+        else:
+            return keys
         trial = table.add(changed)
         only = only and [*trial]
         keys = _with_current_loads(table, trial)
-        if reduced > (1.0 - 1e-3) * initial:
+        if error > (1.0 - 1e-3) * initial:
             break
     return keys
 

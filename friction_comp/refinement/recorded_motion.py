@@ -17,30 +17,59 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.differentiation import differentiate, METHOD
-from friction_comp.refinement.plain_drive import held_out, plain_columns, TRANSITIONS
-from friction_comp.refinement.thresholds import BLOCKS, EQUIVALENT, FEWEST_SAMPLES
+from friction_comp.refinement.sums import held_out
+from friction_comp.refinement.thresholds import (
+    BLOCKS,
+    EQUIVALENT,
+    FEWEST_SAMPLES,
+    PRESLIDING_SPEED,
+    REST,
+)
 from friction_comp.samples import Samples
 
-BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
+_BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 _EXCERPT = 150_000
-# After and before rests of at least this duration, s, samples are left out for as long while they
-# are slower than this share of the top speed.
-_START, _SLOW = 0.1, 0.05
+# Shares of the top speed over which friction may change sign.
+TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
+
+
+def plain_columns(samples: Samples, transitions: Sequence[float],
+                  motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
+    """Return the columns of a plain drive: friction, inertia, weight and load.
+
+    No effect is selected: its held-out error is the criterion by which motion is prepared.
+    """
+    v, q = np.asarray(samples.velocity), samples.position
+    columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
+               samples.acceleration, np.cos(q), np.sin(q)]
+    if np.ptp(q) < 2.0:
+        columns.append(q)
+    for load in (samples.load, samples.rigid_body):
+        if load is not None:
+            columns += [load, np.abs(load) * np.tanh(v / transitions[-1])]
+    if motion is not None:
+        angles, _, accelerations = motion
+        for first in range(index + 1):
+            for last in range(index, angles.shape[1]):
+                if first < last:
+                    total = angles[:, first:last + 1].sum(axis=1)
+                    columns += [np.cos(total), np.sin(total)]
+        columns += [acceleration for k, acceleration in enumerate(accelerations.T) if k != index]
+    return np.column_stack(columns)
 
 
 def differentiations(samples: Samples) -> list[dict[str, Any]]:
     """Return the differentiation settings that are compared."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
-    values = [*(value for value in BANDWIDTHS if value <= 0.3 * rate), None]
-    sources = ['position']
-    if samples.velocity is not None and np.any(samples.velocity):
-        sources.append('velocity')
+    values = [*(value for value in _BANDWIDTHS if value <= 0.3 * rate), None]
+    recorded = samples.velocity is not None and np.any(samples.velocity)
+    sources = ('position', 'velocity') if recorded else ('position',)
     return [{'method': METHOD, 'source': source, 'bandwidth': value}
             for source in sources for value in values]
 
 
 def excerpt(samples: Samples, *masks: np.ndarray) -> tuple[Any, ...]:
-    """Return at most a fixed number of samples in pieces from all over, and the same of masks."""
+    """Return at most a fixed number of samples in pieces from all over, and masks' values there."""
     size, pieces = len(samples), 15
     if size <= _EXCERPT:
         return (samples, *masks)
@@ -102,9 +131,9 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
     filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
-    rest_samples = round(_START / max(samples.sample_time, 1e-9))
+    rest_samples = round(REST / max(samples.sample_time, 1e-9))
     starts = dilate(long_rests(still, rest_samples), rest_samples)
-    starts &= speed < _SLOW * np.percentile(speed, 95)
+    starts &= speed < PRESLIDING_SPEED * np.percentile(speed, 95)
     for mask in (dilate(still, filter_samples), dilate(ends, filter_samples), starts):
         remaining = moving & ~mask
         if remaining.sum() > 0.8 * moving.sum():
@@ -166,14 +195,7 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
                   ) -> dict[str, Any]:
     """Return the differentiation settings with which a plain drive predicts other blocks best.
 
-    Parameters
-    ----------
-    samples : Samples
-    unusable : ndarray of bool, shape (N,)
-    joints : sequence of str
-        All joints that moved, this one among them; empty where no other moved.
-    load : float
-        Current per load, A/(N·m), where the load is part of the target; otherwise 0.
+    `joints` and `load` are those of `Rows`.
     """
     samples, unusable = excerpt(samples, unusable)
     if load:
@@ -196,7 +218,7 @@ def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str],
         part = moved.take(start)
         columns = plain_columns(part, [share * top for share in TRANSITIONS], motion,
                                 list(joints).index(samples.joint) if joints else 0)
-        errors.append((float(held_out(columns, part.current, block).sum()), len(errors), choice))
+        errors.append((held_out(columns, part.current, block), len(errors), choice))
     least = min(error for error, *_ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import math
 from typing import Any
 
 import numpy as np
@@ -15,95 +14,59 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement.attempt import Fit, Question
 from friction_comp.refinement.effect_columns import Key
-from friction_comp.refinement.elsewhere import Elsewhere
-from friction_comp.refinement.judge import (
-    ambiguities,
-    Errors,
-    errors_of,
-    findings,
-    noise_floor,
-    rms,
-)
+from friction_comp.refinement.judge import ambiguities, errors_of, findings, noise_floor, rms
 from friction_comp.refinement.leftover import Dependence, leftover
+from friction_comp.refinement.naming import Elsewhere, Intervals, Parameter, Stability
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.stability import Intervals, Parameter, Stability
-from friction_comp.refinement.thresholds import SAME_LOAD
-from friction_comp.refinement.units import in_unit
-from friction_comp.refinement.verdict import AGAIN, Finding, Verdict
+from friction_comp.refinement.thresholds import CORRELATED, SAME_LOAD
+from friction_comp.refinement.verdict import in_unit, verdict_of
 
 # Number of ranges of a variable in which samples at a limit are counted.
 _RANGES = 15
-# Rank correlation from which a pair of parameters is reported, and the largest number of pairs.
-_CORRELATED, _PAIRS = 0.8, 8
+_MOST_PAIRS = 8
 
 
 @dataclass(frozen=True)
 class ReportInput:
-    """The input of a report.
-
-    Parameters
-    ----------
-    question : Question
-    fit : Fit
-        With the named terms alone.
-    start, model : FrictionModel
-        The initial and the refined model.
-    fit_before, before, fit_after, after : ndarray, shape (N,)
-        Residuals of all samples, A: `fit_...` by the models themselves, the others by fits to
-        other parts.
-    stability : Stability
-    intervals : Intervals
-    unit : str
-        Of the current.
-    kept : bool
-        Whether the initial model was kept, since no refined one predicts better.
-    """
+    """The input of a report."""
 
     question: Question
-    fit: Fit
-    start: FrictionModel
-    model: FrictionModel
-    fit_before: np.ndarray
-    before: np.ndarray
-    fit_after: np.ndarray
-    after: np.ndarray
+    fit: Fit  # with the named terms alone
     stability: Stability
     intervals: Intervals
-    unit: str
-    kept: bool = False
+    model: FrictionModel  # the refined one
+    # Residuals of all samples, A: of the model itself, and of fits to other parts.
+    before: tuple[np.ndarray, np.ndarray]
+    after: tuple[np.ndarray, np.ndarray]
+    unit: str  # of the current
+    kept: bool  # whether the initial model was kept, since no refined one predicts better
 
 
 def report_of(result: ReportInput) -> dict[str, Any]:
     """Return the content of report.json."""
-    rows, raw = result.fit.rows, result.question.raw
+    fit, rows, raw = result.fit, result.fit.rows, result.question.raw
+    held_out = result.after[1]
     dependences = [*limits(rows), *leftover(
-        rows.at_rows, rows.averaged(result.after), rows.scene.slowest)]
-    growth_by_variable = Elsewhere(result.fit.table, result.fit.keys).growth(result.fit.keys)
-    growth = max(1.0, *growth_by_variable.values())
-    before = errors_of(rows, result.fit_before, result.before)
-    after = errors_of(rows, result.fit_after, result.after, growth)
+        rows.at_rows, rows.averaged(held_out), rows.scene.slowest)]
+    growth = Elsewhere(fit.table, fit.keys).growth(fit.keys)
+    before = errors_of(rows, *result.before)
+    after = errors_of(rows, *result.after, max(1.0, *growth.values()))
     effects = [] if result.kept else effects_of(result)
-    open_questions = [] if result.kept else ambiguities(result.fit, result.stability)
-    if result.question.model:
-        base = 'the given model'
-    elif rows.load_by_mechanics:
-        base = 'sigmoid of Eq. 6 fitted to the recording, the measured load taken as it is'
-    else:
-        base = 'sigmoid of Eq. 6 fitted to the recording'
-    verdict = Verdict(findings(
-        result.fit, raw, after, growth_by_variable, dependences, open_questions))
-    verdict.add(check_written_model(rows, result.fit, after))
-    report = {
+    open_questions = [] if result.kept else ambiguities(fit, result.stability)
+    eq6 = 'sigmoid of Eq. 6'
+    base = 'the given model' if result.question.model else f'{eq6} fitted to the recording'
+    if rows.load_by_mechanics and not result.question.model:
+        base += ', the measured load taken as it is'
+    refined = 'the given model' if result.question.model else eq6
+    return {
         'unit': result.unit, 'joint': result.model.joint, 'samples': len(raw),
         'samples_in_motion': int(rows.usable.sum()),
         'samples_clipped': int(rows.clipped.sum()),
-        'held_out': f'{int(result.fit.table.block.max()) + 1} long parts, each predicted by a fit '
-                    'to all others',
+        'held_out': f'{rows.blocks} long parts, each predicted by a fit to all others',
         'signal_rms': rms(raw.current[rows.usable]),
-        'before': {'model': base, **before.to_dict()},
-        'after': {'model': ' + '.join([base if result.question.model else 'sigmoid of Eq. 6', *(
-            entry['name'] for entry in effects)]), **after.to_dict()},
-        'noise_floor': noise_floor(rows, result.after),
+        'before': {'model': base, **before},
+        'after': {'model': ' + '.join([refined, *(entry['name'] for entry in effects)]), **after},
+        'noise_floor': noise_floor(rows, held_out),
         'effects': effects,
         'friction': friction_of(result),
         'correlations': [] if result.kept else correlations_of(result),
@@ -111,35 +74,11 @@ def report_of(result: ReportInput) -> dict[str, Any]:
                          'note': in_unit(dependence.note, result.unit)}
                         for dependence in dependences],
         'ambiguous': open_questions,
-        'thirds': growth_by_variable,
-        'differentiation': dict(result.fit.settings),
+        'thirds': growth,
+        'differentiation': dict(fit.settings),
         'stopped_because': 'no further effect predicts parts that were not fitted better by more '
                            'than chance would',
-    }
-    verdict_words = verdict.to_dict()
-    for name in ('reasons', 'warnings'):
-        verdict_words[name] = [in_unit(line, result.unit) for line in verdict_words[name]]
-    for finding in verdict_words['findings']:
-        finding['text'] = in_unit(finding['text'], result.unit)
-    return {**report, **verdict_words}
-
-
-def check_written_model(rows: Rows, fit: Fit, after: Errors) -> list[Finding]:
-    """Return a finding where the model as it is written predicts worse than its fit.
-
-    The fit's error comes from block sums, that of the written model from `predict` on the
-    recording.
-    """
-    table = fit.table
-    residual = table.residual(fit.keys, derivatives=False)
-    # Rows average noise out.
-    fitted_error = math.hypot(
-        rms(residual), noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
-    # Samples outside all rows may have larger errors.
-    if after.fit > 1.5 * max(fitted_error, after.held_out):
-        return [Finding('written', f'The model as written predicts with an error of '
-                        f'{after.fit:.3g} A, but its fit had {fitted_error:.3g} A.', AGAIN)]
-    return []
+        **verdict_of(findings(fit, raw, after, growth, dependences, open_questions), result.unit)}
 
 
 def limits(rows: Rows) -> list[Dependence]:
@@ -171,15 +110,14 @@ def friction_of(result: ReportInput) -> dict[str, Any]:
             'viscous': base.viscous, 'transition': 2.0 / base.steepness, 'shift': base.shift,
             'intervals': {} if result.kept else {
                 name: list(ends[index]) for index, name in enumerate(
-                    ('offset', 'coulomb', 'viscous')) if index in ends}}
+                    ('offset', 'coulomb', 'viscous'))}}
 
 
 def correlations_of(result: ReportInput) -> list[dict[str, Any]]:
     """Return the correlated pairs of parameters."""
     table = result.fit.table
-    names: dict[Parameter, str] = {}
-    for column, name in zip((0, 1, 2), ('offset', 'Coulomb friction', 'viscous friction')):
-        names[column] = name
+    names: dict[Parameter, str] = {
+        0: 'offset', 1: 'Coulomb friction', 2: 'viscous friction'}
     for key in result.fit.keys:
         kind = table.terms[key].kind
         label = kind.name.replace('_', ' ')
@@ -189,8 +127,8 @@ def correlations_of(result: ReportInput) -> list[dict[str, Any]]:
         for name in kind.constants:
             names[key, name] = f'{label}: {name.replace("_", " ")}'
     return [{'between': [names[a], names[b]], 'correlation': value}
-            for (a, b), value in result.intervals.correlations.items()
-            if abs(value) > _CORRELATED and a in names and b in names][:_PAIRS]
+            for value, a, b in result.intervals.correlations()
+            if abs(value) > CORRELATED and a in names and b in names][:_MOST_PAIRS]
 
 
 def effects_of(result: ReportInput) -> list[dict[str, Any]]:
@@ -214,15 +152,13 @@ def effects_of(result: ReportInput) -> list[dict[str, Any]]:
         groups = [key for key in remaining if key[-1] is not None]
         if groups:
             candidates.append(groups)
-        trials = [(fit.rmse_with([*chosen, *keys]), index) for index, keys in enumerate(candidates)]
-        error, index = min(trials)
-        chosen += candidates[index]
-        remaining = [key for key in remaining if key not in candidates[index]]
-        if known_load(result, candidates[index][0]):
-            continue
-        make_entry = _group_entry if candidates[index][0][-1] is not None else _entry
-        entry = make_entry(result, candidates[index])
-        entries.append({**entry, 'held_out_rmse': error})
+        error, index = min((fit.rmse_with([*chosen, *keys]), index)
+                           for index, keys in enumerate(candidates))
+        keys = candidates[index]
+        chosen += keys
+        remaining = [key for key in remaining if key not in keys]
+        if keys is groups or not known_load(result, keys[0]):
+            entries.append(_entry(result, keys, error))
     return entries
 
 
@@ -239,35 +175,30 @@ def known_load(result: ReportInput, key: Key) -> bool:
     return abs(coefficient / by_mechanics[0] - 1.0) < SAME_LOAD
 
 
-def _entry(result: ReportInput, keys: Sequence[Key]) -> dict[str, Any]:
-    key, = keys
-    table = result.fit.table
-    term, columns = table.terms[key], table.columns_of(key)
-    values = table.coefficients(result.fit.keys)
-    effect = term.kind({**term.constants, 'coefficients': [values[column] for column in columns]})
+def _entry(result: ReportInput, keys: Sequence[Key], error: float) -> dict[str, Any]:
+    """Return the entry of one term, or of all terms of other joints."""
+    key, table = keys[0], result.fit.table
+    kind = table.terms[key].kind
+    entry = {'name': kind.name, 'variable': kind.variable, 'held_out_rmse': error,
+             'chosen': min(result.stability.chosen.get(key, 0.0) for key in keys)}
+    if key[-1] is not None:
+        names = ', '.join(sorted({name for key in keys for name in key[-1].everyone}
+                                 - {result.question.raw.joint}))
+        return {
+            **entry, 'parameters': {'coefficients': [1.0], 'terms': len(keys)}, 'intervals': {},
+            'holds_on_another_day': True,
+            'in_words': f'Weight and inertia of other links: {len(keys)} terms of the motion of '
+                        f'{names}',
+            'formula': f'{len(keys)} terms of {names}'}
+    columns, values = table.columns_of(key), table.coefficients(result.fit.keys)
+    effect = kind({**table.terms[key].constants,
+                   'coefficients': [values[column] for column in columns]})
     constants = {name: list(ends) for (owner, name), ends in result.intervals.constants.items()
                  if owner == key}
     return {
-        'name': effect.name, 'variable': effect.variable, 'held_out_rmse': math.nan,
-        'chosen': result.stability.chosen.get(key, 0.0), 'parameters': effect.parameters,
+        **entry, 'parameters': effect.parameters,
         'intervals': {
             'coefficients': [list(result.intervals.coefficients[column]) for column in columns],
             **constants},
         'holds_on_another_day': effect.holds_on_another_day,
         'in_words': in_unit(effect.describe(), result.unit), 'formula': effect.formula()}
-
-
-def _group_entry(result: ReportInput, keys: Sequence[Key]) -> dict[str, Any]:
-    kind = EFFECTS['other_joints']
-    names = sorted(
-        {name for key in keys for name in key[-1].everyone} - {result.question.raw.joint})
-    return {
-        'name': kind.name, 'variable': kind.variable, 'held_out_rmse': math.nan,
-        'chosen': min(result.stability.chosen.get(key, 0.0) for key in keys),
-        'parameters': {'coefficients': [1.0], 'terms': len(keys)}, 'intervals': {},
-        'holds_on_another_day': True,
-        'in_words': f'Weight and inertia of other links: {len(keys)} terms of the motion of '
-                    f'{", ".join(names)}',
-        'formula': f'{len(keys)} terms of ' + ', '.join(names)}
-
-

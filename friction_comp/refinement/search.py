@@ -9,7 +9,7 @@ it lowers that error by `LEAST_SHARE`, and by two standard errors over the block
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
@@ -21,13 +21,10 @@ from friction_comp.refinement.thresholds import (
     LEAST_SHARE,
     MOST_EFFECTS,
     OWN_SHARE,
+    SHORTLIST,
     STANDARD_ERRORS,
+    STAYS,
 )
-
-# An effect stays in a fit with this share of the improvement that it takes to enter.
-_STAYS = 0.5
-# Number of effects compared on held-out blocks: those that explain most of the fitted ones.
-SHORTLIST_SIZE = 6
 
 
 class Split:
@@ -37,17 +34,13 @@ class Split:
     region of posture: most excitations pass the same postures again and again, and a wrong
     term that fits these would not be noticed.
 
-    Parameters
-    ----------
-    table : Table
-    weights : ndarray of int, shape (B,), optional
-        How often each block is in the fitted sample; blocks with weight 0 are held out. When
-        omitted, each block is left out in turn.
+    With `weights`, shape (B,), each block is in the fitted sample as often as they say, and those
+    with weight 0 are held out.
     """
 
     def __init__(self, table: Table, weights: np.ndarray | None = None) -> None:
         self._table, self._resampled = table, weights is not None
-        self._weights = np.ones(table.sums.blocks) if weights is None else weights[table.block]
+        self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
         self._regions = len(np.unique(table.region)) > 1
         # A resampled split holds out too few blocks to test their mean.
         self._errors = 1.0 if self._resampled else float(STANDARD_ERRORS)
@@ -55,9 +48,8 @@ class Split:
     @classmethod
     def resampled(cls, table: Table, rng: np.random.Generator) -> Split:
         """Return a split that fits blocks drawn with replacement and holds out the others."""
-        blocks = int(table.block.max()) + 1
         while True:
-            weights = np.bincount(rng.integers(0, blocks, blocks), minlength=blocks)
+            weights = table.draw_blocks(rng)
             if np.sum(weights == 0) > 2:
                 return cls(table, weights)
 
@@ -71,25 +63,19 @@ class Split:
         sums, table = self._table.sums, self._table
         if self._resampled:
             coefficients = sums.fits(columns, self._weights[None])
-            errors = sums.squares(columns, np.repeat(coefficients, sums.blocks, axis=0))
+            errors = sums.squares(columns, np.repeat(coefficients, len(self._weights), axis=0))
             return [errors[self._weights == 0.0]]
-        blocks = np.bincount(table.block, sums.left_out(columns, table.block))
+        blocks = np.bincount(table.block, table.left_out(columns))
         if not self._regions:
             return [blocks]
         return [blocks, sums.left_out(columns, table.region)]
 
     def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                  share: float = 1.0) -> bool:
-        """Return whether errors decrease by more than chance explains.
+        """Return whether `errors` decrease by more than chance explains.
 
-        Where several joints moved, they have to decrease in held-out regions of posture, too.
-
-        Parameters
-        ----------
-        before, after : sequence of ndarray
-            As returned by `errors`.
-        share : float
-            Share of the usual thresholds to apply.
+        Where several joints moved, they have to decrease in held-out regions of posture, too. A
+        `share` of the thresholds is applied.
         """
         for old, new in zip(before, after):
             gain = old - new
@@ -109,17 +95,10 @@ def total(errors: Sequence[np.ndarray]) -> float:
 
 def gains(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence[int]],
           signs: np.ndarray) -> np.ndarray:
-    """Return the reduction of the fitted sum of squares by each candidate.
+    """Return the reduction of the fitted sum of squares by each candidate's columns, shape (N,).
 
-    Parameters
-    ----------
-    sums : ndarray, shape (P + 1, P + 1)
-        Sums of products, the target last.
-    chosen : sequence of int
-        Columns of the fit.
-    candidates : sequence of sequence of int
-        Columns of each candidate.
-    signs : ndarray of int, shape (P,)
+    `sums`, shape (P + 1, P + 1), are those of products, the target last; the `chosen` columns are
+    in the fit, and `signs`, shape (P,), are required.
     """
     norm = np.sqrt(np.maximum(np.diag(sums), 1e-300))
     scaled = sums / norm / norm[:, None]
@@ -146,26 +125,16 @@ def gains(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence
 
 @dataclass
 class Search:
-    """A search among the terms of a table.
-
-    Parameters
-    ----------
-    table : Table
-    split : Split
-    candidates : list of Key
-        Terms that may be added.
-    fixed : sequence of Key
-        Terms that are always kept.
-    improve : callable, optional
-        Called with the terms after one was added; returns them with better constants, and may
-        replace `candidates`.
-    """
+    """A search among the terms of a table, for those to add to the `fixed` ones."""
 
     table: Table
     split: Split
     candidates: list[Key]
     fixed: Sequence[Key] = ()
-    improve: Callable[[list[Key]], list[Key]] | None = None
+
+    def improve(self, keys: list[Key]) -> list[Key]:
+        """Return terms, after one was added, with better constants; may replace `candidates`."""
+        return keys
 
     def errors(self, keys: Sequence[Key]) -> list[np.ndarray]:
         """Return the held-out squared errors of a fit of some terms."""
@@ -201,7 +170,7 @@ class Search:
                 return keys
             keys.remove(collinear[-1])
 
-    def shortlist(self, keys: Sequence[Key], count: int = SHORTLIST_SIZE) -> list[Key]:
+    def shortlist(self, keys: Sequence[Key]) -> list[Key]:
         """Return the best candidates, one of each effect, by the error that is fitted."""
         counts = Counter(key[0] for key in keys)
         allowed = [key for key in self.candidates if key not in keys and (
@@ -216,7 +185,7 @@ class Search:
             if gain > best.get(kind, (0.0, ()))[0]:
                 best[kind] = (float(gain), key)
         order = sorted(best.values(), key=lambda entry: -entry[0])
-        return [key for _, key in order[:count]]
+        return [key for _, key in order[:int(SHORTLIST)]]
 
     def forward(self, keys: Sequence[Key]) -> list[Key]:
         """Add terms while one is an improvement, and remove those that became superfluous."""
@@ -231,15 +200,12 @@ class Search:
                     trials.append((total(after), key))
             if not trials:
                 break
+            transition = self.table.transition
             grown = self.complete([*keys, min(trials, key=lambda trial: trial[0])[1]])
-            transition = self.table.steepness, self.table.shift
-            if self.improve:
-                grown = self.improve(grown)
-            grown = self.backward(grown)
+            grown = self.backward(self.improve(grown))
             now = self.errors(grown)
             if not total(now) < total(before):
-                if self.improve:
-                    self.table.set_transition(*transition)
+                self.table.set_transition(*transition)
                 break
             keys, before = grown, now
         return keys
@@ -249,19 +215,18 @@ class Search:
         keys = self.complete(keys)
         while True:
             full = self.errors(keys)
-            weakest: tuple[float, Key] | None = None
+            trials: list[tuple[float, Key]] = []
             for key in keys:
                 rest = [other for other in keys if other != key]
                 if key in self.fixed or key in self.complete(rest):
                     continue
                 without = self.errors(rest)
-                stays = 1.0 if key[-1] is not None else _STAYS
-                if not self.split.improves(without, full, stays) and (
-                        weakest is None or total(without) < weakest[0]):
-                    weakest = (total(without), key)
-            if weakest is None:
+                stays = 1.0 if key[-1] is not None else STAYS
+                if not self.split.improves(without, full, stays):
+                    trials.append((total(without), key))
+            if not trials:
                 return keys
-            keys.remove(weakest[1])
+            keys.remove(min(trials, key=lambda trial: trial[0])[1])
 
     def exchange(self, keys: Sequence[Key]) -> list[Key]:
         """Replace terms by other effects where that lowers the error."""
@@ -270,7 +235,7 @@ class Search:
             if key in self.fixed:
                 continue
             rest = [other for other in keys if other != key]
-            limit = self.error(keys) * (1.0 - _STAYS * LEAST_SHARE)
+            limit = self.error(keys) * (1.0 - STAYS * LEAST_SHARE)
             trials = [(self.error([*rest, other]), other)
                       for other in self.shortlist(rest)
                       if (other[0], other[-1]) != (key[0], key[-1])
