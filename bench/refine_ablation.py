@@ -123,12 +123,13 @@ RULES = {
         'naming', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys)),
     'interval without zero': lambda: method(
         'naming', 'Intervals', 'excludes_zero', lambda self, table, key: True),
-    'constant at its limit': lambda: everywhere('at_limit', lambda term, table: False),
+    'constant at its limit': lambda: everywhere('at_limit', lambda term, scene: False),
     'time last': lambda: method('attempt', 'Attempt', 'update_candidates', offer_all),
     'transition of all samples': lambda: everywhere(
         '_fit_transition_to_all_samples', lambda table, keys: None),
     'constants adjusted': constants_of_the_grid,
-    'beside standstill': lambda: everywhere('dilate', lambda mark, width: np.zeros_like(mark)),
+    'beside standstill': lambda: everywhere(
+        'maximum_filter1d', lambda mask, size: np.zeros_like(mask)),
     'load by mechanics': lambda: everywhere(
         'load_by_mechanics', lambda samples, unusable, drive: 0.0),
     'fast samples choose motion': lambda: everywhere('TRANSITIONS', (0.3, 0.0, 0.03, 0.01, 0.003)),

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any
 
@@ -17,6 +17,7 @@ from friction_comp.model.differentiation import earlier
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.constants import adjust_constants
 from friction_comp.refinement.effect_columns import (
     base_columns,
@@ -27,18 +28,11 @@ from friction_comp.refinement.effect_columns import (
     Term,
 )
 from friction_comp.refinement.joint_groups import neighbourhood
+from friction_comp.refinement.naming import Intervals, Stability
 from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
 from friction_comp.refinement.recorded_motion import differentiations, plain_columns
-from friction_comp.refinement.search import Search, Split
+from friction_comp.refinement.search import Search
 from friction_comp.refinement.sums import held_out
-from friction_comp.refinement.thresholds import (
-    EQUIVALENT,
-    LAG_ERROR,
-    LEAST_SHARE,
-    LONGEST_LAG,
-    LOWER_ERROR,
-    NAMED_SHARE,
-)
 from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
@@ -68,6 +62,9 @@ class Fit:
     candidates: list[Key]  # the last ones
     # Share of resampled block sets in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
+    # How often repeated searches choose each term, and intervals, once terms are named.
+    stability: Stability = field(default_factory=Stability)
+    intervals: Intervals = field(default_factory=Intervals)
 
     @property
     def rows(self) -> Rows:
@@ -108,7 +105,7 @@ class Attempt(Search):
     """A search among all terms that the effects propose for the residual, in one table."""
 
     def __init__(self, table: Table, fixed: list[Key]) -> None:
-        super().__init__(table, Split(table), [], fixed)
+        super().__init__(table, [], fixed)
         self._retained = set(fixed)
         self._time_effects = False
         self.update_candidates(fixed)
@@ -193,7 +190,7 @@ def search_with(question: Question, settings: dict[str, Any] | None = None,
     for first_keys in starts:
         table.set_transition(*transition)
         keys = attempt.search_from(first_keys)
-        ends.append((attempt.error(keys) * (1.0 + LEAST_SHARE) ** len(keys), len(ends),
+        ends.append((attempt.error(keys) * (1.0 + thresholds.LEAST_SHARE) ** len(keys), len(ends),
                      keys, table.transition, attempt.candidates))
     _, _, keys, transition, candidates = min(ends)
     table.set_transition(*transition)
@@ -219,10 +216,10 @@ def find_best_fit(question: Question) -> Fit:
             # Terms that stood in for a lag are a poor start; another bandwidth changes little.
             other = search_with(question, settings, None if first_lag else [
                 best.table.terms[key] for key in best.keys[best.given:]])
-            share = LAG_ERROR if first_lag else 1.0 - EQUIVALENT
+            share = thresholds.LAG_ERROR if first_lag else 1.0 - thresholds.EQUIVALENT
             if _mean_error(other) < share * _mean_error(best):
                 confidence = _lag_confidence(other, best) if first_lag else best.lag_confidence
-                if confidence >= NAMED_SHARE:
+                if confidence >= thresholds.NAMED_SHARE:
                     best = replace(other, lag_confidence=confidence)
         if best is before:
             break
@@ -242,8 +239,8 @@ def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
     if len(lagged_errors) != len(unlagged_errors):
         return 1.0
     drawn = rng.integers(0, len(unlagged_errors), (200, len(unlagged_errors)))
-    lower = lagged_errors[drawn].sum(axis=1) < LAG_ERROR * unlagged_errors[drawn].sum(axis=1)
-    return float(np.mean(lower))
+    after, before = (errors[drawn].sum(axis=1) for errors in (lagged_errors, unlagged_errors))
+    return float(np.mean(after < thresholds.LAG_ERROR * before))
 
 
 def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
@@ -260,7 +257,7 @@ def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
     current_lag = settings.get('lag', 0.0)
     for matrix in [columns(rows)] if current_lag else [plain, columns(rows)]:
         lag, gain = _best_lag(rows, matrix, target, fine=bool(current_lag))
-        if gain > (EQUIVALENT if current_lag else 0.5 * (1.0 - LAG_ERROR)):
+        if gain > (thresholds.EQUIVALENT if current_lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
             others.append({**settings, 'lag': current_lag + lag})
     errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in differentiations(question.raw):
@@ -272,7 +269,7 @@ def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
             errors.append((error, len(errors), choice))
     least, _, choice = min(errors)
     now = [error for error, _, tried in errors if tried == settings]
-    if choice != settings and (not now or least < LOWER_ERROR ** 2 * now[0]):
+    if choice != settings and (not now or least < thresholds.LOWER_ERROR ** 2 * now[0]):
         others.append(choice)
     return others
 
@@ -289,7 +286,8 @@ def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
     def error(lag: float) -> float:
         moved = earlier(matrix, rows.samples, lag) if lag else matrix
         return held_out(rows.averaged(moved), target, rows.block)
-    sizes = (1.0, 2.0) if fine else [size for size in _LAGS if size * step <= LONGEST_LAG]
+    sizes = (1.0, 2.0) if fine else [
+        size for size in _LAGS if size * step <= thresholds.LONGEST_LAG]
     lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
     errors = [error(lag) for lag in lags]
     index = int(np.argmin(errors))

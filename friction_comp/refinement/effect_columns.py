@@ -10,7 +10,7 @@ their derivatives.
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import math
 from typing import Any
 
@@ -51,10 +51,6 @@ class Term:
             assert rows.motion is not None, 'groups are made of the motion of several joints'
             return self.group.columns(rows.joints, *rows.motion)
         return self.kind.matrix(rows.samples, self.constants)
-
-    def with_constants(self, **changes: Any) -> Term:
-        """Return the term with other values of some constants."""
-        return replace(self, constants={**self.constants, **changes})
 
     def same_effect(self, other: Term, span: float) -> bool:
         """Return whether another term is the same effect with similar constants.
@@ -101,7 +97,7 @@ class Table:
         self.rows, self.target = rows, rows.averaged(rows.target)
         self.steepness, self.shift = steepness, shift
         self.terms: dict[Key, Term] = {}
-        self._columns_of: dict[Key, list[int]] = {}
+        self.columns_of: dict[Key, list[int]] = {}  # indices of each term's columns
         cells, cell = np.unique(
             rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
         order = np.argsort(cell, kind='stable')
@@ -119,7 +115,7 @@ class Table:
     def _columns_for(self, term: Term) -> np.ndarray | None:
         """Return a term's columns, shape (M, R); None where they are not finite."""
         if term.key in self.terms:
-            return self.columns[self._columns_of[term.key]]
+            return self.columns[self.columns_of[term.key]]
         columns = self.rows.averaged(term.columns(self.rows)).T
         return columns if np.isfinite(columns).all() else None
 
@@ -129,33 +125,30 @@ class Table:
         signs: list[int] = []
         for term in terms:
             columns = None if term.key in self.terms else self._columns_for(term)
-            if columns is None:
-                continue
-            first = len(self.columns) + len(fresh)
-            self._columns_of[term.key] = list(range(first, first + len(columns)))
-            self.terms[term.key] = term
-            fresh += list(columns)
-            signs += _signs_of(term, len(columns))
+            if columns is not None:
+                self._register(term, len(self.columns) + len(fresh), len(columns))
+                fresh += list(columns)
+                signs += _signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
         return [term.key for term in terms if term.key in self.terms]
 
     def keep(self, keys: Container[Key]) -> None:
         """Remove all other terms."""
-        remaining = [key for key in self.terms if key in keys]
+        remaining = [term for key, term in self.terms.items() if key in keys]
         if len(remaining) == len(self.terms):
             return
-        columns = self.indices(remaining)
-        columns_of, first = {}, BASE
-        for key in remaining:
-            size = len(self._columns_of[key])
-            columns_of[key] = list(range(first, first + size))
-            first += size
+        sizes = [len(self.columns_of[term.key]) for term in remaining]
+        columns = self.indices([term.key for term in remaining])
         retained = [*columns, len(self.columns)]
         self.sums = BlockSums(self.sums.gram[:, retained][:, :, retained], self.sums.rows,
                               self.sums.signs[columns])
-        self.columns = self.columns[columns]
-        self.terms, self._columns_of = {key: self.terms[key] for key in remaining}, columns_of
+        self.columns, self.terms, self.columns_of = self.columns[columns], {}, {}
+        for term, stop, size in zip(remaining, np.cumsum(sizes), sizes):
+            self._register(term, BASE + int(stop) - size, size)
+
+    def _register(self, term: Term, first: int, count: int) -> None:
+        self.terms[term.key], self.columns_of[term.key] = term, list(range(first, first + count))
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
         old = len(self.columns)
@@ -176,14 +169,10 @@ class Table:
             gram[changed, :-1], gram[:-1, changed] = products, products.T
             gram[changed, -1] = gram[-1, changed] = columns[changed] @ target
 
-    def columns_of(self, key: Key) -> list[int]:
-        """Return the column indices of a term."""
-        return self._columns_of[key]
-
     def indices(self, keys: Sequence[Key], derivatives: bool = True) -> list[int]:
         """Return the column indices of Eq. 6 and of some terms."""
         base = range(BASE if derivatives else PLAIN)
-        return [*base, *(column for key in keys for column in self._columns_of[key])]
+        return [*base, *(column for key in keys for column in self.columns_of[key])]
 
     def residual(self, keys: Sequence[Key], derivatives: bool = True) -> np.ndarray:
         """Return the residual of a fit of some terms to all blocks, shape (R,)."""
@@ -268,7 +257,7 @@ class Table:
         for key in keys:
             term = self.terms[key]
             if term.group is None and not term.kind.uses_inner_load:
-                values = [coefficients[column] for column in self._columns_of[key]]
+                values = [coefficients[column] for column in self.columns_of[key]]
                 shares.append(term.kind.load_share(values, term.constants))
                 carries_load = carries_load or term.kind.gives_load
                 if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
@@ -290,22 +279,17 @@ def _signs_of(term: Term, count: int) -> list[int]:
     return wanted + [0] * (count - len(wanted))
 
 
-def kinds_for(rows: Rows) -> list[type[Effect]]:
-    """Return the effects whose signals were recorded and varied."""
-    return [kind for kind in EFFECTS.values()
-            if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
-            and not kind.insufficient_data(rows.scene)
-            # The person's torque answers friction: it correlates with every missing effect.
-            and not (rows.load_by_mechanics and 'load' in kind.needs)]
-
-
 def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
-    """Return candidate terms to add to a fit."""
-    look, terms = table.look(keys), []
-    for kind in kinds_for(table.rows):
-        if not kind.uses_inner_load or look.loads:
-            terms += [Term(kind, constants) for constants in kind.propose(look)]
-    if table.rows.joints:
-        terms += [Term(EFFECTS['other_joints'], {}, group) for group in groups_for(
-            table.rows.joints, table.rows.samples.joint)]
+    """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
+    rows, look = table.rows, table.look(keys)
+    terms = [
+        Term(kind, constants) for kind in EFFECTS.values()
+        if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
+        and not kind.insufficient_data(rows.scene) and (look.loads or not kind.uses_inner_load)
+        # The person's torque answers friction: it correlates with every missing effect.
+        and not (rows.load_by_mechanics and 'load' in kind.needs)
+        for constants in kind.propose(look)]
+    if rows.joints:
+        terms += [Term(EFFECTS['other_joints'], {}, group)
+                  for group in groups_for(rows.joints, rows.samples.joint)]
     return terms

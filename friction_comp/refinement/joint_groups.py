@@ -47,11 +47,6 @@ def groups_for(names: Sequence[str], joint: str) -> list[Group]:
     return groups
 
 
-def plain_name(group: Group) -> str:
-    """Return the effect of a single joint that corresponds to a group."""
-    return 'gravity' if group.kind == 'weight' else 'inertia'
-
-
 def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:
     """Return the groups of a joint and its neighbours, and the weight of the links behind it.
 

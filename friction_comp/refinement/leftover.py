@@ -16,7 +16,7 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
-from friction_comp.refinement.thresholds import INSEPARABLE, LEAST_STRENGTH
+from friction_comp.refinement import thresholds
 from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges
 
@@ -64,7 +64,7 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
         share = float(values @ values) / power
         strength, name = max((depends(values, cell, stretch, rng), name)
                              for name, cell in cells.items())
-        if strength * share < LEAST_STRENGTH:
+        if strength * share < thresholds.LEAST_STRENGTH:
             break
         dependences.append(_entry(name, strength * share, values, name))
         cell = cells.pop(name)
@@ -72,7 +72,7 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
         values = values - mean[cell]
     share = float(values @ values) / power
     pair, strength = _strongest_pair(values, signals, side, rng)
-    if strength * share > 2.0 * LEAST_STRENGTH:
+    if strength * share > 2.0 * thresholds.LEAST_STRENGTH:
         known = {item.variable for item in dependences}
         dependences += [_entry(name, strength * share, values, ' and '.join(pair))
                         for name in pair if name not in known]
@@ -158,7 +158,7 @@ def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) 
     inseparable = []
     for item, (name, values) in product(dependences, recorded.items()):
         if name not in known and item.variable in recorded and rank_correlation(
-                values, recorded[item.variable]) > INSEPARABLE:
+                values, recorded[item.variable]) > thresholds.INSEPARABLE:
             known.add(name)
             inseparable.append(Dependence(
                 name, item.strength, f'{name} changed with {item.variable} throughout the '

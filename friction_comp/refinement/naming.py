@@ -22,16 +22,11 @@ import math
 import numpy as np
 from scipy import stats
 
-from friction_comp.refinement.constants import free_constants, slopes
+from friction_comp.refinement import thresholds
+from friction_comp.refinement.constants import free_constants, slopes, unit_of
 from friction_comp.refinement.effect_columns import Key, Table, Term
-from friction_comp.refinement.search import Search, Split
+from friction_comp.refinement.search import Search
 from friction_comp.refinement.sums import BlockSums
-from friction_comp.refinement.thresholds import (
-    ALTERNATIVE_SHARE,
-    NAMED_SHARE,
-    SEARCHES,
-    USELESS_ERROR,
-)
 
 # A column of the table, or a constant of a term.
 Parameter = int | tuple[Key, str]
@@ -56,7 +51,7 @@ class Stability:
 
     def named(self, key: Key) -> bool:
         """Return whether a term is chosen often enough to be named."""
-        return self.chosen.get(key, 0.0) >= NAMED_SHARE
+        return self.chosen.get(key, 0.0) >= thresholds.NAMED_SHARE
 
 
 def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Sequence[Key]
@@ -77,8 +72,11 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
     physics = [key for key in early if table.terms[key].kind.physics and key[-1] is None]
     groups = [key for key in keys[given:] if key[-1] is not None]
     searches = []
-    for _ in range(int(SEARCHES)):
-        search = Search(table, Split.resampled(table, rng), early, fixed)
+    while len(searches) < thresholds.SEARCHES:
+        weights = table.draw_blocks(rng)
+        if np.sum(weights == 0) < 3:
+            continue
+        search = Search(table, early, fixed, weights)
         start = search.separable([*fixed, *dict.fromkeys([*physics, *groups])])
         better = search.forward(search.backward(start))
         search.candidates = late
@@ -95,7 +93,7 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
                 counts.update({term.kind.name for term in terms if not any(
                     table.terms[other].same_effect(term, span) for other in keys)})
         alternatives[key] = [(name, count / len(searches)) for name, count in counts.most_common()
-                             if count >= ALTERNATIVE_SHARE * len(searches)]
+                             if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
     return Stability(chosen, alternatives)
 
 
@@ -103,17 +101,17 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
 class Intervals:
     """95 % intervals of all fitted parameters, and the fits to resampled blocks."""
 
-    coefficients: dict[int, tuple[float, float]]  # by column of the table
-    constants: dict[tuple[Key, str], tuple[float, float]]
-    names: list[Parameter]
-    draws: np.ndarray  # shape (D, P), the parameters by `names` of each draw
+    # By column of the table, and by term and name.
+    coefficients: dict[int, tuple[float, float]] = field(default_factory=dict)
+    constants: dict[tuple[Key, str], tuple[float, float]] = field(default_factory=dict)
+    draws: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))  # (D, P), both together
 
     def excludes_zero(self, table: Table, key: Key) -> bool:
         """Return whether the interval of any of a term's coefficients excludes zero.
 
         Where physics requires the sign of any of them, only these count.
         """
-        columns = table.columns_of(key)
+        columns = table.columns_of[key]
         bounded = [column for column in columns if table.sums.signs[column]] or columns
         return any(low > 0.0 or high < 0.0 for low, high in (
             self.coefficients[column] for column in bounded))
@@ -124,8 +122,9 @@ class Intervals:
         ranks -= ranks.mean(axis=0)
         size = np.sqrt(np.sum(ranks ** 2, axis=0)) + 1e-300
         matrix = (ranks / size).T @ (ranks / size)
-        pairs = [(float(matrix[j, k]), self.names[j], self.names[k])
-                 for k in range(len(self.names)) for j in range(k)]
+        names: list[Parameter] = [*self.coefficients, *self.constants]
+        pairs = [(float(matrix[j, k]), names[j], names[k])
+                 for k in range(len(names)) for j in range(k)]
         return sorted(pairs, key=lambda pair: -abs(pair[0]))
 
 
@@ -151,11 +150,11 @@ def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
     coefficients = {column: (float(middle[column] - h), float(middle[column] + h))
                     for column, h in zip(indices, half)}
     constants = {}
-    for constant, h in zip(free, half[len(indices):]):
-        term = table.terms[keys[constant.term]]
-        value, width = term.constants[constant.name], h * constant.unit(term, table)
-        constants[term.key, constant.name] = float(value - width), float(value + width)
-    return Intervals(coefficients, constants, [*indices, *constants], draws)
+    for (index, name), h in zip(free, half[len(indices):]):
+        term = table.terms[keys[index]]
+        value, width = term.constants[name], h * unit_of(term, name, table.rows.scene)
+        constants[term.key, name] = float(value - width), float(value + width)
+    return Intervals(coefficients, constants, draws)
 
 
 class Elsewhere:
@@ -218,4 +217,4 @@ class Elsewhere:
         """Return whether zero would predict some part about as well."""
         target = self._table.target
         worst = max(self.squares(keys).values())
-        return worst > USELESS_ERROR ** 2 * float(target @ target)
+        return worst > thresholds.USELESS_ERROR ** 2 * float(target @ target)

@@ -20,24 +20,21 @@ from scipy.cluster.vq import kmeans2
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm.states import moving_states
 from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import Scene
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.recorded_motion import (
+    arm_motion,
     blocks_of,
     choose_motion,
-    excerpt,
     in_motion,
+    load_by_mechanics,
     moving_joints,
     plain_columns,
     row_starts,
-    settings_for_arm,
-    smooth_motion,
     standstill_speed,
-    TRANSITIONS,
 )
-from friction_comp.refinement.sums import held_out, sums_of
-from friction_comp.refinement.thresholds import EQUIVALENT, FEWEST_SAMPLES, REGIONS, ROWS
+from friction_comp.refinement.sums import held_out
 from friction_comp.samples import Samples
 
 _SLOWEST_RATE = 100.0
@@ -92,10 +89,7 @@ class Rows:
 def join(recordings: Sequence[Samples]) -> Samples:
     """Join recordings to one `Samples`, without samples that are not finite.
 
-    Raises
-    ------
-    InputError
-        If there are too few samples or no motion.
+    Raises `InputError` if there are too few samples or no motion.
     """
     # Sorted by content, so that the order in which files are named makes no difference.
     recordings = sorted((part for part in recordings if len(part)), key=lambda part: (
@@ -114,9 +108,9 @@ def join(recordings: Sequence[Samples]) -> Samples:
         else:
             valid &= np.isfinite(values)
     samples = samples if valid.all() else samples.take(valid)
-    if len(samples) < FEWEST_SAMPLES:
+    if len(samples) < thresholds.FEWEST_SAMPLES:
         raise InputError(f'{len(samples)} usable samples are too few: at least '
-                         f'{FEWEST_SAMPLES:.0f} are needed')
+                         f'{thresholds.FEWEST_SAMPLES:.0f} are needed')
     if np.ptp(samples.position) == 0:
         raise InputError('the joint never moves in the recordings: there is no friction to fit')
     return samples
@@ -153,18 +147,18 @@ def regions_of(position: np.ndarray) -> np.ndarray:
     with warnings.catch_warnings():
         # Regions may be empty.
         warnings.simplefilter('ignore', UserWarning)
-        return np.asarray(kmeans2(scaled, int(REGIONS), minit='++', seed=0)[1])
+        return np.asarray(kmeans2(scaled, int(thresholds.REGIONS), minit='++', seed=0)[1])
 
 
 def samples_per_row(samples: Samples, usable: int) -> int:
     """Return the fewest samples per row for which at most `ROWS` remain, at 100 Hz or more."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
-    return max(1, min(math.ceil(usable / ROWS), int(rate / _SLOWEST_RATE)))
+    return max(1, min(math.ceil(usable / thresholds.ROWS), int(rate / _SLOWEST_RATE)))
 
 
 def thin_out(start: np.ndarray) -> np.ndarray:
     """Return the starts of at most as many rows as are searched, in pieces from all over."""
-    share = _MOST * ROWS / max(len(start), 1)
+    share = _MOST * thresholds.ROWS / max(len(start), 1)
     if share >= 1.0:
         return start
     # Multiples of the golden ratio, modulo 1, are evenly distributed without a period.
@@ -185,7 +179,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     moved = differentiate(samples, settings)
     slowest = standstill_speed(moved)
     usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
-    motion = _arm_motion(samples, joints, settings)
+    motion = arm_motion(samples, joints, settings)
     length = samples_per_row(moved, int(usable.sum()))
     start = thin_out(row_starts(moved, usable, length))
     block = blocks_of(moved, start)
@@ -193,40 +187,14 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     scene = scene_of(moved, usable, drive, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, scene, start, length, block, region, load, motion,
-                tuple(joints))
-    transition = choose_transition(rows)
-    return replace(rows, scene=replace(scene, transition=transition)), settings
+                joints)
+    return replace(rows, scene=replace(scene, transition=choose_transition(rows))), settings
 
 
 def with_settings(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
     """Return the rows with the motion of other differentiation settings."""
     return replace(rows, samples=differentiate(raw, settings),
-                   motion=_arm_motion(raw, rows.joints, settings))
-
-
-def _arm_motion(raw: Samples, joints: Sequence[str], settings: dict[str, Any]) -> Any:
-    return moving_states(raw, list(joints), settings_for_arm(raw, settings)) if joints else None
-
-
-def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
-    """Return the current per load, A/(N·m), where it cannot be fitted; otherwise 0.
-
-    By J·a = k_t·n·i + τ_b - F, friction shows in i + τ_b/(k_t·n). Where the motor carries the load,
-    a fit of the current gives a coefficient near -1/(k_t·n). Where the person carries it, and the
-    current is a function of the motion (a compensation law) or zero, the fit gives a coefficient
-    near zero, and the load enters with -1/(k_t·n) instead.
-    """
-    if samples.load is None or not np.any(samples.load):
-        return 0.0
-    mechanics = -1.0 / drive.torque_per_current
-    moved, start = smooth_motion(*excerpt(samples, unusable))
-    part = moved.take(start)
-    top_speed = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
-    columns = plain_columns(part.with_(load=None), [share * top_speed for share in TRANSITIONS])
-    columns = np.column_stack((columns, np.asarray(part.load)))
-    coefficient = sums_of(columns, part.current, blocks_of(moved, start)).fit(
-        range(columns.shape[1]))[-1]
-    return 0.0 if coefficient / mechanics > 0.5 else mechanics
+                   motion=arm_motion(raw, rows.joints, settings))
 
 
 def choose_transition(rows: Rows) -> float:
@@ -238,7 +206,7 @@ def choose_transition(rows: Rows) -> float:
     best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
         error = held_out(plain_columns(part, [width]), target, rows.block)
-        if error < (1.0 - EQUIVALENT) * best[0]:
+        if error < (1.0 - thresholds.EQUIVALENT) * best[0]:
             best = (error, float(width))
     return best[1]
 

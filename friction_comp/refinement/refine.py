@@ -17,21 +17,15 @@ from friction_comp.model.effects import Effect, EFFECTS, Scene
 from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.attempt import find_best_fit, Fit, fit_eq6_alone, Question
 from friction_comp.refinement.constants import adjust_constants, at_limit
 from friction_comp.refinement.effect_columns import base_columns, Key, MOST_SHIFT, PLAIN, Table
 from friction_comp.refinement.judge import rms
-from friction_comp.refinement.naming import (
-    Elsewhere,
-    Intervals,
-    intervals,
-    repeat_search,
-    Stability,
-)
+from friction_comp.refinement.naming import Elsewhere, intervals, repeat_search
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
-from friction_comp.refinement.report import report_of, ReportInput
-from friction_comp.refinement.thresholds import SAME_MOTION_ERROR
+from friction_comp.refinement.report import report_of
 from friction_comp.samples import Samples
 
 _STEEPNESSES = 16
@@ -40,37 +34,18 @@ _MOST_SAMPLES = 30_000
 
 @dataclass
 class RefineResult:
-    """The result of refinement.
+    """The result of refinement."""
 
-    Parameters
-    ----------
-    report : dict
-        The content of report.json.
-    model : FrictionModel
-        The refined model, fitted to all usable samples.
-    start : FrictionModel
-        The initial model.
-    given : bool
-        Whether it was given, and not fitted to the recordings.
-    samples : Samples
-        All samples with velocity and acceleration.
-    usable : ndarray of bool, shape (N,)
-        The samples in motion, which are fitted.
-    before, after : ndarray, shape (N,)
-        Residual of parts that were not fitted, by the initial and by the refined model, A.
-    scene : Scene
-        The ranges that the recordings cover.
-    """
-
-    report: dict[str, Any]
-    model: FrictionModel
-    start: FrictionModel
-    given: bool
-    samples: Samples
-    usable: np.ndarray
+    report: dict[str, Any]  # the content of report.json
+    model: FrictionModel  # the refined model, fitted to all usable samples
+    start: FrictionModel  # the initial model
+    given: bool  # whether it was given, and not fitted to the recordings
+    samples: Samples  # all, with velocity and acceleration
+    usable: np.ndarray  # (N,): which samples are in motion and fitted
+    # (N,): residual of parts that were not fitted, by the initial and by the refined model, A.
     before: np.ndarray
     after: np.ndarray
-    scene: Scene
+    scene: Scene  # the ranges that the recordings cover
 
 
 def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
@@ -107,7 +82,7 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     question = Question(join(list(recorded)), drive, declared, model)
     fit = find_best_fit(question)
     report_progress(0.6, 'repeating the search on resampled parts')
-    fit, stability, bounds = select_named(fit)
+    fit = select_named(fit)
     report_progress(0.9, 'writing')
     raw, rows = question.raw, fit.rows
     refined = model_of(fit, question)
@@ -123,16 +98,15 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     keep_start = rms(after[rows.usable]) >= rms(before[rows.usable])
     if keep_start:
         refined, after, own_after = start, before, own_before
-    report = report_of(ReportInput(
-        question, fit, stability, bounds, refined, (own_before, before), (own_after, after),
-        unit or ('A' if declared else 'N·m'), keep_start))
+    report = report_of(question, fit, refined, (own_before, before), (own_after, after),
+                       unit or ('A' if declared else 'N·m'), keep_start)
     return RefineResult(
         report, refined, start, model is not None, rows.samples, rows.usable, before, after,
         rows.scene)
 
 
-def select_named(fit: Fit) -> tuple[Fit, Stability, Intervals]:
-    """Return a fit of the terms that can be named, how often each was chosen, and intervals.
+def select_named(fit: Fit) -> Fit:
+    """Return a fit of the terms that can be named, with their stability and intervals.
 
     A term is named where most repeated searches choose it, where it does not increase the errors
     on thirds of the recording that were not fitted, where the interval of one of its coefficients
@@ -145,12 +119,12 @@ def select_named(fit: Fit) -> tuple[Fit, Stability, Intervals]:
         fit = refit(fit, keys)
         # The constants were adjusted again, so keys have changed.
         stability = stability.renamed(dict(zip(keys, fit.keys)))
-        keys, table = fit.keys, fit.table
+        keys, table, scene = fit.keys, fit.table, fit.rows.scene
         bounds = intervals(table, keys)
         certain = [key for k, key in enumerate(keys) if k < fit.given or (
-            bounds.excludes_zero(table, key) and not at_limit(table.terms[key], table))]
+            bounds.excludes_zero(table, key) and not at_limit(table.terms[key], scene))]
         if len(certain) == len(keys):
-            return fit, stability, bounds
+            return replace(fit, stability=stability, intervals=bounds)
         keys = certain
 
 
@@ -190,9 +164,9 @@ def _fit_transition_to_all_samples(table: Table, keys: Sequence[Key]) -> None:
         size = np.abs(residual)
         size = np.minimum(size, np.quantile(size, 0.999))
         trials.append((error, float(size @ size), table.transition))
-    least = min(error for error, *_ in trials)
-    table.set_transition(*min((trial for trial in trials if trial[0] <= SAME_MOTION_ERROR * least),
-                              key=lambda trial: trial[1])[2])
+    most = thresholds.SAME_MOTION_ERROR * min(error for error, *_ in trials)
+    *_, best = min((trial for trial in trials if trial[0] <= most), key=lambda trial: trial[1])
+    table.set_transition(*best)
 
 
 def model_of(fit: Fit, question: Question) -> FrictionModel:
@@ -207,7 +181,7 @@ def model_of(fit: Fit, question: Question) -> FrictionModel:
     groups, gains = [], []
     for key in fit.keys:
         term = table.terms[key]
-        values = tuple(coefficients[column] for column in table.columns_of(key))
+        values = tuple(coefficients[column] for column in table.columns_of[key])
         if term.group is None:
             effects.append(with_range(
                 term.kind({**term.constants, 'coefficients': list(values)}), moving))

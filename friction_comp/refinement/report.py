@@ -5,20 +5,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.attempt import Fit, Question
 from friction_comp.refinement.effect_columns import Key
 from friction_comp.refinement.judge import ambiguities, errors_of, findings, noise_floor, rms
 from friction_comp.refinement.leftover import Dependence, leftover
-from friction_comp.refinement.naming import Elsewhere, Intervals, Parameter, Stability
+from friction_comp.refinement.naming import Elsewhere, Parameter
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.thresholds import CORRELATED, SAME_LOAD
 from friction_comp.refinement.verdict import in_unit, verdict_of
 
 # Number of ranges of a variable in which samples at a limit are counted.
@@ -26,59 +26,48 @@ _RANGES = 15
 _MOST_PAIRS = 8
 
 
-@dataclass(frozen=True)
-class ReportInput:
-    """The input of a report."""
+def report_of(question: Question, fit: Fit, model: FrictionModel,
+              before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray],
+              unit: str, kept: bool) -> dict[str, Any]:
+    """Return the content of report.json on a model, fitted with the named terms alone.
 
-    question: Question
-    fit: Fit  # with the named terms alone
-    stability: Stability
-    intervals: Intervals
-    model: FrictionModel  # the refined one
-    # Residuals of all samples, A: of the model itself, and of fits to other parts.
-    before: tuple[np.ndarray, np.ndarray]
-    after: tuple[np.ndarray, np.ndarray]
-    unit: str  # of the current
-    kept: bool  # whether the initial model was kept, since no refined one predicts better
-
-
-def report_of(result: ReportInput) -> dict[str, Any]:
-    """Return the content of report.json."""
-    fit, rows, raw = result.fit, result.fit.rows, result.question.raw
-    held_out = result.after[1]
+    `before` and `after` are residuals of all samples, A, shape (N,): of the model itself, and of
+    fits to other parts. `kept` tells whether the initial model was kept, since no refined one
+    predicts better.
+    """
+    rows, raw, given = fit.rows, question.raw, question.model is not None
     dependences = [*limits(rows), *leftover(
-        rows.at_rows, rows.averaged(held_out), rows.scene.slowest)]
+        rows.at_rows, rows.averaged(after[1]), rows.scene.slowest)]
     growth = Elsewhere(fit.table, fit.keys).growth(fit.keys)
-    before = errors_of(rows, *result.before)
-    after = errors_of(rows, *result.after, max(1.0, *growth.values()))
-    effects = [] if result.kept else effects_of(result)
-    open_questions = [] if result.kept else ambiguities(fit, result.stability)
-    eq6 = 'sigmoid of Eq. 6'
-    base = 'the given model' if result.question.model else f'{eq6} fitted to the recording'
-    if rows.load_by_mechanics and not result.question.model:
+    errors = errors_of(rows, *after, max(1.0, *growth.values()))
+    effects = [] if kept else effects_of(question, fit, unit)
+    open_questions = [] if kept else ambiguities(fit)
+    base = 'the given model' if given else 'sigmoid of Eq. 6 fitted to the recording'
+    if rows.load_by_mechanics and not given:
         base += ', the measured load taken as it is'
-    refined = 'the given model' if result.question.model else eq6
+    refined = 'the given model' if given else 'sigmoid of Eq. 6'
     return {
-        'unit': result.unit, 'joint': result.model.joint, 'samples': len(raw),
+        'unit': unit, 'joint': model.joint, 'samples': len(raw),
         'samples_in_motion': int(rows.usable.sum()),
         'samples_clipped': int(rows.clipped.sum()),
         'held_out': f'{rows.blocks} long parts, each predicted by a fit to all others',
         'signal_rms': rms(raw.current[rows.usable]),
-        'before': {'model': base, **before},
-        'after': {'model': ' + '.join([refined, *(entry['name'] for entry in effects)]), **after},
-        'noise_floor': noise_floor(rows, held_out),
+        'before': {'model': base, **errors_of(rows, *before)},
+        'after': {'model': ' + '.join([refined, *(entry['name'] for entry in effects)]), **errors},
+        'noise_floor': noise_floor(rows, after[1]),
         'effects': effects,
-        'friction': friction_of(result),
-        'correlations': [] if result.kept else correlations_of(result),
-        'unexplained': [{'variable': dependence.variable, 'strength': dependence.strength,
-                         'note': in_unit(dependence.note, result.unit)}
+        'friction': {**friction_of(model), 'intervals': {} if kept else {
+            name: list(fit.intervals.coefficients[column])
+            for column, name in enumerate(('offset', 'coulomb', 'viscous'))}},
+        'correlations': [] if kept else correlations_of(fit),
+        'unexplained': [{**asdict(dependence), 'note': in_unit(dependence.note, unit)}
                         for dependence in dependences],
         'ambiguous': open_questions,
         'thirds': growth,
         'differentiation': dict(fit.settings),
         'stopped_because': 'no further effect predicts parts that were not fitted better by more '
                            'than chance would',
-        **verdict_of(findings(fit, raw, after, growth, dependences, open_questions), result.unit)}
+        **verdict_of(findings(fit, raw, errors, growth, dependences, open_questions), unit)}
 
 
 def limits(rows: Rows) -> list[Dependence]:
@@ -103,40 +92,36 @@ def limits(rows: Rows) -> list[Dependence]:
                        f'samples, mostly depending on {strongest[0]}; these are not fitted')]
 
 
-def friction_of(result: ReportInput) -> dict[str, Any]:
-    """Return Coulomb friction, viscous friction and offset with 95 % intervals, A and A·s/rad."""
-    base, ends = result.model.sigmoid, result.intervals.coefficients
+def friction_of(model: FrictionModel) -> dict[str, float]:
+    """Return Eq. 6 in the field's words, A, A·s/rad and rad/s."""
+    base = model.sigmoid
     return {'offset': 0.5 * (base.upper + base.lower), 'coulomb': 0.5 * (base.upper - base.lower),
-            'viscous': base.viscous, 'transition': 2.0 / base.steepness, 'shift': base.shift,
-            'intervals': {} if result.kept else {
-                name: list(ends[index]) for index, name in enumerate(
-                    ('offset', 'coulomb', 'viscous'))}}
+            'viscous': base.viscous, 'transition': 2.0 / base.steepness, 'shift': base.shift}
 
 
-def correlations_of(result: ReportInput) -> list[dict[str, Any]]:
+def correlations_of(fit: Fit) -> list[dict[str, Any]]:
     """Return the correlated pairs of parameters."""
-    table = result.fit.table
+    table = fit.table
     names: dict[Parameter, str] = {
         0: 'offset', 1: 'Coulomb friction', 2: 'viscous friction'}
-    for key in result.fit.keys:
+    for key in fit.keys:
         kind = table.terms[key].kind
         label = kind.name.replace('_', ' ')
-        for k, column in enumerate(table.columns_of(key)):
+        for k, column in enumerate(table.columns_of[key]):
             coefficient = kind.numbers[k][0] if k < len(kind.numbers) else f'coefficient {k + 1}'
             names[column] = f'{label}: {coefficient}'
         for name in kind.constants:
             names[key, name] = f'{label}: {name.replace("_", " ")}'
     return [{'between': [names[a], names[b]], 'correlation': value}
-            for value, a, b in result.intervals.correlations()
-            if abs(value) > CORRELATED and a in names and b in names][:_MOST_PAIRS]
+            for value, a, b in fit.intervals.correlations()
+            if abs(value) > thresholds.CORRELATED and a in names and b in names][:_MOST_PAIRS]
 
 
-def effects_of(result: ReportInput) -> list[dict[str, Any]]:
+def effects_of(question: Question, fit: Fit, unit: str) -> list[dict[str, Any]]:
     """Return the entries of the effects, those first that lower the error most.
 
     All terms of other joints make one entry.
     """
-    fit = result.fit
     remaining, chosen, entries = list(fit.keys[fit.given:]), list(fit.keys[:fit.given]), []
     lag = fit.settings.get('lag', 0.0)
     # A shorter lag is due to sampling; a negative one, due to a filter of the motion's sensor.
@@ -157,48 +142,48 @@ def effects_of(result: ReportInput) -> list[dict[str, Any]]:
         keys = candidates[index]
         chosen += keys
         remaining = [key for key in remaining if key not in keys]
-        if keys is groups or not known_load(result, keys[0]):
-            entries.append(_entry(result, keys, error))
+        if keys is groups or not known_load(question, fit, keys[0]):
+            entries.append(_entry(fit, keys, error, unit))
     return entries
 
 
-def known_load(result: ReportInput, key: Key) -> bool:
+def known_load(question: Question, fit: Fit, key: Key) -> bool:
     """Return whether a term is the load with the coefficient -1/(k_t·n), beside a given model.
 
     `FrictionModel.measured` includes that load for every model: this one does not lack it.
     """
-    by_mechanics = EFFECTS[key[0]].by_mechanics(result.question.drive)
-    if by_mechanics is None or result.question.model is None:
+    by_mechanics = EFFECTS[key[0]].by_mechanics(question.drive)
+    if by_mechanics is None or question.model is None:
         return False
-    column, = result.fit.table.columns_of(key)
-    coefficient = result.fit.table.coefficients(result.fit.keys)[column]
-    return abs(coefficient / by_mechanics[0] - 1.0) < SAME_LOAD
+    column, = fit.table.columns_of[key]
+    coefficient = fit.table.coefficients(fit.keys)[column]
+    return abs(coefficient / by_mechanics[0] - 1.0) < thresholds.SAME_LOAD
 
 
-def _entry(result: ReportInput, keys: Sequence[Key], error: float) -> dict[str, Any]:
+def _entry(fit: Fit, keys: Sequence[Key], error: float, unit: str) -> dict[str, Any]:
     """Return the entry of one term, or of all terms of other joints."""
-    key, table = keys[0], result.fit.table
+    key, table = keys[0], fit.table
     kind = table.terms[key].kind
     entry = {'name': kind.name, 'variable': kind.variable, 'held_out_rmse': error,
-             'chosen': min(result.stability.chosen.get(key, 0.0) for key in keys)}
+             'chosen': min(fit.stability.chosen.get(key, 0.0) for key in keys)}
     if key[-1] is not None:
         names = ', '.join(sorted({name for key in keys for name in key[-1].everyone}
-                                 - {result.question.raw.joint}))
+                                 - {fit.rows.samples.joint}))
         return {
             **entry, 'parameters': {'coefficients': [1.0], 'terms': len(keys)}, 'intervals': {},
             'holds_on_another_day': True,
             'in_words': f'Weight and inertia of other links: {len(keys)} terms of the motion of '
                         f'{names}',
             'formula': f'{len(keys)} terms of {names}'}
-    columns, values = table.columns_of(key), table.coefficients(result.fit.keys)
+    columns, values = table.columns_of[key], table.coefficients(fit.keys)
     effect = kind({**table.terms[key].constants,
                    'coefficients': [values[column] for column in columns]})
-    constants = {name: list(ends) for (owner, name), ends in result.intervals.constants.items()
+    constants = {name: list(ends) for (owner, name), ends in fit.intervals.constants.items()
                  if owner == key}
     return {
         **entry, 'parameters': effect.parameters,
         'intervals': {
-            'coefficients': [list(result.intervals.coefficients[column]) for column in columns],
+            'coefficients': [list(fit.intervals.coefficients[column]) for column in columns],
             **constants},
         'holds_on_another_day': effect.holds_on_another_day,
-        'in_words': in_unit(effect.describe(), result.unit), 'formula': effect.formula()}
+        'in_words': in_unit(effect.describe(), unit), 'formula': effect.formula()}

@@ -10,82 +10,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 import math
 
 import numpy as np
 
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.effect_columns import Key, Table
-from friction_comp.refinement.joint_groups import plain_name
-from friction_comp.refinement.thresholds import (
-    LEAST_SHARE,
-    MOST_EFFECTS,
-    OWN_SHARE,
-    SHORTLIST,
-    STANDARD_ERRORS,
-    STAYS,
-)
-
-
-class Split:
-    """A split of the blocks into fitted and held-out ones.
-
-    Each block is predicted by the fit to all others. Where several joints moved, so is each
-    region of posture: most excitations pass the same postures again and again, and a wrong
-    term that fits these would not be noticed.
-
-    With `weights`, shape (B,), each block is in the fitted sample as often as they say, and those
-    with weight 0 are held out.
-    """
-
-    def __init__(self, table: Table, weights: np.ndarray | None = None) -> None:
-        self._table, self._resampled = table, weights is not None
-        self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
-        self._regions = len(np.unique(table.region)) > 1
-        # A resampled split holds out too few blocks to test their mean.
-        self._errors = 1.0 if self._resampled else float(STANDARD_ERRORS)
-
-    @classmethod
-    def resampled(cls, table: Table, rng: np.random.Generator) -> Split:
-        """Return a split that fits blocks drawn with replacement and holds out the others."""
-        while True:
-            weights = table.draw_blocks(rng)
-            if np.sum(weights == 0) > 2:
-                return cls(table, weights)
-
-    @property
-    def total(self) -> np.ndarray:
-        """The sums over all fitted blocks, shape (P + 1, P + 1)."""
-        return np.tensordot(self._weights, self._table.sums.gram, 1)
-
-    def errors(self, columns: Sequence[int]) -> list[np.ndarray]:
-        """Return the squared errors of held-out blocks, and of held-out regions where there are."""
-        sums, table = self._table.sums, self._table
-        if self._resampled:
-            coefficients = sums.fits(columns, self._weights[None])
-            errors = sums.squares(columns, np.repeat(coefficients, len(self._weights), axis=0))
-            return [errors[self._weights == 0.0]]
-        blocks = np.bincount(table.block, table.left_out(columns))
-        if not self._regions:
-            return [blocks]
-        return [blocks, sums.left_out(columns, table.region)]
-
-    def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
-                 share: float = 1.0) -> bool:
-        """Return whether `errors` decrease by more than chance explains.
-
-        Where several joints moved, they have to decrease in held-out regions of posture, too. A
-        `share` of the thresholds is applied.
-        """
-        for old, new in zip(before, after):
-            gain = old - new
-            # Relative to the error of each block, so that a block with large errors cannot decide.
-            ratio = gain / np.maximum(old + new, 1e-300)
-            error = float(np.std(ratio, ddof=1)) / math.sqrt(len(gain))
-            if not (gain.sum() > share * LEAST_SHARE * old.sum()
-                    and ratio.mean() > share * self._errors * error):
-                return False
-        return True
 
 
 def total(errors: Sequence[np.ndarray]) -> float:
@@ -123,26 +53,60 @@ def gains(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence
     return reductions * norm[-1] ** 2
 
 
-@dataclass
 class Search:
-    """A search among the terms of a table, for those to add to the `fixed` ones."""
+    """A search among the terms of a table, by the errors of blocks that were not fitted.
 
-    table: Table
-    split: Split
-    candidates: list[Key]
-    fixed: Sequence[Key] = ()
+    Each block is predicted by the fit to all others. Where several joints moved, so is each
+    region of posture: most excitations pass the same postures again and again, and a wrong
+    term that fits these would not be noticed.
+
+    `candidates` may be added, and `fixed` terms are always kept. With `weights`, shape (B,), each
+    block is in the fitted sample as often as they say, and those with weight 0 are held out.
+    """
+
+    def __init__(self, table: Table, candidates: list[Key], fixed: Sequence[Key] = (),
+                 weights: np.ndarray | None = None) -> None:
+        self.table, self.candidates, self.fixed = table, candidates, fixed
+        self._resampled = weights is not None
+        self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
+        self._regions = len(np.unique(table.region)) > 1
+        # A resampled sample holds out too few blocks to test their mean.
+        self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
 
     def improve(self, keys: list[Key]) -> list[Key]:
         """Return terms, after one was added, with better constants; may replace `candidates`."""
         return keys
 
     def errors(self, keys: Sequence[Key]) -> list[np.ndarray]:
-        """Return the held-out squared errors of a fit of some terms."""
-        return self.split.errors(self.table.indices(keys))
+        """Return the squared errors of held-out blocks, and of held-out regions where there are."""
+        table, sums, columns = self.table, self.table.sums, self.table.indices(keys)
+        if self._resampled:
+            coefficients = sums.fits(columns, self._weights[None])
+            errors = sums.squares(columns, np.repeat(coefficients, len(self._weights), axis=0))
+            return [errors[self._weights == 0.0]]
+        blocks = np.bincount(table.block, table.left_out(columns))
+        return [blocks, sums.left_out(columns, table.region)] if self._regions else [blocks]
 
     def error(self, keys: Sequence[Key]) -> float:
         """Return the sum of the held-out squared errors of a fit of some terms."""
         return total(self.errors(keys))
+
+    def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
+                 share: float = 1.0) -> bool:
+        """Return whether `errors` decrease by more than chance explains.
+
+        Where several joints moved, they have to decrease in held-out regions of posture, too. A
+        `share` of the thresholds is applied.
+        """
+        for old, new in zip(before, after):
+            gain = old - new
+            # Relative to the error of each block, so that a block with large errors cannot decide.
+            ratio = gain / np.maximum(old + new, 1e-300)
+            error = float(np.std(ratio, ddof=1)) / math.sqrt(len(gain))
+            if not (gain.sum() > share * thresholds.LEAST_SHARE * old.sum()
+                    and ratio.mean() > share * self._standard_errors * error):
+                return False
+        return True
 
     def complete(self, keys: Sequence[Key]) -> list[Key]:
         """Return terms together with the joint's own terms that groups of other joints need.
@@ -150,7 +114,8 @@ class Search:
         An inertia or a weight that depends on other joints also has a part of the joint alone.
         Without that part, the group would have to represent both, and fail in other postures.
         """
-        needed = {plain_name(key[-1]) for key in keys if key[-1] is not None}
+        needed = {'gravity' if key[-1].kind == 'weight' else 'inertia'
+                  for key in keys if key[-1] is not None}
         needed -= {key[0] for key in keys if key[-1] is None}
         return [*keys, *(key for key in self.table.terms if key[-1] is None and key[0] in needed)]
 
@@ -165,7 +130,7 @@ class Search:
             columns = self.table.indices(keys, derivatives=False)
             share = dict(zip(columns, self.table.sums.own_share(columns)))
             collinear = [key for key in keys if key not in self.fixed and max(
-                share[column] for column in self.table.columns_of(key)) < OWN_SHARE]
+                share[column] for column in self.table.columns_of[key]) < thresholds.OWN_SHARE]
             if not collinear:
                 return keys
             keys.remove(collinear[-1])
@@ -177,25 +142,26 @@ class Search:
             key[-1] is not None or counts[key[0]] < self.table.terms[key].kind.most)]
         if not allowed:
             return []
-        reductions = gains(self.split.total, self.table.indices(keys),
-                           [self.table.columns_of(key) for key in allowed], self.table.sums.signs)
+        sums = np.tensordot(self._weights, self.table.sums.gram, 1)
+        reductions = gains(sums, self.table.indices(keys),
+                           [self.table.columns_of[key] for key in allowed], self.table.sums.signs)
         best: dict[Key, tuple[float, Key]] = {}
         for gain, key in zip(reductions, allowed):
             kind = (key[0], key[-1])
             if gain > best.get(kind, (0.0, ()))[0]:
                 best[kind] = (float(gain), key)
         order = sorted(best.values(), key=lambda entry: -entry[0])
-        return [key for _, key in order[:int(SHORTLIST)]]
+        return [key for _, key in order[:int(thresholds.SHORTLIST)]]
 
     def forward(self, keys: Sequence[Key]) -> list[Key]:
         """Add terms while one is an improvement, and remove those that became superfluous."""
         keys = list(keys)
         before = self.errors(keys)
-        while len(keys) < MOST_EFFECTS:
+        while len(keys) < thresholds.MOST_EFFECTS:
             trials = []
             for key in self.shortlist(keys):
                 after = self.errors(self.complete([*keys, key]))
-                if (self.split.improves(before, after)
+                if (self.improves(before, after)
                         and len(self.separable([*keys, key])) > len(keys)):
                     trials.append((total(after), key))
             if not trials:
@@ -221,8 +187,8 @@ class Search:
                 if key in self.fixed or key in self.complete(rest):
                     continue
                 without = self.errors(rest)
-                stays = 1.0 if key[-1] is not None else STAYS
-                if not self.split.improves(without, full, stays):
+                stays = 1.0 if key[-1] is not None else thresholds.STAYS
+                if not self.improves(without, full, stays):
                     trials.append((total(without), key))
             if not trials:
                 return keys
@@ -235,7 +201,7 @@ class Search:
             if key in self.fixed:
                 continue
             rest = [other for other in keys if other != key]
-            limit = self.error(keys) * (1.0 - STAYS * LEAST_SHARE)
+            limit = self.error(keys) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
             trials = [(self.error([*rest, other]), other)
                       for other in self.shortlist(rest)
                       if (other[0], other[-1]) != (key[0], key[-1])

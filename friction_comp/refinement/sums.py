@@ -20,21 +20,11 @@ _RIDGE = 1e-7
 
 @dataclass
 class BlockSums:
-    """Sums of products over blocks. In its methods, `columns` are S indices of columns.
+    """Sums of products over K blocks. In its methods, `columns` are S indices of P columns."""
 
-    Parameters
-    ----------
-    gram : ndarray, shape (K, P + 1, P + 1)
-        Sums of products of all columns, the target last.
-    rows : ndarray, shape (K,)
-        Number of rows in each block.
-    signs : ndarray of int, shape (P,)
-        1 where a coefficient must not be negative, 0 where it is free.
-    """
-
-    gram: np.ndarray
-    rows: np.ndarray
-    signs: np.ndarray
+    gram: np.ndarray  # (K, P + 1, P + 1): sums of products of all columns, the target last
+    rows: np.ndarray  # (K,): number of rows in each block
+    signs: np.ndarray  # (P,): 1 where a coefficient must not be negative, 0 where it is free
 
     @classmethod
     def over(cls, full: np.ndarray, parts: Sequence[np.ndarray | slice], signs: np.ndarray

@@ -30,26 +30,21 @@ ROWS = Threshold(
 BLOCKS = Threshold(
     16, 'blocks', 'long enough to differ, and enough of them for statistics')
 REGIONS = Threshold(
-    3, 'regions', 'of posture, where several joints moved: with fewer rows each shows too little')
+    3, 'regions', 'of posture, where several joints moved')
 # Bandwidth, lag and transition.
 EQUIVALENT = Threshold(
-    0.005, 'of the error', 'settings whose errors differ by less are equivalent: the wider '
-    'bandwidth and the sharper transition are used')
+    0.005, 'of the error', 'of difference at most: the wider bandwidth or sharper transition wins')
 LOWER_ERROR = Threshold(
-    0.97, 'of the error', 'with the effects found, at most, at another bandwidth before it is '
-    'tried: a whole search costs time')
+    0.97, 'of the error', 'at most, by the effects found, at a bandwidth that is tried next')
 LAG_ERROR = Threshold(
-    0.8, 'of the squared error', 'must remain at most with a lag: it blurs, as the '
-    'differentiation of positions does, so that it may stand in for other effects')
+    0.8, 'of the squared error', 'at most with a lag: it blurs, and may stand in for effects')
 LONGEST_LAG = Threshold(
     0.15, 's', 'longer than that of any drive with a current controller')
 SAME_MOTION_ERROR = Threshold(
-    1.02, 'times', 'the least squared error in motion at most: of such transitions the one that '
-    'predicts starts and stops best is used')
+    1.02, 'times', 'the least squared error in motion: starts and stops decide below it')
 # The search.
 LEAST_SHARE = Threshold(
-    0.02, 'of the squared error', 'an effect that removes less may only correct the shape of '
-    'another term')
+    0.02, 'of the squared error', 'with less, an effect may only correct the shape of another')
 STANDARD_ERRORS = Threshold(
     2.0, 'standard errors', 'of the gain over blocks that were not fitted')
 STAYS = Threshold(
@@ -69,28 +64,23 @@ ALTERNATIVE_SHARE = Threshold(
     0.2, 'of the searches', 'choose another effect instead: it is reported as ambiguous')
 # The verdict.
 GROWTH = Threshold(
-    1.3, 'times', 'the error in thirds that were not fitted; above it, only the recording itself '
-    'supports the model there')
+    1.3, 'times', 'the error at most in thirds that were not fitted, or the model ends there')
 LEAST_STRENGTH = Threshold(
     0.03, 'of the residual variance', 'depends on one variable: less is not reported')
 UNEXPLAINED = Threshold(
     0.4, 'of the residual variance', 'depends on one variable: the model lacks something')
 UNEXPLAINED_CURRENT = Threshold(
-    0.4, 'of the current', 'remains in motion: the current depends on something that was not '
-    'recorded')
+    0.4, 'of the current', 'remains in motion: it depends on something that was not recorded')
 USELESS_ERROR = Threshold(
     0.9, 'of the current', 'is the error to expect elsewhere: zero would predict about as well')
 SAME_LOAD = Threshold(
-    0.02, 'of the coefficient', 'of the load: the largest difference from -1/(k_t·n) before the '
-    'torque constant is called wrong')
+    0.02, 'of -1/(k_t·n)', 'away from it, the load tells that the torque constant is wrong')
 WRITTEN_ERROR = Threshold(
     1.5, 'times', "a fit's error at most, of the model as it is written")
 FOLLOWED_VARIANCE = Threshold(
-    0.99, 'of the variance', "of a joint's position is explained by the other joints' positions: "
-    'they move as one')
+    0.99, 'of the variance', "of a joint's position follows from the others': they move as one")
 PUSHING_ERROR = Threshold(
-    0.5, 'of the squared error', "remains where friction may push: the current is no drive's "
-    'response to its motion')
+    0.5, 'of the squared error', 'remains where friction may push: no drive answers motion so')
 WARMED_WITH_TIME = Threshold(
     0.95, 'rank correlation', 'of time and temperature, above which they cannot be told apart')
 SPED_WITH_TIME = Threshold(

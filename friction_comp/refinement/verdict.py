@@ -23,6 +23,88 @@ class Finding:
     record: str = ''  # a recording that would settle it; empty where none would
 
 
+_FINDINGS = {
+    'pushes': (
+        AGAIN, 'Friction would have to push to explain the current: the current is a '
+        "controller's response, something that was not recorded moves the joint, or the sign of "
+        'effort or position is reversed.',
+        'check the signs of effort and position, and that effort is measured; follow a trajectory '
+        'with a softer or a position controller'),
+    'explains_nothing': (
+        AGAIN, 'Where it was not fitted, the model may be {error:.2g} A off in motion, of '
+        '{signal:.2g} A: the current depends on something that is not in the recording.',
+        'record what loads the joint (torque sensor, other joints), or move it without load'),
+    'explains_part': (
+        IN_PART, '{error:.2g} A of {signal:.2g} A remain unexplained.',
+        'record what loads the joint (torque sensor, other joints)'),
+    'extrapolates': (
+        IN_PART, 'A third of the {variable} range that was not fitted is predicted with '
+        '{growth:.2g} times the error: the model is only supported where it was fitted.',
+        'record more values of {variable}, in another order'),
+    'unexplained': (IN_PART, 'The remaining error depends on {variable}: {note}.', ''),
+    'ambiguous': (IN_PART, '{variables}: {why}.', '{experiment}'),
+    'other_joints': (
+        IN_PART, 'Other joints moved too ({joints}), and no URDF gives the torques of their '
+        'links: the model may not hold in other postures.',
+        'move this joint alone, or give a URDF of the arm (--urdf)'),
+    'moves_as_one': (
+        AGAIN, 'The position of {joint} follows from those of the other joints: the recording '
+        'cannot show on which of them the current depends, and other motion may be predicted much '
+        'worse.', 'move the joints independently of each other'),
+    'velocity': (
+        IN_PART, '{fault}.', 'let one clock stamp position, velocity and current, and check the '
+        'units of velocity'),
+    'coarse': (
+        IN_PART, '{reason}', 'record the motor-side encoder, or move over a wider range'),
+    'one_direction': (
+        IN_PART, 'Motion was in one direction only: Coulomb friction cannot be distinguished from '
+        'an offset.', 'move in both directions'),
+    'ceiling': (
+        IN_PART, 'The current ends at a limit, {ends}, in {percent:.1f} % of the samples, which '
+        'are left out.',
+        'raise the limit of current or sensor, or use less acceleration and speed'),
+    'no_temperature': (
+        TRUST, 'Motor temperature was not recorded: its effect can only show as drift over time.',
+        ''),
+    'no_load': (
+        TRUST, 'No load was recorded: effects of load, and an error of the torque constant, cannot '
+        'be seen.', ''),
+    'not_seen': (TRUST, '{reason}', ''),
+    'short': (
+        TRUST, 'The longest recording lasts {duration:.3g} s: warm-up takes minutes and cannot be '
+        'seen in full.', ''),
+    'written': (
+        AGAIN, 'The model as written predicts with an error of {error:.3g} A, but its fit had '
+        '{fitted:.3g} A.', '')}
+
+_EXPERIMENTS = {
+    ('temperature', 'time'):
+        'record the motor once warm from the start, or cool it while it goes on moving',
+    ('acceleration', 'history'):
+        'record movements of the same speed with several different accelerations, and reversals',
+    ('acceleration', 'position'):
+        'record the same positions at several accelerations, such as two different tempos',
+    ('position', 'velocity'):
+        'record the same positions at several speeds and in both directions',
+    ('position', 'time'): 'record the same positions early and late, several times over',
+    ('time', 'velocity'): 'record the same speeds early and late, in another order',
+    ('temperature', 'velocity'): 'record the same speeds cold and warm',
+    ('direction', 'velocity'): 'record the same speeds in both directions'}
+
+
+def finding(code: str, **values: Any) -> Finding:
+    """Return a finding with values put into its words."""
+    grade, text, record = _FINDINGS[code]
+    return Finding(code, text.format(**values), grade, record.format(**values))
+
+
+def experiment(first: str, second: str) -> str:
+    """Return the recording that would distinguish two variables."""
+    known = _EXPERIMENTS.get((min(first, second), max(first, second)))
+    return known or (f'record motion in which {first} changes while {second} does not, and the '
+                     'other way round')
+
+
 def verdict_of(findings: Iterable[Finding], unit: str = 'A') -> dict[str, Any]:
     """Return the entries of report.json that follow from findings on a model in a unit."""
     found = [replace(finding, text=in_unit(finding.text, unit)) for finding in findings]

@@ -15,7 +15,8 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.prepare import clipped, load_by_mechanics
+from friction_comp.refinement.prepare import clipped
+from friction_comp.refinement.recorded_motion import load_by_mechanics
 from friction_comp.refinement.refine import refine, RefineResult
 from friction_comp.rigid_bodies.fit import ArmFit, fit_arm
 from friction_comp.rigid_bodies.urdf import Chain
@@ -67,20 +68,15 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     recorded : dict of str to list of Samples
         Each joint's recordings, with `arm`.
     urdf : path-like
-    drives : dict of str to Drive, optional
-    models : dict of str to FrictionModel, optional
-        Initial models.
+    drives, models : dict of str, optional
+        Drives and initial models of joints.
     declared : bool
-        Whether torque constants and gear ratios of the drives are known, so that masses are
+        Whether torque constants and gear ratios of all drives are known, so that masses are
         fitted to torques.
     only : sequence of str, optional
         Joints to refine; all of the arm when omitted.
     progress : callable, optional
         Called with the share of the work done and the name of the step.
-
-    Returns
-    -------
-    ArmResult
 
     Raises
     ------
@@ -100,9 +96,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     scales = None
     if declared:
         scales = np.array([1.0 / drives[name].torque_per_current for name in names])
-    moved = {name: [_add_person_torque(samples, drives[name]) if declared else samples
-                    for samples in recorded[name]] for name in names}
-    fit = fit_arm(chain, _at_common_times(moved), scales,
+    carried = {name: [_add_person_torque(samples, drives[name]) if declared else samples
+                      for samples in recorded[name]] for name in names}
+    fit = fit_arm(chain, _at_common_times(carried), scales,
                   lambda share: report(_BODIES * share, 'rigid bodies'))
     if (fit.tree.gravity != chain.tree.gravity).any():
         direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
