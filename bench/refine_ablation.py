@@ -80,8 +80,8 @@ def offer_all(attempt, keys):
     wanted = proposals(table, keys)
     attempt._retained.update(keys)
     table.keep(attempt._retained.union(term.key for term in wanted))
-    kinds = {key[0] for key in attempt.fixed if table.terms[key].kind.most == 1}
-    attempt.candidates = [key for key in table.add(wanted) if key[0] not in kinds]
+    kinds = {key.effect for key in attempt.fixed if table.terms[key].kind.most == 1}
+    attempt.candidates = [key for key in table.add(wanted) if key.effect not in kinds]
 
 
 def from_nothing(attempt):

@@ -9,7 +9,7 @@ from test_prepare import swings
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.constants import adjust_constants
-from friction_comp.refinement.effect_columns import base_columns, proposals, Table, Term
+from friction_comp.refinement.effect_columns import base_columns, Key, proposals, Table, Term
 from friction_comp.refinement.naming import intervals, repeat_search, Stability
 from friction_comp.refinement.prepare import prepare
 from friction_comp.refinement.search import Search, total
@@ -64,7 +64,7 @@ def test_the_transition_goes_where_friction_changes_its_sign():
 def test_a_search_names_what_is_there_and_no_more(rippled):
     search = Search(rippled, rippled.add(proposals(rippled, [])))
     found = search.forward([])
-    assert [key[0] for key in found] == ['cogging']
+    assert [key.effect for key in found] == ['cogging']
     assert rippled.terms[found[0]].constants['frequency'] == pytest.approx(14.0, abs=1.0)
 
 
@@ -151,10 +151,10 @@ def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(ripp
     (0.65, 0.0, True), (0.5, 0.0, False), (0.5, 0.45, False), (0.65, 0.3, True)])
 def test_a_name_is_given_where_most_searches_choose_it_whatever_the_others_have(own, instead,
                                                                                 named):
-    key = ('cogging', None)
+    key, other = (Key(name, (), None) for name in ('cogging', 'other'))
     found = Stability({key: own}, {key: [('bump', instead)]})
     assert found.named(key) is named
-    assert found.renamed({key: ('other', None)}).named(('other', None)) is named
+    assert found.renamed({key: other}).named(other) is named
 
 
 def test_every_threshold_has_a_unit_and_a_reason():

@@ -63,15 +63,16 @@ def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]
     if not isinstance(entries, dict) or not entries:
         raise InputError(f'{path}: has no joint_limits')
     limits = []
+    names = ('min_position', 'max_position', 'max_velocity', 'max_acceleration')
     for joint in joints or entries:
         entry = entries.get(joint)
         if not isinstance(entry, dict):
             raise InputError(f'{path}: has no limits of joint {joint!r}')
-        names = ('min_position', 'max_position', 'max_velocity', 'max_acceleration')
         for name in names:
             if name not in entry:
                 raise InputError(f'{path}: joint {joint!r} has no {name}')
-        limits.append(JointLimits(str(joint), *(entry[name] for name in names),
+        low, high, velocity, acceleration = (entry[name] for name in names)
+        limits.append(JointLimits(str(joint), low, high, velocity, acceleration,
                                   entry.get('max_effort', math.inf)))
     return limits
 

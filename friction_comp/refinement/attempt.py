@@ -19,14 +19,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.constants import adjust_constants
-from friction_comp.refinement.effect_columns import (
-    base_columns,
-    Key,
-    PLAIN,
-    proposals,
-    Table,
-    Term,
-)
+from friction_comp.refinement.effect_columns import base_columns, Key, PLAIN, proposals, Table, Term
 from friction_comp.refinement.joint_groups import neighbourhood
 from friction_comp.refinement.naming import Intervals, Stability
 from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
@@ -116,8 +109,8 @@ class Attempt(Search):
         proposed = proposals(table, keys)
         self._retained.update(keys)
         table.keep(self._retained.union(term.key for term in proposed))
-        kinds = {key[0] for key in self.fixed if table.terms[key].kind.most == 1}
-        self.candidates = [key for key in table.add(proposed) if key[0] not in kinds and (
+        kinds = {key.effect for key in self.fixed if table.terms[key].kind.most == 1}
+        self.candidates = [key for key in table.add(proposed) if key.effect not in kinds and (
             (table.terms[key].kind.variable == 'time') == self._time_effects)]
 
     def improve(self, keys: list[Key]) -> list[Key]:

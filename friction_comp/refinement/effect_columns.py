@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,7 +29,13 @@ _FLATTEST, _STEEPEST = 2.0, 6000.0
 # Steepness times shift at which Eq. 6 has 15 % of Coulomb friction at zero velocity.
 MOST_SHIFT = 0.3
 
-Key = tuple[Any, ...]
+
+class Key(NamedTuple):
+    """What distinguishes a term: its effect's name, the values of its constants, its group."""
+
+    effect: str
+    constants: tuple[Any, ...]
+    group: Group | None
 
 
 @dataclass(frozen=True)
@@ -42,8 +48,8 @@ class Term:
 
     @property
     def key(self) -> Key:
-        """The term's key: the effect's name, its constants and the group."""
-        return (self.kind.name, *self.constants.values(), self.group)
+        """The term's key."""
+        return Key(self.kind.name, tuple(self.constants.values()), self.group)
 
     def columns(self, rows: Rows) -> np.ndarray:
         """Return the term's columns on all samples, shape (N, M)."""

@@ -86,7 +86,7 @@ def ambiguities(fit: Fit) -> list[dict[str, Any]]:
         for name, share in fit.stability.alternatives.get(key, ()):
             add(terms[key].kind.variable, EFFECTS[name].variable,
                 f'{100 * share:.0f} % of the searches repeated on parts of the recording choose '
-                f"'{name}' instead of '{key[0]}'")
+                f"'{name}' instead of '{key.effect}'")
     samples = fit.rows.at_rows
     variables = {terms[key].kind.variable for key in fit.keys}
     if samples.temperature is not None and variables & {'time', 'temperature'}:
@@ -133,14 +133,6 @@ def moves_as_one(rows: Rows) -> bool:
     return bool(np.var(residual) < (1.0 - thresholds.FOLLOWED_VARIANCE) * np.var(own))
 
 
-def written_error(fit: Fit) -> float:
-    """Return the RMS error of a fit, from its sums, with which that of `predict` is compared, A."""
-    rows = fit.rows
-    # Rows average noise out.
-    return math.hypot(rms(fit.table.residual(fit.keys, derivatives=False)),
-                      noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
-
-
 def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, float],
              dependences: Sequence[Dependence], open_questions: Sequence[dict[str, Any]]
              ) -> Iterator[Finding]:
@@ -168,8 +160,10 @@ def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, fl
         yield finding('ambiguous', variables=' or '.join(question['between']), **question)
     yield from findings_on_recording(rows, raw)
     yield from notes_on_coverage(rows.samples, rows.scene)
-    # Samples outside all rows may have larger errors.
-    fitted = written_error(fit)
+    # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows
+    # average noise out, and samples outside all rows may have larger errors.
+    fitted = math.hypot(rms(fit.table.residual(fit.keys, derivatives=False)),
+                        noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
     if after['fit_rmse'] > thresholds.WRITTEN_ERROR * max(fitted, held_out):
         yield finding('written', error=after['fit_rmse'], fitted=fitted)
 

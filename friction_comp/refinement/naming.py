@@ -63,15 +63,15 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
     """
     rng = np.random.default_rng(0)
     fixed, span = list(keys[:given]), table.rows.scene.span
-    single_kinds = {key[0] for key in keys if table.terms[key].kind.most == 1 and key[-1] is None}
+    single_kinds = {key.effect for key in keys if table.terms[key].kind.most == 1 and not key.group}
     # With the adjusted constants: a neighbouring grid point is the same effect.
     offered = [*keys[given:], *(key for key in candidates
-                                if key[0] not in single_kinds and key not in keys)]
+                                if key.effect not in single_kinds and key not in keys)]
     late = [key for key in offered if table.terms[key].kind.variable == 'time']
     early = [key for key in offered if key not in late]
-    physics = [key for key in early if table.terms[key].kind.physics and key[-1] is None]
-    groups = [key for key in keys[given:] if key[-1] is not None]
-    searches = []
+    physics = [key for key in early if table.terms[key].kind.physics and not key.group]
+    groups = [key for key in keys[given:] if key.group]
+    searches: list[list[Term]] = []
     while len(searches) < thresholds.SEARCHES:
         weights = table.draw_blocks(rng)
         if np.sum(weights == 0) < 3:
@@ -90,8 +90,8 @@ def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Seq
         counts: Counter[str] = Counter()
         for terms in searches:
             if not contains(terms, key):
-                counts.update({term.kind.name for term in terms if not any(
-                    table.terms[other].same_effect(term, span) for other in keys)})
+                counts.update(sorted({term.kind.name for term in terms if not any(
+                    table.terms[other].same_effect(term, span) for other in keys)}))
         alternatives[key] = [(name, count / len(searches)) for name, count in counts.most_common()
                              if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
     return Stability(chosen, alternatives)
@@ -196,25 +196,21 @@ class Elsewhere:
 
         The first `given` terms are kept in any case.
         """
-        keys = list(keys)
+        keys, target = list(keys), self._table.target
+        most = thresholds.USELESS_ERROR ** 2 * float(target @ target)
         error = self._score(keys)
-        while True:
-            removable = keys[given:]
+        while len(keys) > given:
             # Two terms that cancel help only together, and mislead together.
             trials = [(self._score([key for key in keys if key not in removed]), removed)
-                      for size in (1, 2) for removed in combinations(removable, size)]
-            lowest, removed = min(trials, default=(math.inf, ()), key=lambda trial: trial[0])
-            if not (lowest < error or (removable and self._useless(keys))):
-                return keys
+                      for size in (1, 2) for removed in combinations(keys[given:], size)]
+            lowest, removed = min(trials, key=lambda trial: trial[0])
+            # Zero may predict some part about as well as the terms do.
+            if lowest >= error and max(self.squares(keys).values()) <= most:
+                break
             error = lowest
             keys = [key for key in keys if key not in removed]
+        return keys
 
     def _score(self, keys: Sequence[Key]) -> float:
         """Return the mean logarithm of these errors, so that no single partition decides."""
         return float(np.mean(np.log(list(self.squares(keys).values()))))
-
-    def _useless(self, keys: Sequence[Key]) -> bool:
-        """Return whether zero would predict some part about as well."""
-        target = self._table.target
-        worst = max(self.squares(keys).values())
-        return worst > thresholds.USELESS_ERROR ** 2 * float(target @ target)

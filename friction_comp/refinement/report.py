@@ -133,8 +133,8 @@ def effects_of(question: Question, fit: Fit, unit: str) -> list[dict[str, Any]]:
             'in_words': f'Lag: the torque is {1e3 * lag:.3g} ms later than the current',
             'formula': f'i(t + {lag:.4g} s)'})
     while remaining:
-        candidates = [[key] for key in remaining if key[-1] is None]
-        groups = [key for key in remaining if key[-1] is not None]
+        candidates = [[key] for key in remaining if not key.group]
+        groups = [key for key in remaining if key.group]
         if groups:
             candidates.append(groups)
         error, index = min((fit.rmse_with([*chosen, *keys]), index)
@@ -152,7 +152,7 @@ def known_load(question: Question, fit: Fit, key: Key) -> bool:
 
     `FrictionModel.measured` includes that load for every model: this one does not lack it.
     """
-    by_mechanics = EFFECTS[key[0]].by_mechanics(question.drive)
+    by_mechanics = EFFECTS[key.effect].by_mechanics(question.drive)
     if by_mechanics is None or question.model is None:
         return False
     column, = fit.table.columns_of[key]
@@ -166,8 +166,8 @@ def _entry(fit: Fit, keys: Sequence[Key], error: float, unit: str) -> dict[str, 
     kind = table.terms[key].kind
     entry = {'name': kind.name, 'variable': kind.variable, 'held_out_rmse': error,
              'chosen': min(fit.stability.chosen.get(key, 0.0) for key in keys)}
-    if key[-1] is not None:
-        names = ', '.join(sorted({name for key in keys for name in key[-1].everyone}
+    if key.group:
+        names = ', '.join(sorted({name for key in keys for name in key.group.everyone}
                                  - {fit.rows.samples.joint}))
         return {
             **entry, 'parameters': {'coefficients': [1.0], 'terms': len(keys)}, 'intervals': {},

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 import math
+from typing import Any
 
 import numpy as np
 
@@ -114,10 +115,10 @@ class Search:
         An inertia or a weight that depends on other joints also has a part of the joint alone.
         Without that part, the group would have to represent both, and fail in other postures.
         """
-        needed = {'gravity' if key[-1].kind == 'weight' else 'inertia'
-                  for key in keys if key[-1] is not None}
-        needed -= {key[0] for key in keys if key[-1] is None}
-        return [*keys, *(key for key in self.table.terms if key[-1] is None and key[0] in needed)]
+        groups = [key.group for key in keys if key.group]
+        needed = {'gravity' if group.kind == 'weight' else 'inertia' for group in groups}
+        needed -= {key.effect for key in keys if not key.group}
+        return [*keys, *(key for key in self.table.terms if not key.group and key.effect in needed)]
 
     def separable(self, keys: Sequence[Key]) -> list[Key]:
         """Return the terms without collinear ones, the last removed first.
@@ -137,21 +138,20 @@ class Search:
 
     def shortlist(self, keys: Sequence[Key]) -> list[Key]:
         """Return the best candidates, one of each effect, by the error that is fitted."""
-        counts = Counter(key[0] for key in keys)
+        counts = Counter(key.effect for key in keys)
         allowed = [key for key in self.candidates if key not in keys and (
-            key[-1] is not None or counts[key[0]] < self.table.terms[key].kind.most)]
+            key.group or counts[key.effect] < self.table.terms[key].kind.most)]
         if not allowed:
             return []
         sums = np.tensordot(self._weights, self.table.sums.gram, 1)
         reductions = gains(sums, self.table.indices(keys),
                            [self.table.columns_of[key] for key in allowed], self.table.sums.signs)
-        best: dict[Key, tuple[float, Key]] = {}
-        for gain, key in zip(reductions, allowed):
-            kind = (key[0], key[-1])
-            if gain > best.get(kind, (0.0, ()))[0]:
-                best[kind] = (float(gain), key)
-        order = sorted(best.values(), key=lambda entry: -entry[0])
-        return [key for _, key in order[:int(thresholds.SHORTLIST)]]
+        best: dict[Any, Key] = {}
+        for index in np.argsort(-reductions, kind='stable'):
+            key = allowed[index]
+            if reductions[index] > 0.0:
+                best.setdefault((key.effect, key.group), key)
+        return list(best.values())[:int(thresholds.SHORTLIST)]
 
     def forward(self, keys: Sequence[Key]) -> list[Key]:
         """Add terms while one is an improvement, and remove those that became superfluous."""
@@ -187,7 +187,7 @@ class Search:
                 if key in self.fixed or key in self.complete(rest):
                     continue
                 without = self.errors(rest)
-                stays = 1.0 if key[-1] is not None else thresholds.STAYS
+                stays = 1.0 if key.group else thresholds.STAYS
                 if not self.improves(without, full, stays):
                     trials.append((total(without), key))
             if not trials:
@@ -204,7 +204,7 @@ class Search:
             limit = self.error(keys) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
             trials = [(self.error([*rest, other]), other)
                       for other in self.shortlist(rest)
-                      if (other[0], other[-1]) != (key[0], key[-1])
+                      if (other.effect, other.group) != (key.effect, key.group)
                       and len(self.separable([*rest, other])) > len(rest)]
             error, other = min(trials, default=(math.inf, key), key=lambda trial: trial[0])
             if error < limit:
