@@ -3,7 +3,7 @@
 """Estimates a model's error on other recordings and how far to trust it.
 
 The growth of errors in thirds of the recording that were not fitted tells what to expect on
-another recording; see `elsewhere`. Everything else to report is a finding with a code.
+another recording; see `Elsewhere`. Everything else to report is a finding with a code.
 """
 
 from __future__ import annotations

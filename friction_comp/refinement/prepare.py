@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prepares recordings as rows of a fit, each in a long block of time.
 
-The time between current and motion, and the velocity over which friction changes sign, are chosen
-by how well a plain drive predicts blocks that were not fitted.
+The velocity over which friction changes sign is chosen by how well a plain drive predicts blocks
+that were not fitted.
 """
 
 from __future__ import annotations

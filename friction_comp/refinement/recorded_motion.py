@@ -234,7 +234,7 @@ def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, An
 
 def arm_motion(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
                ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return position, velocity and acceleration, each (N, J), of some joints; None of none."""
+    """Return position, velocity and acceleration, each (N, J), of joints; None without joints."""
     return moving_states(samples, joints, settings_for_arm(samples, settings)) if joints else None
 
 

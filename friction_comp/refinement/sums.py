@@ -44,7 +44,7 @@ class BlockSums:
         return self.squares(columns, self.fits(columns, train.astype(float))[fold_of_block])
 
     def squares(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block with its own coefficients, shape (K, S)."""
+        """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
         mix = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
         return np.asarray((mix[:, None] @ self.gram[:, inner[:, None], inner]
