@@ -167,8 +167,8 @@ def _entry(fit: Fit, keys: Sequence[Key], error: float, unit: str) -> dict[str, 
     entry = {'name': kind.name, 'variable': kind.variable, 'held_out_rmse': error,
              'chosen': min(fit.stability.chosen.get(key, 0.0) for key in keys)}
     if key.group:
-        names = ', '.join(sorted({name for key in keys for name in key.group.everyone}
-                                 - {fit.rows.samples.joint}))
+        moved = {name for key in keys if key.group for name in key.group.everyone}
+        names = ', '.join(sorted(moved - {fit.rows.samples.joint}))
         return {
             **entry, 'parameters': {'coefficients': [1.0], 'terms': len(keys)}, 'intervals': {},
             'holds_on_another_day': True,
