@@ -32,7 +32,7 @@ class Signals(NamedTuple):
     temperature : float or ndarray
         Degrees Celsius.
     side : float or ndarray
-        Sign of friction, -1..1, which passes through zero smoothly: see `sign`.
+        Sign of friction, -1..1, which passes through zero smoothly.
     memory : float or ndarray
         State of an effect that has one, 0 otherwise.
     rigid_body : float or ndarray
@@ -158,43 +158,28 @@ class SearchRange:
     unit : callable, optional
         ``unit(scene, constants)``: size of one unit of the constant, for constants that are
         searched on a linear scale; the scale is logarithmic when omitted.
+    limits : callable, optional
+        ``limits(scene, constants)``: lowest and highest value at which the effect is what its name
+        says.
     """
 
     width: float
     unit: Callable[[Scene, dict[str, float]], float] | None = None
+    limits: Callable[[Scene, dict[str, float]], tuple[float, float]] | None = None
 
 
-COARSE = 150
-"""An encoder that gives fewer distinct positions over the motion is called coarse: less than a
-hundredth of the range is then a step or two."""
+# An encoder that gives fewer distinct positions over the motion is coarse: less than a hundredth
+# of the range is then a step or two.
+_COARSE = 150
 
-
-def speed_hardly_varied(scene: Scene) -> str:
-    """Return a sentence where the speed hardly varied; empty where it did."""
-    if scene.speed >= 1.5 * scene.slow:
-        return ''
-    return (f'Speed hardly varied ({scene.slow:.3g} to {scene.speed:.3g} rad/s): effects of '
-            'velocity cannot be seen.')
-
-
-NEARLY_ONE = 0.4
+NEARLY_ONE_SPEED = 0.4
 """Spread of a speed that is one but for starts and reversals: one speed to and fro has 0.25 to
 0.35, motion that varies (production strokes, several speeds, sines) 0.46 and more."""
 
 
-def nearly_one_speed(scene: Scene) -> str:
-    """Return a sentence where the joint moved at one speed but for starts and reversals."""
-    if scene.speed_spread >= NEARLY_ONE:
-        return ''
-    return (f'Speed was near {scene.usual_speed:.3g} rad/s most of the time: what depends on speed '
-            'rests on the few samples of starts and reversals, and as every place is passed in one '
-            'and the same motion, bumps cannot be told from what a start or a reversal leaves '
-            'behind.')
-
-
 def too_coarse(scene: Scene) -> str:
     """Return a sentence where the encoder gave too few distinct positions; empty if enough."""
-    if scene.positions >= COARSE:
+    if scene.positions >= _COARSE:
         return ''
     return (f'Position is coarse: {scene.positions:.0f} distinct values. Lag, presliding and what '
             'else happens within a few steps of it cannot be seen, and acceleration is uncertain.')
