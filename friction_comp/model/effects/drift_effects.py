@@ -57,7 +57,7 @@ class OffsetDrift(Effect):
     """``A·exp(-t/τ)``: a current that drifts whatever the direction, t as in `WarmUp`."""
 
     name = 'offset_drift'
-    numbers = (('offset at the start', 'A'),)
+    numbers: tuple[tuple[str, str], ...] = (('offset at the start', 'A'),)
     variable = 'time'
     role = NEITHER
     holds_on_another_day = False
