@@ -36,22 +36,19 @@ def moving_states(samples: Samples, joints: Sequence[str], settings: dict[str, A
     InputError
         If a joint was not recorded.
     """
-    if samples.arm is None:
-        if list(joints) != [samples.joint]:
-            raise InputError(f'the motion of joints {", ".join(map(repr, joints))} is needed, but '
-                             f'only that of {samples.joint!r} is recorded')
-        states_position, states_velocity = samples.position[:, None], samples.velocity
-        states_velocity = None if states_velocity is None else states_velocity[:, None]
-    else:
+    if samples.arm is not None:
         states = samples.arm.of(joints)
-        states_position, states_velocity = states.position, states.velocity
-    moved = []
-    for k, joint in enumerate(joints):
-        one = Samples(
-            time=samples.time, position=states_position[:, k], current=samples.current,
-            velocity=None if states_velocity is None else states_velocity[:, k],
-            recording=samples.recording, joint=joint)
-        moved.append(differentiate(one, settings))
+        positions, velocities = states.position, states.velocity
+    elif list(joints) == [samples.joint]:
+        positions, velocities = samples.position[:, None], samples.velocity
+        velocities = None if velocities is None else velocities[:, None]
+    else:
+        raise InputError(f'the motion of joints {", ".join(map(repr, joints))} is needed, but '
+                         f'only that of {samples.joint!r} is recorded')
+    moved = [differentiate(Samples(
+        time=samples.time, position=positions[:, k], current=samples.current,
+        velocity=None if velocities is None else velocities[:, k],
+        recording=samples.recording, joint=joint), settings) for k, joint in enumerate(joints)]
     position, velocity, acceleration = (
         np.column_stack([getattr(one, name) for one in moved])
         for name in ('position', 'velocity', 'acceleration'))

@@ -130,13 +130,7 @@ class Tree:
 
     @classmethod
     def from_dict(cls, document: Any) -> Tree:
-        """Make a tree of the plain values of a model file.
-
-        Raises
-        ------
-        InputError
-            If something is missing or makes no sense.
-        """
+        """Make a tree of the plain values of a model file."""
         try:
             links = document['links']
             joints = tuple(str(link['joint']) for link in links)
@@ -148,9 +142,9 @@ class Tree:
             return cls(
                 joints, tuple(str(link['kind']) for link in links), np.array(parents, dtype=int),
                 rotations, places, axes, parameters, np.array(document['gravity'], dtype=float))
+        except InputError:
+            raise
         except KeyError as error:
             raise InputError(f'arm: {error.args[0]} is missing') from None
         except (TypeError, ValueError, OverflowError) as error:
-            if isinstance(error, InputError):
-                raise
             raise InputError(f'arm: {error}') from None
