@@ -15,12 +15,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 import math
+from typing import TYPE_CHECKING
 
-from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.kinetic import KineticPoint
-from friction_comp.identification.motion import MotionGoal
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+    from friction_comp.identification.kinetic import KineticPoint
+    from friction_comp.identification.motion import MotionGoal
 
 # Accepted ratios of measured to commanded current, and of integrated velocity to change of
 # position; outside, a unit or a constant is wrong.

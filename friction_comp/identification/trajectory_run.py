@@ -19,12 +19,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 from friction_comp.checks import check_number
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import ramp_peak
-from friction_comp.identification.first_motion import FirstMotion
-from friction_comp.identification.motion import STILL_TIME
+from friction_comp.identification.goal import RampGoal
+from friction_comp.identification.motion import Motion, STILL_TIME
 from friction_comp.identification.ramp import Sample
 from friction_comp.identification.supervised_run import SupervisedRun
-from friction_comp.identification.supervision import Supervision
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -36,7 +34,7 @@ _LONGEST = 3600.0
 
 
 @dataclass(frozen=True)
-class TrajectoryGoal:
+class TrajectoryGoal(RampGoal):
     """A trajectory of one joint, and the ramp that breaks it free before.
 
     Parameters
@@ -92,32 +90,20 @@ class TrajectoryGoal:
                   float(np.abs(np.diff(self.positions) / np.diff(self.times)).max()))
         return 0.3 * top, top
 
-    @property
-    def ramp_peak(self) -> float:
-        """Largest current in A with which the joint is broken free."""
-        return ramp_peak(self.ramp_slope, self.ramp_period)
-
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return time in s and width in rad of a cycle with the trajectory's acceleration."""
         steep = float(np.abs(np.diff(self.velocities) / np.diff(self.times)).max())
         duration = 10.0 * speed / max(steep, 1e-6)
         return duration, 0.4 * speed * duration
 
-    def check(self, drive: Drive) -> None:
-        """Raise InputError if the drive cannot do the goal."""
-        if self.ramp_peak > drive.current_limit:
-            raise InputError(
-                f'ramp_slope and ramp_period: the ramp would reach {self.ramp_peak:g} A, above '
-                f'the current limit of {drive.current_limit:g} A')
 
-
-class FollowTrajectory(FirstMotion):
-    """The steps of one trajectory; see `FirstMotion`."""
+class FollowTrajectory(Motion):
+    """The steps of one trajectory."""
 
     goal: TrajectoryGoal
 
-    def __init__(self, goal: TrajectoryGoal, drive: Drive, supervision: Supervision) -> None:
-        super().__init__(goal, drive, supervision)
+    def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
+        super().__init__(goal, drive)
         self._start = math.nan
         self._began: float | None = None
         self._path = CubicHermiteSpline(goal.times, goal.positions, goal.velocities)
@@ -171,5 +157,4 @@ class TrajectoryRun(SupervisedRun):
 
     def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
         goal.check(drive)
-        supervision = Supervision(goal, drive)
-        super().__init__(FollowTrajectory(goal, drive, supervision), supervision)
+        super().__init__(FollowTrajectory(goal, drive))
