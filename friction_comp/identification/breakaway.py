@@ -97,13 +97,12 @@ def breakaway_currents(time: np.ndarray, position: np.ndarray, current: np.ndarr
                        command: np.ndarray, resolution: float) -> BreakawayRecords:
     """Find every breakaway in a recording of current ramps.
 
-    The ramps may go on after the joint broke free, as Eq. 8 does, or be cut; they may differ in
-    slope, and anything may lie between them at zero command.
+    The ramps may go on after the joint broke free, as Eq. 8 does, or be cut, and differ in slope.
 
     Parameters
     ----------
     time, position, current, command : ndarray, shape (N,)
-        s, rad, and the measured and the commanded motor current in A.
+        s, rad, and the measured and the commanded motor current in A, zero between ramps.
     resolution : float
         Joint angle of an encoder count in rad.
     """
@@ -124,14 +123,8 @@ def slide_begin(time: np.ndarray, position: np.ndarray, current: np.ndarray, sig
                 resolution: float) -> SlideBegin | None:
     """Return where the joint begins to slide on one ramp; None where it does not.
 
-    Parameters
-    ----------
-    time, position, current : ndarray, shape (N,)
-        s, rad and measured A, of the ramp alone.
-    sign : int
-        Its direction.
-    resolution : float
-        rad of an encoder count.
+    The arrays, s, rad and measured A, are of the ramp alone, `sign` is its direction, and the
+    resolution the angle of an encoder count in rad.
     """
     if len(time) < _SHORTEST_RAMP:
         return None

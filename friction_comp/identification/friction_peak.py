@@ -35,25 +35,14 @@ _GONE = 0.95
 
 @dataclass(frozen=True)
 class RampFriction:
-    """What friction took along one ramp, in the ramp's direction.
+    """What friction took along one ramp, in its direction, up to where the joint slides; (M,)."""
 
-    Attributes
-    ----------
-    time, current, position : ndarray, shape (M,)
-        s, friction's part of the current in A, and the way given since the ramp's begin in rad,
-        all smoothed, up to where the joint slides.
-    driven, measured : ndarray, shape (M,)
-        All of the current, smoothed, A, and the way as the encoder shows it, rad.
-    peak : int
-        Index of the largest current of friction.
-    """
-
-    time: np.ndarray
-    current: np.ndarray
-    position: np.ndarray
-    driven: np.ndarray
-    measured: np.ndarray
-    peak: int
+    time: np.ndarray        # s
+    current: np.ndarray     # friction's part of the current, smoothed, A
+    position: np.ndarray    # the way given since the ramp's begin, smoothed, rad
+    driven: np.ndarray      # all of the current, smoothed, A
+    measured: np.ndarray    # the way as the encoder shows it, rad
+    peak: int               # index of the largest current of friction
 
     @property
     def breakaway(self) -> float:
@@ -89,10 +78,7 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
     viscous : float
         c in A·s/rad.
 
-    Returns
-    -------
-    RampFriction or None
-        None where the joint did not slide, or the ramp is too short.
+    Returns None where the joint did not slide, or the ramp is too short.
     """
     step = float(np.median(np.diff(time)))
     even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)

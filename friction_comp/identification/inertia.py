@@ -22,22 +22,8 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
     """Estimate k_t·n/J in rad/s² per A from a push at constant current and the coasting after it.
 
     Friction is much the same in both, so that the difference between the two accelerations is
-    k_t·n/J times the current. It sets the velocity controller's gains, for which tens of percent
-    do.
-
-    Parameters
-    ----------
-    pushed, coasted : sequence of Sample
-        At the constant current, then at zero current until standstill.
-    strength : float
-        Magnitude of the current in A.
-    sign : int
-        Direction of the push.
-
-    Returns
-    -------
-    float
-        NaN where the samples do not tell.
+    k_t·n/J times the current, of a magnitude `strength` in A. It sets the velocity controller's
+    gains, for which tens of percent do. NaN where the samples do not tell.
     """
     faster, top = _acceleration(pushed, sign)
     if not math.isfinite(faster) or top <= 0.0:
@@ -71,20 +57,11 @@ def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
 
 
 def acceleration_of_cycle(cycle: np.ndarray) -> float:
-    """Estimate k_t·n/J from a cycle of Eq. 3.
+    """Estimate k_t·n/J in rad/s² per A from a cycle of Eq. 3: rows of s, rad and A, shape (N, 3).
 
     At one speed in one direction friction is the same whether the joint accelerates or decelerates:
-    the difference of the currents is due to the inertia.
-
-    Parameters
-    ----------
-    cycle : ndarray, shape (N, 3)
-        Time in s, position in rad, current in A.
-
-    Returns
-    -------
-    float
-        rad/s² per A; NaN if the effect of the inertia is small compared with other variations.
+    the difference of the currents is due to the inertia. NaN if that is small compared with other
+    variations.
     """
     time, position, current = cycle.T
     duration = time[-1] - time[0]
@@ -105,20 +82,10 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
 
 def local_parabolas(values: np.ndarray, count: int,
                     step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit a parabola about every sample (Savitzky and Golay, Analytical Chemistry 36(8), 1964).
+    """Fit a parabola to `count` samples about every sample, `step` s apart.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        At even steps in s.
-    count : int
-        Samples to a parabola, odd.
-    step : float
-
-    Returns
-    -------
-    value, slope, bend : ndarray, shape (N - count + 1,)
-        Of the parabola at its middle, the slope per s, the second derivative per s².
+    Savitzky and Golay, Analytical Chemistry 36(8), 1964. Returns its value, slope and second
+    derivative in the middle, each of shape (N - count + 1,).
     """
     from scipy.signal import savgol_filter
 

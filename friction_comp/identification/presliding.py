@@ -33,16 +33,12 @@ _PLACES = 60         # of the curve
 def combined_presliding(ways: list[tuple[bool, float]]) -> float:
     """Return the presliding distance in rad from ramps after slides to either side.
 
-    A contact of Maxwell-slip elements has a memory of sliding: a ramp in the direction of the slide
+    Of each: whether the previous slide had the same direction, and the displacement in rad. A
+    contact of Maxwell-slip elements has a memory of sliding: a ramp in the direction of the slide
     before it yields less than the presliding distance, one against it yields more, and by Masing's
     rule (each branch of a hysteresis loop is the first curve at twice its size) the sum is twice
     the distance. Contacts without that memory (Dahl, LuGre) yield the same both times. The mean of
     both is the distance in either case.
-
-    Parameters
-    ----------
-    ways : list of (bool, float)
-        Whether the previous slide had the same direction, and the displacement in rad.
     """
     sides = [[way for same, way in ways if same is side] for side in (True, False)]
     return float(np.mean([np.median(side) for side in sides if side])) if ways else 0.0
@@ -128,14 +124,6 @@ def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
     the link is added, and the curve bends upwards. The distance of the curve below its concave hull
     indicates backlash, and the displacement from the corner of the hull to the lowest point is its
     lower bound.
-
-    Parameters
-    ----------
-    ramps : sequence of RampFriction
-    directions : sequence of int
-        +1 or -1, the ramps'.
-    resolution : float
-        rad of an encoder count.
     """
     softer = [_depth_below_hull(ramp, resolution) for ramp in ramps]
     crossed = [way if depth > _DEPTH and way >= _SEEN_COUNTS * resolution else 0.0

@@ -35,16 +35,9 @@ _MOST_LOOSE = 0.05
 
 @dataclass
 class RampEvaluation:
-    """What a drive's ramps say.
+    """What a drive's ramps say; presliding is None where the encoder is too coarse to tell.
 
-    Attributes
-    ----------
-    records : BreakawayRecords
-    presliding : Presliding or None
-        None where the encoder is too coarse to tell.
-    warnings : list of str
-    backlash : float or None
-        rad; None where none shows.
+    Backlash is in rad, None where none shows.
     """
 
     records: BreakawayRecords
@@ -56,30 +49,15 @@ class RampEvaluation:
 def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float,
                    resolution: float, acceleration_per_current: float,
                    viscous: float) -> RampEvaluation:
-    """Evaluate the ramps of a drive.
+    """Evaluate the ramps of a drive, without and with stops, all of a gradient `slope` in A/s.
 
     Breakaway is the peak of what friction takes (`friction_peak`). Where friction of a joint that
     slides grows with speed from standstill on, it has no peak, and breakaway is where the slide
     begins (`slide_begin`). One ramp cannot tell that from presliding; a ramp with stops can: at a
     stop presliding comes to rest, a slide does not.
 
-    Parameters
-    ----------
-    ramps, stopping : sequence of Ramp
-        Without stops, and with.
-    slope : float
-        Gradient in A/s of all of them.
-    resolution : float
-        rad of an encoder count.
-    acceleration_per_current : float
-        k_t·n/J in rad/s² per A.
-    viscous : float
-        A·s/rad, of Eq. 6.
-
-    Raises
-    ------
-    IdentificationError
-        If too many ramps show no breakaway, or backlash makes it scatter.
+    Parameters are in rad a count, rad/s² per A (k_t·n/J) and A·s/rad (of Eq. 6). Raises
+    IdentificationError if too many ramps show no breakaway, or backlash makes it scatter.
     """
     def friction_of(ramp: Ramp) -> RampFriction | None:
         return ramp_friction(*_measured(ramp), ramp.direction, resolution,

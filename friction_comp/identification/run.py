@@ -32,7 +32,7 @@ __all__ = ['IdentificationError', 'IdentificationGoal', 'IdentificationResult',
 
 
 class IdentificationRun(SupervisedRun):
-    """One identification, from standstill to zero current.
+    """One identification, from standstill to zero current; see `SupervisedRun`.
 
     Call `update` with every sample and apply the current that it returns, until `finished`. Then
     `result()` fits the model.
@@ -41,13 +41,6 @@ class IdentificationRun(SupervisedRun):
     ----------
     goal : IdentificationGoal
     drive : Drive
-
-    Attributes
-    ----------
-    phase : str
-        'standstill', 'push', 'velocity', 'travel', 'breakaway', 'done', or 'failed'.
-    ...
-        And those of `SupervisedRun`.
 
     Raises
     ------

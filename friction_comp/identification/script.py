@@ -57,20 +57,14 @@ _Cycle: TypeAlias = tuple[tuple['KineticPoint', ...], tuple['KineticPoint', ...]
 class Script(Motion):
     """The steps of one identification and what they measured.
 
-    Parameters
-    ----------
-    goal : IdentificationGoal
-    drive : Drive
-
     Attributes
     ----------
     points : list of KineticPoint
         The look-up table so far, of measured currents.
     centre : float
         Position at the start in rad, NaN before; the motion range lies about it.
-    ramps : list of Ramp
-    stopping : list of Ramp
-        The ramps with stops.
+    ramps, stopping : list of Ramp
+        Without stops, and with.
     cycles_driven : list of ndarray, shape (N, 3)
         Time in s, position and current of each cycle of Eq. 3 that was evaluated.
     ...

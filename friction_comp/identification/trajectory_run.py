@@ -142,18 +142,7 @@ class FollowTrajectory(Motion):
 
 
 class TrajectoryRun(SupervisedRun):
-    """One trajectory, from standstill to zero current; see `SupervisedRun`.
-
-    Parameters
-    ----------
-    goal : TrajectoryGoal
-    drive : Drive
-
-    Raises
-    ------
-    InputError
-        If the drive cannot meet the goal.
-    """
+    """One trajectory, from standstill to zero current; see `SupervisedRun`."""
 
     def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
         goal.check(drive)

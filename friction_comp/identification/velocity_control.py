@@ -25,7 +25,7 @@ LAST_POSITION, VELOCITY, INTEGRAL, LAST_REFERENCE = 0, 1, 2, 3
 
 
 class Controller(NamedTuple):
-    """Parameters of the controller, see `velocity_controller_parameters`."""
+    """Parameters of the controller."""
 
     gain: float
     integral_gain: float
@@ -41,21 +41,12 @@ class Controller(NamedTuple):
 def velocity_controller_parameters(acceleration_per_current: float, current_limit: float,
                                    push_positive: float = 0.0, push_negative: float = 0.0,
                                    bandwidth: float = BANDWIDTH) -> Controller:
-    """Return the controller's parameters.
+    """Return the controller's parameters for k_t·n/J in rad/s² per A and currents in A.
 
-    Parameters
-    ----------
-    acceleration_per_current : float
-        k_t·n/J in rad/s² per A. An error of a factor two either way is harmless: the phase
-        margin stays near 40 degrees or above.
-    current_limit : float
-        A.
-    push_positive, push_negative : float
-        Current in A (the second negative) that roughly overcomes friction in each direction; it
-        is fed forward with the sign of the reference velocity and spares the integrator the
-        swing at reversals. The mean current measured does not depend on it.
-    bandwidth : float
-        Crossover frequency in rad/s.
+    An error of a factor two of k_t·n/J either way is harmless: the phase margin stays near 40
+    degrees or above. The push (the second one negative) roughly overcomes friction in each
+    direction; it is fed forward with the sign of the reference velocity and spares the integrator
+    the swing at reversals. The mean current measured does not depend on it.
     """
     gain = bandwidth / acceleration_per_current
     return Controller(
@@ -75,15 +66,8 @@ def velocity_controller_step(parameters: Controller, state: np.ndarray, referenc
                              reference_velocity: float, position: float, time_step: float) -> float:
     """Return the current in A for one sample and advance the state in place.
 
-    Parameters
-    ----------
-    parameters : Controller
-    state : ndarray
-        From `velocity_controller_state`.
-    reference_position, reference_velocity, position : float
-        rad, rad/s, rad.
-    time_step : float
-        Time since the previous sample in s; missed samples make it longer.
+    The references are in rad and rad/s; the time since the previous sample is in s, longer where
+    samples were missed.
     """
     if np.isnan(state[LAST_POSITION]):
         state[LAST_POSITION], state[LAST_REFERENCE] = position, reference_velocity

@@ -32,37 +32,17 @@ _OWN_ELEMENTS = ('inertia', 'spring')
 
 @dataclass(frozen=True)
 class SimulatorJoint:
-    """Parameters of a simulator's joint.
+    """Parameters of a simulator's joint."""
 
-    Parameters
-    ----------
-    friction : float
-        Coulomb friction, N·m.
-    damping : float
-        Viscous friction, N·m·s/rad.
-    inertia : float
-        Of the drive at the joint, kg·m².
-    stiffness, rest : float
-        Of a spring, N·m/rad, and its rest position, rad.
-    error : float
-        RMS error of the simplified form, N·m.
-    share : float
-        The same as a share of the model's torque.
-    top_speed : float
-        Up to which the form was fitted, rad/s.
-    left_out : list of str
-        Effects that are left out, with the reason.
-    """
-
-    friction: float
-    damping: float
-    inertia: float
-    stiffness: float
-    rest: float
-    error: float
-    share: float
-    top_speed: float
-    left_out: list[str]
+    friction: float         # Coulomb friction, N·m
+    damping: float          # viscous friction, N·m·s/rad
+    inertia: float          # of the drive at the joint, kg·m²
+    stiffness: float        # of a spring, N·m/rad
+    rest: float             # its rest position, rad
+    error: float            # RMS error of the simplified form, N·m
+    share: float            # the same as a share of the model's torque
+    top_speed: float        # up to which the form was fitted, rad/s
+    left_out: list[str]     # effects that are left out, with the reason
 
 
 def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:

@@ -71,11 +71,7 @@ class Arm:
     def at_rest(self, position: np.ndarray, joint: str) -> float:
         """Return the arm's torque on a joint at rest: `rigid_body` N·m, or `coupling` A.
 
-        Parameters
-        ----------
-        position : ndarray, shape (J,)
-            In the order of `joints`, rad.
-        joint : str
+        Positions are in rad, in the order of `joints`.
         """
         part = self._part
         if isinstance(part, Tree):

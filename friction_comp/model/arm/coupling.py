@@ -83,11 +83,7 @@ class Group:
 class Coupling:
     """A joint's current due to other joints, found without a URDF.
 
-    Parameters
-    ----------
-    groups : tuple of Group
-    coefficients : tuple of tuple of float
-        A per unit of each term.
+    Each group's terms have their coefficients in A per unit of the term.
     """
 
     groups: tuple[Group, ...]

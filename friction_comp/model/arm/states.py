@@ -16,25 +16,10 @@ from friction_comp.samples import Samples
 
 def moving_states(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position, velocity and acceleration of all joints.
+    """Return position, velocity and acceleration of J joints of recorded samples, each (N, J).
 
-    Parameters
-    ----------
-    samples : Samples
-        As recorded, with `arm`.
-    joints : sequence of str, length J
-    settings : dict
-        As for `differentiate`.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (N, J)
-        rad, rad/s and rad/s².
-
-    Raises
-    ------
-    InputError
-        If a joint was not recorded.
+    In rad, rad/s and rad/s²; settings are those of `differentiate`. Raises InputError if a joint
+    was not recorded.
     """
     if samples.arm is not None:
         states = samples.arm.of(joints)
