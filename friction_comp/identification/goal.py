@@ -126,40 +126,20 @@ class IdentificationGoal(RampGoal):
 
 @dataclass(frozen=True)
 class IdentificationResult:
-    """Everything identification found.
+    """Everything identification found."""
 
-    Attributes
-    ----------
-    points : list of KineticPoint
-        The look-up table in ascending speed, negative speeds first.
-    sigmoid : Sigmoid
-        Fit of Eq. 6.
-    sigmoid_error : float
-        E of Eq. 7 in A.
-    breakaway : Breakaway
-    records : BreakawayRecords
-        Every single breakaway.
-    acceleration_per_current : float
-        k_t·n/J in rad/s² per A, by the changes of speed at constant-velocity cycles; from a short
-        push, to some tens of percent, where they take too little current.
-    goal : IdentificationGoal
-    warnings : list of str
-    presliding : Presliding, optional
-        None where the encoder is too coarse to tell.
-    backlash : float, optional
-        rad; None where the ramps show none.
-    """
-
-    points: list[KineticPoint]
-    sigmoid: Sigmoid
-    sigmoid_error: float
+    points: list[KineticPoint]      # the look-up table in ascending speed, negative speeds first
+    sigmoid: Sigmoid                # fit of Eq. 6
+    sigmoid_error: float            # E of Eq. 7, A
     breakaway: Breakaway
-    records: BreakawayRecords
+    records: BreakawayRecords       # every single breakaway
+    # k_t·n/J in rad/s² per A, by the changes of speed at constant-velocity cycles; from a short
+    # push, to some tens of percent, where they take too little current.
     acceleration_per_current: float
     goal: IdentificationGoal
     warnings: list[str] = field(default_factory=list)
-    presliding: Presliding | None = None
-    backlash: float | None = None
+    presliding: Presliding | None = None        # None where the encoder is too coarse to tell
+    backlash: float | None = None               # rad; None where the ramps show none
 
     @property
     def speeds(self) -> np.ndarray:

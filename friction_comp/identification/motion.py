@@ -73,6 +73,8 @@ class Motion(ABC):
         Which must know the measured current to be the commanded one before the first push.
     phase : str
         What is being done.
+    start : float
+        Position at the start in rad, NaN before.
     sample : Sample
         The latest sample handed over; NaN before the first.
     acceleration : float
@@ -90,7 +92,7 @@ class Motion(ABC):
         self.goal, self.drive = goal, drive
         self.supervision = Supervision(goal, drive)
         self.phase = 'standstill'
-        self.sample = Sample(math.nan, math.nan, math.nan)
+        self.sample, self.start = Sample(math.nan, math.nan, math.nan), math.nan
         self.acceleration = math.nan
         self.friction: tuple[float, float] | None = None
         self.held: list[KineticPoint] = []
@@ -99,9 +101,18 @@ class Motion(ABC):
         self._push = {1: 0.0, -1: 0.0}     # current that overcomes friction, per direction
         self._slid = 0                     # direction of the latest slide
 
-    @abstractmethod
     def run(self) -> Generator[float, Sample, None]:
-        """Yield currents in A and be handed samples: the whole motion."""
+        """Yield currents in A and be handed samples: the whole motion, from rest to rest."""
+        self.sample = yield 0.0
+        self.start = self.sample.position
+        yield from self._standstill(STILL_TIME)
+        yield from self._first_motion()
+        yield from self._movements()
+        yield from self._standstill(STILL_TIME)
+
+    @abstractmethod
+    def _movements(self) -> Generator[float, Sample, None]:
+        """Yield currents and be handed samples of a joint whose friction and inertia are known."""
 
     @abstractmethod
     def remaining(self) -> float:
@@ -109,7 +120,7 @@ class Motion(ABC):
 
     @abstractmethod
     def bounds(self) -> tuple[float, float]:
-        """Return the lowest and highest position in rad that the joint may have."""
+        """Return the lowest and highest position in rad that the joint may have from then on."""
 
     def _step(self, command: float) -> Generator[float, Sample, Sample]:
         """Apply a current and return the next sample."""

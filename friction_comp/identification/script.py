@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The movements of an identification, as a script that yields currents and is handed samples.
 
-`Script.run` is the whole procedure of sections 2.3 and 2.4 in order; the methods below it are its
-steps. Each ``yield`` is one sample of the joint. What is measured is left in attributes.
+`Script._movements` is the whole procedure of sections 2.3 and 2.4 in order; the methods below it
+are its steps. Each ``yield`` is one sample of the joint. What is measured is left in attributes.
 """
 
 from __future__ import annotations
@@ -61,8 +61,6 @@ class Script(Motion):
     ----------
     points : list of KineticPoint
         The look-up table so far, of measured currents.
-    centre : float
-        Position at the start in rad, NaN before; the motion range lies about it.
     ramps, stopping : list of Ramp
         Without stops, and with.
     cycles_driven : list of ndarray, shape (N, 3)
@@ -76,7 +74,6 @@ class Script(Motion):
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
         super().__init__(goal, drive)
         self.points: list[KineticPoint] = []
-        self.centre = math.nan
         self.ramps: list[Ramp] = []
         self.stopping: list[Ramp] = []
         self.cycles_driven: list[np.ndarray] = []
@@ -87,11 +84,9 @@ class Script(Motion):
         _compile()
 
     def bounds(self) -> tuple[float, float]:
-        """Return the lowest and highest position in rad that the joint may have."""
-        if math.isnan(self.centre):
-            return -math.inf, math.inf
+        """Return the ends of the motion range, which lies about the position at the start."""
         half = 0.5 * self.goal.motion_range
-        return self.centre - half, self.centre + half
+        return self.start - half, self.start + half
 
     def remaining(self) -> float:
         """Return the estimated time to the end in s."""
@@ -107,12 +102,8 @@ class Script(Motion):
         left += stopping * (goal.ramp_period * (0.4 * share + REST_SHARE) + 9.0 * STOP_TIME)
         return left
 
-    def run(self) -> Generator[float, Sample, None]:
+    def _movements(self) -> Generator[float, Sample, None]:
         """Yield currents, be handed samples; the whole of sections 2.3 and 2.4 in order."""
-        sample = yield 0.0
-        self.centre, self.sample = sample.position, sample
-        yield from self._standstill(STILL_TIME)
-        yield from self._first_motion()
         self._check_accelerations()
         for speed in self.goal.speeds:
             yield from self._constant_velocity(speed)
@@ -126,8 +117,8 @@ class Script(Motion):
             yield from self._travel(self._place(first // 2))
             for sign in (1, -1):
                 for _ in range(count):
-                    if abs(self.sample.position - self.centre) > 0.2 * self.goal.motion_range:
-                        yield from self._travel(self.centre)
+                    if abs(self.sample.position - self.start) > 0.2 * self.goal.motion_range:
+                        yield from self._travel(self.start)
                     self.phase = 'breakaway'
                     self.ramps.append((yield from self._ramp(sign)))
             if first % STOPPING_CYCLES == 0 and count > 1:
@@ -135,13 +126,12 @@ class Script(Motion):
                     cut = self._reached[sign] * self.goal.ramp_peak
                     self.stopping.append((yield from self._ramp(
                         sign, (cut * np.arange(FIRST_STOP, 1.1, STOP_STEP)).tolist())))
-        yield from self._standstill(STILL_TIME)
 
     def _place(self, index: int) -> float:
         """Position in rad of the next ramps: evenly spread however many there are."""
         golden = 0.5 * (math.sqrt(5.0) - 1.0)
         share = 2.0 * math.fmod(0.5 + index * golden, 1.0) - 1.0
-        return self.centre + share * PLACES_SHARE * self.goal.motion_range
+        return self.start + share * PLACES_SHARE * self.goal.motion_range
 
     def _check_accelerations(self) -> None:
         push = max(self._push[1], -self._push[-1])
@@ -184,7 +174,7 @@ class Script(Motion):
     def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
         """Drive one cycle of Eq. 3; return both directions' currents, None if the speed swung."""
         duration, width = self.goal.cycle(speed)
-        yield from self._travel(self.centre - 0.5 * width)
+        yield from self._travel(self.start - 0.5 * width)
         self.phase = 'velocity'
         start = self.sample.position
 
@@ -193,27 +183,21 @@ class Script(Motion):
 
         begin, samples, commands = yield from self._follow(
             reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
-        columns = np.array(samples).T
-        return self._evaluate(columns, np.array(commands), begin, speed, duration)
-
-    def _evaluate(self, columns: np.ndarray, commands: np.ndarray, begin: float, speed: float,
-                  duration: float) -> _Cycle | None:
-        """Return the currents of both directions at a speed, None if it was not held."""
-        good = np.isfinite(columns[2])
+        driven = np.array(samples)
+        time, position, measured = driven.T
+        good = np.isfinite(measured)
         if np.mean(good) < 0.95:
             raise IdentificationError('the measured current is not finite')
-        time, position, measured = columns[0] - begin, columns[1], columns[2]
         try:
             points, held = (constant_velocity_currents(
-                time[good], position[good], current[good], speed, duration, self.acceleration)
-                for current in (measured, commands))
+                time[good] - begin, position[good], current[good], speed, duration,
+                self.acceleration) for current in (measured, np.array(commands)))
         except InputError as error:
             raise IdentificationError(str(error)) from None
-        for point in points:
-            if (abs(point.actual_speed / point.speed - 1.0) > 0.1
-                    or point.unsteadiness > 0.1):
-                return None
-        self.cycles_driven.append(columns.T)
+        if any(abs(point.actual_speed / point.speed - 1.0) > 0.1 or point.unsteadiness > 0.1
+               for point in points):
+            return None
+        self.cycles_driven.append(driven)
         return points, held
 
     def _ramp(self, sign: int, stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:

@@ -122,7 +122,9 @@ class SupervisedRun:
             raise IdentificationError('the time of a sample is not finite')
         if not math.isfinite(position):
             raise IdentificationError('the joint position is not finite: encoder failure')
-        if self._last is not None and abs(time - self._last) > LONGEST_GAP:
+        if self._last is None:
+            return
+        if abs(time - self._last) > LONGEST_GAP:
             what = 'no sample for' if time > self._last else 'time went back by'
             raise IdentificationError(
                 f'{what} {abs(time - self._last):.2g} s; {LONGEST_GAP} s are tolerated')

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,18 +103,15 @@ class FollowTrajectory(Motion):
 
     def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
         super().__init__(goal, drive)
-        self._start = math.nan
         self._began: float | None = None
         self._path = CubicHermiteSpline(goal.times, goal.positions, goal.velocities)
         self._speed = self._path.derivative()
 
     def bounds(self) -> tuple[float, float]:
         """Return the lowest and highest position in rad that the joint may have."""
-        if math.isnan(self._start):
-            return -math.inf, math.inf
         width, places = self.goal.motion_range, self.goal.positions
-        return (min(min(places) - _BEYOND * width, self._start - _PUSHED * width),
-                max(max(places) + _BEYOND * width, self._start + _PUSHED * width))
+        return (min(min(places) - _BEYOND * width, self.start - _PUSHED * width),
+                max(max(places) + _BEYOND * width, self.start + _PUSHED * width))
 
     def remaining(self) -> float:
         """Return the estimated time to the end in s."""
@@ -123,18 +119,13 @@ class FollowTrajectory(Motion):
             return self.goal.times[-1] + 5.0 * STILL_TIME
         return max(0.0, self._began + self.goal.times[-1] - self.sample.time)
 
-    def run(self) -> Generator[float, Sample, None]:
-        """Yield currents, be handed samples: break free, travel, follow, rest."""
+    def _movements(self) -> Generator[float, Sample, None]:
+        """Yield currents, be handed samples: travel to the first point, follow the trajectory."""
         goal = self.goal
-        sample = yield 0.0
-        self._start, self.sample = sample.position, sample
-        yield from self._standstill(STILL_TIME)
-        yield from self._first_motion()
         yield from self._travel(goal.positions[0])
         self.phase, self._began = 'trajectory', self.sample.time
         yield from self._follow(self._reference, goal.times[-1], _BEHIND * goal.motion_range,
                                 goal.speeds[-1])
-        yield from self._standstill(STILL_TIME)
 
     def _reference(self, time: float) -> tuple[float, float]:
         time = max(time, self.goal.times[0])

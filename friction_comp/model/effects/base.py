@@ -36,67 +36,38 @@ class Effect(ABC):
         ``coefficients`` (A, one per column) and the nonlinear constants, plain numbers in SI units.
     valid_range : dict, optional
         Lowest and highest value of the `held` signals up to which it is continued.
-
-    Attributes
-    ----------
-    name : str
-        The word in model files and reports.
-    variable : str
-        What the effect depends on, one of `VARIABLES`.
-    role : str
-        `RESISTS`, `CARRIES` or `NEITHER`.
-    needs : tuple of str
-        Signals of `Samples` that it needs besides position and velocity.
-    constants : dict of str to SearchRange or None
-        Every nonlinear constant and how it is searched around a point of the grid; None where it
-        is not. A constant named ``transition`` is the velocity over which friction changes sign,
-        which all effects of a fit share.
-    numbers : tuple of (str, str)
-        What each coefficient is, and its unit, A standing for the recording's own.
-    words, equation : str
-        The effect in one sentence, and its formula in A, as templates for `str.format`: ``{A}``,
-        ``{B}``, ... are the coefficients, the constants have their own names.
-    signs : tuple of int
-        Physically possible sign of the first coefficients: 1, -1, or 0 for either.
-    most : int
-        How many of the kind a model may have, with other constants.
-    physics : bool
-        Whether every drive may have it: refinement starts with it, and takes it away where the
-        data do not bear it out.
-    holds_on_another_day : bool
-        Whether it may be expected in another recording of the same drive.
-    has_memory : bool
-        Whether a sample's value depends on the samples before it: then `step`, `start` and
-        `memory` are overridden.
-    not_fed_back : str
-        Why the compensator must not apply the effect; empty where it may.
-    weight : bool
-        Whether it holds the limb up, which the robot's own controller may do already.
-    gives_load : bool
-        Whether it loads the teeth with a torque that depends on where the joint is.
-    uses_inner_load : bool
-        Whether its constants hold the load that the other effects of the model put on the gear.
-    held : dict of str to float
-        Signals for which no law extrapolates the effect, and the share of the range seen by which
-        it is continued on either side; from there on it keeps its value.
     """
 
-    name = ''
-    variable = ''
-    role = RESISTS
+    name = ''           # in model files and reports
+    variable = ''       # what it depends on, one of `VARIABLES`
+    role = RESISTS      # or CARRIES, or NEITHER
+    # Signals of `Samples` that it needs besides position and velocity.
     needs: tuple[str, ...] = ()
+    # Every nonlinear constant and how it is searched around a point of the grid; None where it is
+    # not. A constant named `transition` is the velocity over which friction changes sign, which all
+    # effects of a fit share.
     constants: dict[str, SearchRange | None] = {}
+    # What each coefficient is, and its unit, A standing for the recording's own.
     numbers: tuple[tuple[str, str], ...] = ()
+    # The effect in one sentence, and its formula in A, as templates for `str.format`: {A}, {B}, ...
+    # are the coefficients, the constants have their own names.
     words = equation = ''
+    # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
-    most = 1
+    most = 1            # of the kind that a model may have, with other constants
+    # Whether every drive may have it: refinement starts with it, and takes it away where the data
+    # do not bear it out.
     physics = False
-    holds_on_another_day = True
+    holds_on_another_day = True     # whether it may be expected in another recording of the drive
+    # Whether a sample's value depends on those before: then it has `step`, `start` and `memory`.
     has_memory = False
-    not_fed_back = ''
-    weight = False
-    gives_load = False
+    not_fed_back = ''   # why the compensator must not apply it; empty where it may
+    weight = False      # whether it holds the limb up, which the robot's controller may do already
+    gives_load = False  # whether it loads the teeth by a torque that depends on position
+    # Whether its constants hold the load that the other effects of the model put on the gear.
     uses_inner_load = False
+    # Signals for which no law extrapolates the effect, and the share of the range seen by which it
+    # is continued on either side; from there on it keeps its value.
     held: dict[str, float] = {}
     Constants: Any
 
