@@ -40,7 +40,6 @@ class RampFriction:
     time: np.ndarray        # s
     current: np.ndarray     # friction's part of the current, smoothed, A
     position: np.ndarray    # the way given since the ramp's begin, smoothed, rad
-    driven: np.ndarray      # all of the current, smoothed, A
     measured: np.ndarray    # the way as the encoder shows it, rad
     peak: int               # index of the largest current of friction
 
@@ -102,7 +101,7 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
         return None
     return RampFriction(
         time=even[half:half + end], current=friction[:end], position=given[:end],
-        driven=smooth[:end], measured=way[half:half + end],
+        measured=way[half:half + end],
         peak=int(np.argmax(np.where(slow[:end], friction[:end], -np.inf))))
 
 

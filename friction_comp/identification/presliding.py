@@ -90,10 +90,8 @@ def _depth_below_hull(ramp: RampFriction, resolution: float) -> tuple[float, flo
     visited = np.flatnonzero(count)[1:]
     if len(visited) < 4:
         return 0.0, 0.0
-    # Acceleration of the rotor affects neither curve, or only one of them.
-    depths, ways = zip(*(_below_hull(visited, np.bincount(index, current)[visited] / count[visited])
-                         for current in (ramp.driven, ramp.current)))
-    return min(depths), (ways[0] + 1.0) * width
+    depth, way = _below_hull(visited, np.bincount(index, ramp.current)[visited] / count[visited])
+    return depth, (way + 1.0) * width
 
 
 def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
