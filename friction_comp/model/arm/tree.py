@@ -85,16 +85,13 @@ class Tree:
         """Which joints are prismatic, shape (L,)."""
         return np.array([kind == 'prismatic' for kind in self.kinds])
 
-    def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray,
-                gravity: np.ndarray | None = None) -> np.ndarray:
+    def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return the torque that each joint has to supply, without friction and rotors.
 
         Parameters
         ----------
         q, v, a : ndarray, shape (N, L)
             Position, velocity and acceleration; rad or m, and s.
-        gravity : ndarray, shape (3,), optional
-            Another acceleration of free fall, m/s².
 
         Returns
         -------
@@ -106,9 +103,8 @@ class Tree:
 
         q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))
         result = np.empty(q.shape)
-        joint_torques(
-            self.parents, self.prismatic, self.rotations, self.places, self.axes, self.parameters,
-            self.gravity if gravity is None else np.asarray(gravity, dtype=float), q, v, a, result)
+        joint_torques(self.parents, self.prismatic, self.rotations, self.places, self.axes,
+                      self.parameters, self.gravity, q, v, a, result)
         return result
 
     def weight(self, position: np.ndarray) -> np.ndarray:
