@@ -14,7 +14,7 @@ import yaml
 
 from friction_comp.__main__ import main, NODES, TOOLS
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.inertia import Inertia
+from friction_comp.model.effects.torque_effects import Inertia
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine

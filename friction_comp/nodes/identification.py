@@ -20,7 +20,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import JointState
 
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder
@@ -44,10 +44,9 @@ from friction_comp.nodes.joint_io import (
     input_qos,
     rivals,
 )
-from friction_comp.nodes.joint_states import JointStateInput, NANO, nanoseconds
+from friction_comp.nodes.joint_states import JointStateInput, NANO
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
-from friction_comp.nodes.slow_inputs import MotorTemperature
 from friction_comp.nodes.watchdog import Watchdog
 
 # Real s between checks of the publishers of joint_states, other commanders, and the client.
@@ -85,7 +84,6 @@ class IdentificationNode(Node):
         self._defaults = declare_defaults(self)
         qos = input_qos(self)
         self._states = JointStateInput(self._joints, round(NANO * timeout))
-        self._temperature = MotorTemperature(self._joints)
         torques = [drive.torque_per_current for drive in self._drives]
         self._per_effort = currents_per_effort(self, torques)
         self._port = CommandPort(self, [drive.current_limit for drive in self._drives], torques,
@@ -101,7 +99,6 @@ class IdentificationNode(Node):
         self._connect(qos)
 
     def _connect(self, qos: QoSProfile) -> None:
-        self.create_subscription(Temperature, 'motor_temperature', self._on_temperature, qos)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
         self.create_timer(
             _CHECK_PERIOD, self._check_connections, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -216,10 +213,6 @@ class IdentificationNode(Node):
 
     # Topics.
 
-    def _on_temperature(self, message: Any) -> None:
-        self._temperature.take(
-            message.header.frame_id, message.temperature, nanoseconds(message.header.stamp))
-
     def _on_joint_states(self, message: Any, info: Any) -> None:
         self._rate.tick()
         now = self.get_clock().now().nanoseconds
@@ -269,10 +262,7 @@ class IdentificationNode(Node):
         if not math.isfinite(sample[0]) or not math.isfinite(sample[2]):
             raise InputError(
                 f'joint_states hold no finite position and effort of {goal.joint}')
-        temperature = self._temperature.before(states.stamp)
-        current = run.update(
-            at, sample[0], sample[1], sample[2],
-            None if temperature is None else float(temperature[index]))
+        current = run.update(at, *sample)
         commands = [0.0] * len(self._joints)
         commands[index] = 0.0 if run.finished else current
         simulated = self.get_clock().ros_time_is_active

@@ -141,7 +141,7 @@ def load_models(model_files: Sequence[str], joints: Sequence[str],
 def _load(path: str, joint: str, joints: Sequence[str] | None) -> FrictionModel:
     # Imported here: nodes without a model start in half the time.
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.model.schema import check_for_motor
+    from friction_comp.model.motor_check import check_for_motor
 
     model = FrictionModel.load(path, joint)
     if joints is not None:

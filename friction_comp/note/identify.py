@@ -141,24 +141,18 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
                np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED), experiment.ramp_slope,
                RAMP_PERIOD, count, SAMPLE_TIME, log)
     time = np.arange(count) * SAMPLE_TIME
-    parts = [breakaway_currents(time, position, current, command,
-                                resolution=model.drive.position_resolution)
+    found = [breakaway_currents(time, position, current, command,
+                                model.drive.position_resolution or 1e-6)
              for position, current, command in (rows.T for rows in log)]
-    records = BreakawayRecords.join(parts)
+    columns = {name: np.concatenate([getattr(part, name) for part in found])
+               for name in vars(found[0])}
     # The last run may be longer than requested.
-    records = _first(records, cycles)
+    first = np.sort(np.concatenate([
+        np.flatnonzero(columns['direction'] == sign)[:cycles] for sign in (1, -1)]))
+    records = BreakawayRecords(**{name: column[first] for name, column in columns.items()})
     shown = slice(0, round(RAMP_PERIOD / SAMPLE_TIME))
     return Ramps(time[shown], log[0, shown, 0].copy(), log[0, shown, 1].copy(), records,
                  runs * count * SAMPLE_TIME)
-
-
-def _first(records: BreakawayRecords, cycles: int) -> BreakawayRecords:
-    keep = np.zeros(len(records), dtype=bool)
-    for sign in (1, -1):
-        keep[np.nonzero(records.direction == sign)[0][:cycles]] = True
-    changes = {name: getattr(records, name)[keep] for name in (
-        'time', 'current', 'direction', 'position', 'rest_time', 'temperature', 'slope', 'cycle')}
-    return replace(records, **changes)
 
 
 def identified_model(experiment: Experiment, table: IdentificationResult,
