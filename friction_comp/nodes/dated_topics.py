@@ -43,28 +43,21 @@ RECORDED = {**TOPICS, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
 _MEMORY = 20_000
 # Real s between checks of the publishers.
 _CHECK_PERIOD = 0.1
-_STAMP = struct.Struct('<iI')
-_STAMP_BIG_ENDIAN = struct.Struct('>iI')
 
 
 def stamp_of(cdr: bytes) -> int:
     """Return the stamp in ns of a serialised message that begins with a header.
 
-    Invalid stamps (before 1970, or with 1e9 ns or more) and messages that are too short give 0, as
-    an empty stamp does.
+    It is 0 if it is invalid (before 1970, or with 1e9 ns or more) or the message too short.
     """
-    if len(cdr) < 4 + _STAMP.size:
+    if len(cdr) < 12:
         return 0
-    kind = _STAMP if cdr[1] & 1 else _STAMP_BIG_ENDIAN
-    seconds, nanoseconds = kind.unpack_from(cdr, 4)
+    seconds, nanoseconds = struct.unpack_from('<iI' if cdr[1] & 1 else '>iI', cdr, 4)
     return int(seconds * NANO + nanoseconds) if seconds >= 0 and nanoseconds < NANO else 0
 
 
 def diagnosed_nodes(cdr: bytes) -> str:
-    """Return the nodes in a serialised diagnostic message; each node sends its own.
-
-    Empty if the message cannot be read.
-    """
+    """Return the nodes in a serialised diagnostic message, '' if it cannot be read."""
     try:
         message = deserialize_message(cdr, DiagnosticArray)
     except Exception:  # whatever the middleware raises
@@ -100,6 +93,7 @@ class DatedTopics:
                  left_out: Collection[str] = ()) -> None:
         self._take = take
         self._stamped = False
+        # System times of publication and stamps of the joint states.
         self._sent: deque[int] = deque(maxlen=_MEMORY)
         self._stamps: deque[int] = deque(maxlen=_MEMORY)
         self.waiting: deque[tuple[int, str, bytes]] = deque()
@@ -118,38 +112,40 @@ class DatedTopics:
         """Process all messages that have arrived or are waiting."""
         for topic in self.topics.values():
             topic.drain()
-        self._forward_waiting(flush=True)
+        while self.waiting:
+            self._forward()
 
     def _on_stamped(self, topic: str, cdr: bytes, info: dict[str, Any]) -> None:
         stamp, sent = stamp_of(cdr), info['source_timestamp']
         if not stamp:
             # If joint states have no stamp either, both clocks are the same.
-            stamp = (self._stamp_at(sent) if self._stamped else None) or sent
+            stamp = self._stamp_at(sent) if self._stamped else sent
         elif topic == STATES:
             self._stamped = True
         if topic == STATES:
             if not self._sent or sent >= self._sent[-1]:
                 self._sent.append(sent)
                 self._stamps.append(stamp)
-            self._forward_waiting()
+            self._forward_dated()
         self._take(topic, stamp, cdr)
 
     def _on_unstamped(self, topic: str, cdr: bytes, info: dict[str, Any]) -> None:
         self.waiting.append((info['source_timestamp'], topic, cdr))
-        self._forward_waiting()
+        self._forward_dated()
 
-    def _forward_waiting(self, flush: bool = False) -> None:
+    def _forward_dated(self) -> None:
         """Forward the messages without a stamp whose joint states have arrived."""
-        while self.waiting and (flush or (
-                self._sent and self._sent[-1] >= self.waiting[0][0])):
-            sent, topic, cdr = self.waiting.popleft()
-            stamp = self._stamp_at(sent)
-            self._take(topic, sent if stamp is None else stamp, cdr)
+        while self.waiting and self._sent and self._sent[-1] >= self.waiting[0][0]:
+            self._forward()
 
-    def _stamp_at(self, sent: int) -> int | None:
-        """Return the stamp in ns of the last joint state sent before; None if there is none."""
+    def _forward(self) -> None:
+        sent, topic, cdr = self.waiting.popleft()
+        self._take(topic, self._stamp_at(sent), cdr)
+
+    def _stamp_at(self, sent: int) -> int:
+        """Return the stamp in ns of the last joint state sent before; `sent` if there is none."""
         if not self._sent:
-            return None
+            return sent
         if sent >= self._sent[-1]:
             return self._stamps[-1]
         return self._stamps[max(0, bisect_right(self._sent, sent) - 1)]
