@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
 import contextlib
 import math
+import struct
 import threading
 import time
 from typing import Any
@@ -15,10 +17,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -29,8 +28,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.dated_topics import stamp_of
 from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.joint_watch import frame_of, value_at, values_of
-from friction_comp.nodes.ros_start import start_ros
+from friction_comp.nodes.ros_start import own_node
 from friction_comp.recordings.activity import compensator_activity
 from friction_comp.samples import Samples
 from friction_comp.topics import TORQUE_UNIT
@@ -43,18 +41,24 @@ _COMMAND_QOS = QoSProfile(depth=25, reliability=ReliabilityPolicy.BEST_EFFORT)
 _MAX_COMMANDS, _VALID_INTERVALS = 64, 3
 # Period of the states shown, ns; rows kept for each joint; age of an outdated status, s.
 _STEP, _MAX_ROWS, _STATUS_AGE = 20_000_000, 3000, 5.0
+# Processing messages in batches saves time: the page is drawn five times a second.
+_NAP = 0.01
 _COLUMNS = ('time', 'position', 'velocity', 'torque', 'load', 'command', 'direction',
             'reference_velocity')
 _LEVELS = {0: 'ok', 1: 'warning', 2: 'problem', 3: 'problem'}
+_WORST_FIRST = ('problem', 'warning', 'note', 'ok')
 
 
-class _Listener(Node):
-    """Processes messages in batches: the page is drawn five times a second."""
+def frame_of(cdr: bytes) -> str:
+    """Return the frame_id of a serialised message that begins with a header; '' without one."""
+    if len(cdr) < 16:
+        return ''
+    length, = struct.unpack_from('<I' if cdr[1] & 1 else '>I', cdr, 12)
+    return bytes(cdr[16:15 + length]).decode(errors='replace')
 
-    nap = 0.01
 
-    def __init__(self, context: Context) -> None:
-        super().__init__('friction_comp_watch', context=context)
+def _value_at(values: Any, index: int) -> float:
+    return float(values[index]) if len(values) > index else math.nan
 
 
 class SentCommands:
@@ -74,11 +78,9 @@ class SentCommands:
     def at(self, sent: int) -> Any:
         """Return the command that was valid at a system time in ns; None if unknown."""
         times = [time for time, _ in self._received]
-        last = next((k for k in reversed(range(len(times))) if times[k] <= sent), None)
-        if last is None:
-            return None
+        last = bisect_right(times, sent) - 1
         interval = np.median(np.diff(times)) if len(times) > 1 else 0
-        if sent - times[last] > max(_VALID_INTERVALS * interval, _STEP):
+        if last < 0 or sent - times[last] > max(_VALID_INTERVALS * interval, _STEP):
             return None
         return deserialize_message(self._received[last][1], Float64MultiArray)
 
@@ -113,10 +115,10 @@ class LiveFeed:
         self._status: dict[str, tuple[str, str, float]] = {}
         self._due, self._received = 0, 0.0
         self._first: int | None = None
-        self._context = Context()
-        start_ros('watch', arguments, self._context)
-        self._node = _Listener(self._context)
         self._commands = SentCommands()
+        self._ros = contextlib.ExitStack()
+        self._node = self._ros.enter_context(own_node('friction_comp_watch', arguments))
+        self._node.nap = _NAP
         self._subscribe()
         self._executor = StreamExecutor(self._node)
         self._stopped = threading.Event()
@@ -124,25 +126,22 @@ class LiveFeed:
         self._thread.start()
 
     def _subscribe(self) -> None:
+        held = self._held
+
+        def hold(kind: Any, topic: str, take: Any, qos: Any = _QOS) -> None:
+            self._node.create_subscription(kind, topic, take, qos, raw=True)
         # The first subscription of a topic, that of a motor's driver, costs its publisher 45 us per
         # command, a second one little (bench/watch_cost.py).
-        self._node.create_subscription(
-            Float64MultiArray, 'current_command', lambda cdr, info: self._commands.take(
-                cdr, info['source_timestamp']), _COMMAND_QOS, raw=True)
-        self._node.create_subscription(
-            JointState, 'reference', lambda cdr: self._held.__setitem__('reference', cdr), _QOS,
-            raw=True)
+        hold(Float64MultiArray, 'current_command', lambda cdr, info: self._commands.take(
+            cdr, info['source_timestamp']), _COMMAND_QOS)
+        hold(JointState, 'reference', lambda cdr: held.update(reference=cdr))
         # A planner uses one of them; with both, the later message is valid.
         for kind, topic in ((Int8MultiArray, 'direction'), (JointState, 'direction_stamped')):
-            self._node.create_subscription(
-                kind, topic, lambda cdr, kind=kind: self._held.__setitem__('direction', (
-                    kind, cdr)), _QOS, raw=True)
-        self._node.create_subscription(
-            WrenchStamped, 'interaction_wrench', lambda cdr: self._held.__setitem__(
-                ('load', frame_of(cdr)), cdr), _QOS, raw=True)
+            hold(kind, topic, lambda cdr, kind=kind: held.update(direction=(kind, cdr)))
+        hold(WrenchStamped, 'interaction_wrench',
+             lambda cdr: held.update({('load', frame_of(cdr)): cdr}))
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _QOS)
-        self._node.create_subscription(
-            JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
+        hold(JointState, 'joint_states', self._on_joint_states)
 
     def _spin(self) -> None:
         with contextlib.suppress(ExternalShutdownException):
@@ -184,10 +183,12 @@ class LiveFeed:
         with self._lock:
             for index, joint in enumerate(self.joints):
                 if joint in message.name:
-                    row = (1e-9 * (stamp - self._first), *values_of(message, joint),
+                    at = message.name.index(joint)
+                    row = (1e-9 * (stamp - self._first), *(_value_at(values, at) for values in (
+                               message.position, message.velocity, message.effort)),
                            self._load(joint), self._current(command, joint, index),
                            directions.get(joint, math.nan),
-                           value_at(reference.velocity, list(reference.name).index(joint))
+                           _value_at(reference.velocity, list(reference.name).index(joint))
                            if reference and joint in reference.name else math.nan)
                     self._rows.setdefault(joint, deque(maxlen=_MAX_ROWS)).append(row)
 
@@ -204,7 +205,7 @@ class LiveFeed:
         """Return a joint's command in A; NaN if unknown, or if it is a torque and has no model."""
         if command is None:
             return math.nan
-        value = value_at(command.data, index)
+        value = _value_at(command.data, index)
         if command_unit(command) != TORQUE_UNIT:
             return value
         model = self._model(joint)
@@ -255,8 +256,7 @@ class LiveFeed:
             self._status.items()) if now - since < _STATUS_AGE]
         if now - self._received > 1.0:
             entries.append(('problem', 'joint_states', 'none'))
-        order = list(dict.fromkeys(('problem', 'warning', 'note', 'ok')))
-        return sorted(entries, key=lambda item: order.index(item[0])) or [
+        return sorted(entries, key=lambda item: _WORST_FIRST.index(item[0])) or [
             ('note', 'nodes', 'no diagnostics')]
 
     def close(self) -> None:
@@ -265,5 +265,4 @@ class LiveFeed:
         self._stopped.set()
         self._thread.join()
         self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.try_shutdown(context=self._context)
+        self._ros.close()

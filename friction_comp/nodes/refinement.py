@@ -30,8 +30,6 @@ _LOOK, _WATCH = 0.2, 1.0
 # Time without a measured load after which it counts as not measured, s.
 _LOAD_SILENCE = 5.0
 _NOT_KEPT = ('reference', '/diagnostics')
-# Topics for `LiveSignals` besides the joint states.
-_SIGNALS = ('interaction_wrench', 'motor_temperature')
 
 
 class RefinementNode(Node):
@@ -74,18 +72,16 @@ class RefinementNode(Node):
         self._job: RefineJob | None = None
         self._busy = self._comparing = False
         self._fits = dict.fromkeys(self._joints, True)
-        self._goal_handle = None
         self._last_result = self._last_refusal = self._error = ''
         self._connect()
         Diagnostics(self, self._report, ', '.join(self._joints))
 
     def _connect(self) -> None:
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_LOOK, self._publish_progress, clock=steady)
         # In the node's default group, waiting for the compensator would block all callbacks.
         self.create_timer(
-            _WATCH, self._watch, clock=steady, callback_group=ReentrantCallbackGroup())
+            _WATCH, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME),
+            callback_group=ReentrantCallbackGroup())
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
             cancel_callback=self._on_cancel)
@@ -98,7 +94,7 @@ class RefinementNode(Node):
         if topic == STATES:
             self._rate.tick()
             self._signals.add_state(stamp, cdr)
-        elif topic in _SIGNALS:
+        elif topic in ('interaction_wrench', 'motor_temperature'):
             self._signals.add_message(topic, stamp, cdr)
 
     # Monitoring.
@@ -177,20 +173,12 @@ class RefinementNode(Node):
             self._job.cancel()
         return CancelResponse.ACCEPT
 
-    def _publish_progress(self) -> None:
-        """Publish the progress of a refinement."""
-        if self._job is not None and self._goal_handle is not None:
-            self._job.poll()
-            self._goal_handle.publish_feedback(RefineModel.Feedback(
-                progress=float(self._job.share), step=self._job.step))
-
     async def _execute(self, goal_handle: Any) -> RefineModel.Result:
         result = RefineModel.Result()
         request = goal_handle.request
         joint = request.joint or self._joints[0]
-        self._goal_handle = goal_handle
         try:
-            refined, start = await self._refine(joint, request)
+            refined, start = await self._refine(joint, request, goal_handle)
             _fill(result, refined)
             result.message = await self._load_if_requested(joint, request, refined, start, result)
             goal_handle.succeed()
@@ -205,13 +193,13 @@ class RefinementNode(Node):
             result.message = 'an error in the node, see its log'
             goal_handle.abort()
         finally:
-            self._job = self._goal_handle = None
-            self._busy = False
+            self._job, self._busy = None, False
         self._last_result = f'{joint}: {result.message}'
         self.get_logger().info(self._last_result)
         return result
 
-    async def _refine(self, joint: str, request: RefineModel.Goal) -> tuple[JobResult, str]:
+    async def _refine(self, joint: str, request: RefineModel.Goal, goal_handle: Any
+                      ) -> tuple[JobResult, str]:
         """Return the result of refinement and the initial model file."""
         files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
@@ -227,6 +215,8 @@ class RefinementNode(Node):
                 raise InputError('no messages are kept')
         job = self._job = RefineJob(joint, start, output, request.recording, messages)
         while not job.poll():
+            goal_handle.publish_feedback(RefineModel.Feedback(
+                progress=float(job.share), step=job.step))
             end = time.monotonic() + _LOOK
             while time.monotonic() < end:
                 # The executor does not sleep while a coroutine is pending.
