@@ -221,7 +221,7 @@ class CompensatorNode(LifecycleNode):
         self._disconnect()
         self._state = 'finalized'
 
-    def _on_reset(self, request: Any, response: Any) -> Any:
+    def _on_reset(self, _: Any, response: Any) -> Any:
         texts = [] if self._configured is None else self._configured.reset_faults()
         response.success = True
         response.message = '; '.join(texts) or 'nothing was latched'

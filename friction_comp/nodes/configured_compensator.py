@@ -31,26 +31,7 @@ _BLIND = (
 class ConfiguredCompensator:
     """Law, command port and subscriptions of a compensator; exists only while it is configured.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        With the parameters of the compensator.
-    joints : list of str
-    models : list of FrictionModel
-    interface : str
-        Command interface, current or effort.
-    timeout : int
-        Age or silence of joint states that leads to zero current, ns.
-    qos : rclpy.qos.QoSProfile
-        Of the inputs.
-    faults : Faults
-    rate : Rate
-        Counts the joint states.
-
-    Attributes
-    ----------
-    active : bool
-        Whether joint states are answered.
+    Joint states are answered while it is `active`.
     """
 
     def __init__(self, node: Any, joints: list[str], models: Sequence[FrictionModel],
@@ -84,8 +65,6 @@ class ConfiguredCompensator:
                                   for drive in drives]
         self._loop.port.torques = [drive.torque_per_current for drive in drives]
 
-    # Transitions.
-
     def activate(self) -> None:
         """Start to answer joint states."""
         self._loop.activate(self._loop.port.others())
@@ -116,15 +95,7 @@ class ConfiguredCompensator:
     # Parameters.
 
     def apply(self, names: set[str], models: Sequence[FrictionModel] | None) -> None:
-        """Apply parameters that have changed.
-
-        Parameters
-        ----------
-        names : set of str
-            The parameters.
-        models : sequence of FrictionModel, optional
-            The models of `model_files`, if that is one of them.
-        """
+        """Apply parameters that have changed; `models` if `model_files` is one of them."""
         loop, logger = self._loop, self._node.get_logger()
         if 'direction_timeout' in names:
             loop.direction.timeout = self._value('direction_timeout')
