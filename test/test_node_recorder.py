@@ -20,8 +20,7 @@ from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 import yaml
 
-from friction_comp.nodes.dated_topics import diagnosed_nodes, stamp_of
-from friction_comp.nodes.recorded_topic import RecordedTopic
+from friction_comp.nodes.dated_topics import diagnosed_nodes, RecordedTopic, stamp_of
 from friction_comp.recordings import find_recordings, read_recording_with_info
 
 

@@ -50,14 +50,9 @@ class Pace:
         self._due = 0.0
 
     def may_step(self, pace: float, step: int, now: int) -> bool:
-        """Return whether a step may be taken now; if so, it is counted as taken.
+        """Return whether a step of ns may be taken now; if so, it is counted as taken.
 
-        Parameters
-        ----------
-        pace : float
-            Simulated per real time; 0: no limit.
-        step, now : int
-            Length of the step and present real time, ns.
+        `pace` is simulated per real time, 0: no limit; `now` the real time in ns.
         """
         if not pace:
             return True
@@ -100,7 +95,6 @@ class PlantNode(Node):
         self._command = np.zeros(len(self._joints))
         self._columns = JointColumns(self._joints)
         self._rate = Rate()
-        self._make_messages()
         self._make_ports()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._lockstep = clock == 'lockstep'
@@ -141,6 +135,12 @@ class PlantNode(Node):
             read_only=True))
 
     def _make_ports(self) -> None:
+        self._state_message = JointState(name=list(self._joints))
+        self._wrench_messages = [WrenchStamped() for _ in self._joints]
+        self._temperature_messages = [Temperature() for _ in self._joints]
+        for messages in (self._wrench_messages, self._temperature_messages):
+            for joint, message in zip(self._joints, messages):
+                message.header.frame_id = joint
         self._states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
         self._temperature = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
@@ -199,15 +199,6 @@ class PlantNode(Node):
                 f'not {len(files)}')
         return [Undeclared.from_file(path) if path else None for path in files]
 
-    def _make_messages(self) -> None:
-        self._state_message = JointState(name=list(self._joints))
-        self._wrench_messages = [WrenchStamped() for _ in self._joints]
-        self._temperature_messages = [Temperature() for _ in self._joints]
-        for joint, wrench, temperature_message in zip(
-                self._joints, self._wrench_messages, self._temperature_messages):
-            wrench.header.frame_id = temperature_message.header.frame_id = joint
-        self._clock_message = ClockMessage()
-
     # Both clocks.
 
     @property
@@ -216,8 +207,7 @@ class PlantNode(Node):
         return self._origin + self._samples * self._sample
 
     def _step(self) -> None:
-        time = (self._stamp - self._origin) / NANO
-        position, velocity = self._hold.at(time)
+        position, velocity = self._hold.at((self._stamp - self._origin) / NANO)
         active = None
         if position is not None and velocity is not None:
             active = np.isfinite(position) & np.isfinite(velocity)
@@ -234,11 +224,11 @@ class PlantNode(Node):
                 wrench.wrench.torque.z = torque
                 self._wrench.publish(wrench)
         if self._samples % self._temperature_every == 0:
-            for message, temperature in zip(self._temperature_messages,
-                                            state.temperature.tolist()):
-                set_stamp(message.header.stamp, stamp)
-                message.temperature = temperature
-                self._temperature.publish(message)
+            for reading, temperature in zip(
+                    self._temperature_messages, state.temperature.tolist()):
+                set_stamp(reading.header.stamp, stamp)
+                reading.temperature = temperature
+                self._temperature.publish(reading)
         message = self._state_message
         set_stamp(message.header.stamp, stamp)
         message.position = array('d', state.position.tobytes())
@@ -310,8 +300,9 @@ class PlantNode(Node):
     def _tick(self) -> None:
         """Publish the present tick, possibly again."""
         since = self._samples % self._clock_every
-        set_stamp(self._clock_message.clock, self._stamp - since * self._sample)
-        self._ticks.publish(self._clock_message)
+        message = ClockMessage()
+        set_stamp(message.clock, self._stamp - since * self._sample)
+        self._ticks.publish(message)
 
     def _repeat_requests(self) -> None:
         """Repeat requests without an answer, since discovery takes time."""
@@ -344,10 +335,9 @@ class PlantNode(Node):
             self._publish()
 
     def _report(self) -> Any:
-        state = self._plant.state
         values = {
             'clock': 'lockstep' if self._lockstep else 'real_time',
-            'time [s]': state.time,
+            'time [s]': self._plant.state.time,
             'samples per second of real time': self._rate.per_second(),
             'command [A]': self._command.tolist(),
             'commands not usable': self._bad_commands}
