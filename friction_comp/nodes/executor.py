@@ -10,13 +10,7 @@ import inspect
 import time
 from typing import Any
 
-from rclpy.executors import (
-    ConditionReachedException,
-    Executor,
-    ExternalShutdownException,
-    ShutdownException,
-    TimeoutException,
-)
+from rclpy import executors
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
@@ -82,7 +76,7 @@ class _SlowEntities:
         return getattr(self._node, name)
 
 
-class StreamExecutor(Executor):
+class StreamExecutor(executors.Executor):
     """Waits for messages only, and polls services, actions and timers fifty times a second.
 
     rclpy rebuilds its wait set for every callback from all entities of a node: parameter and
@@ -199,7 +193,7 @@ class StreamExecutor(Executor):
     def _poll(self) -> None:
         """Process everything but the streams."""
         if not self.context.ok():
-            raise ExternalShutdownException
+            raise executors.ExternalShutdownException
         self._call_timers(self._slow_timers)
         with self._tasks_lock:
             self._tasks[:] = [entry for entry in self._tasks if not entry[0].done()]
@@ -213,7 +207,8 @@ class StreamExecutor(Executor):
                 while True:
                     handler, _, _ = self.wait_for_ready_callbacks(0.0, [self._slow_entities])
                     _execute(handler)
-            except (ConditionReachedException, ShutdownException, TimeoutException):
+            except (executors.ConditionReachedException, executors.ShutdownException,
+                    executors.TimeoutException):
                 pass
 
 

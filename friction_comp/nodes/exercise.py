@@ -65,7 +65,7 @@ class ExerciseNode(Node):
         self._movement = self._declare_movement()
         file = declare(
             self, 'exercise_file', '', 'YAML file with the movement of each joint, '
-            "instead of the note's movement", read_only=True)
+            "instead of the note's movement")
         self._script = load_exercise(file).of(self._joints) if file else None
         self._duration = (self._script or self._movement).duration
         self._when_done = declare_choice(
@@ -73,10 +73,9 @@ class ExerciseNode(Node):
             'their initial positions, or exit')
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
-            'subscriptions to the direction that must exist before the exercise begins',
-            0, 1000, read_only=True)
-        rate = declare(self, 'rate', 100.0, 'references per second of the node clock [Hz]', 1.0,
-                       1000.0, read_only=True)
+            'subscriptions to the direction that must exist before the exercise begins', 0, 1000)
+        rate = declare(
+            self, 'rate', 100.0, 'references per second of the node clock [Hz]', 1.0, 1000.0)
         clock = declare_choice(
             self, 'clock', ('timer', 'ticks'), 'timer: at `rate` by the node clock; ticks: once '
             'for each tick of /clock')
@@ -86,7 +85,7 @@ class ExerciseNode(Node):
     def _declare_movement(self) -> ReferenceMovement:
         default, turn = ReferenceMovement(), 2.0 * math.pi
         values = {name: declare(
-            self, name, getattr(default, name), description, low, high, read_only=True)
+            self, name, getattr(default, name), description, low, high)
             for name, description, low, high in (
                 ('amplitude', 'angle between both ends [rad]; negative moves that way first',
                  -turn, turn),
@@ -97,8 +96,7 @@ class ExerciseNode(Node):
                  0.0, 600.0),
                 ('repetitions', 'movements each way', 1, 100_000))}
         return ReferenceMovement(**values, compensated=declare(
-            self, 'announce_direction', True, "false keeps the direction at 0, the note's case 1",
-            read_only=True))
+            self, 'announce_direction', True, "false keeps the direction at 0, the note's case 1"))
 
     def _connect(self, qos: QoSProfile, rate: float) -> None:
         self._reference = JointState(name=list(self._joints))

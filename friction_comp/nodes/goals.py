@@ -68,8 +68,7 @@ def declare_defaults(node: Any) -> dict[str, Any]:
             ('ramp_period', 10.0, 'ramp period', ' [s]', 1.0, 1000.0),
             ('breakaway_cycles', 20, 'breakaway cycles', '', 1, 100_000)):
         defaults[name] = declare(
-            node, f'default_{name}', default, f'{words} of a goal that names none{unit}', low, high,
-            read_only=True)
+            node, f'default_{name}', default, f'{words} of a goal that names none{unit}', low, high)
     return defaults
 
 

@@ -20,7 +20,7 @@ LARGE = 1e6
 
 
 def declare(node: Any, name: str, default: Any, description: str, low: float | None = None,
-            high: float | None = None, read_only: bool = False, constraints: str = '') -> Any:
+            high: float | None = None, changes: bool = False, constraints: str = '') -> Any:
     """Declare a parameter with its descriptor and return its value.
 
     Parameters
@@ -33,8 +33,8 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
         Meaning and unit.
     low, high : float or int, optional
         Range of a number, inclusive; none without `low`.
-    read_only : bool
-        Whether a change needs a restart.
+    changes : bool
+        Whether it may be changed without a restart.
     constraints : str
         Further constraints, as text.
 
@@ -44,7 +44,7 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
         If the initial value has another type or is out of range.
     """
     descriptor = ParameterDescriptor(
-        description=description, read_only=read_only, additional_constraints=constraints)
+        description=description, read_only=not changes, additional_constraints=constraints)
     if low is not None and isinstance(default, int):
         descriptor.integer_range = [IntegerRange(
             from_value=int(low), to_value=int(high or 2**31 - 1))]
@@ -69,7 +69,7 @@ def declare_choice(node: Any, name: str, choices: Sequence[str], description: st
         If the value is none of the choices.
     """
     words = ' or '.join(choices)
-    value = declare(node, name, choices[0], description, read_only=True, constraints=words)
+    value = declare(node, name, choices[0], description, constraints=words)
     if value not in choices:
         raise InputError(f'parameter {name}: must be {words}, not {value!r}')
     return str(value)
@@ -90,7 +90,7 @@ def declare_joints(node: Any) -> list[str]:
     """
     joints = declare(
         node, 'joints', ['joint'],
-        'names of the joints, in the order of all arrays on topics', read_only=True)
+        'names of the joints, in the order of all arrays on topics')
     if not joints or not all(joints) or len(set(joints)) != len(joints):
         raise InputError(f'parameter joints: names must be given and differ, not {list(joints)}')
     return list(joints)

@@ -17,13 +17,7 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
-from friction_comp.nodes.joint_io import (
-    command_interface,
-    command_unit,
-    RELIABLE,
-    UNASKED,
-    UNIT_OF,
-)
+from friction_comp.nodes.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_choice, declare_joints, load_models
@@ -76,16 +70,15 @@ class PlantNode(Node):
     def __init__(self) -> None:
         super().__init__('plant')
         self._joints = declare_joints(self)
-        models = load_models(declare(
-            self, 'model_files', [], 'model file of each joint', read_only=True), self._joints)
+        models = load_models(
+            declare(self, 'model_files', [], 'model file of each joint'), self._joints)
         undeclared = self._load_undeclared()
-        seed = declare(self, 'seed', 0, 'of all noise and scatter', 0, read_only=True)
+        seed = declare(self, 'seed', 0, 'of all noise and scatter', 0)
         clock = declare_choice(
             self, 'clock', ('real_time', 'lockstep'),
             'real_time, or lockstep: steps when the command for the last state has come and '
             'publishes /clock')
-        sample_time = declare(
-            self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2, read_only=True)
+        sample_time = declare(self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2)
         self._declare_periods(sample_time)
 
         self._plant = self._make_plant(models, seed, undeclared, sample_time)
@@ -105,34 +98,32 @@ class PlantNode(Node):
 
     def _declare_periods(self, sample_time: float) -> None:
         def every(name: str, default: float, text: str, least: float, most: float) -> int:
-            period = declare(self, name, default, text, least, most, read_only=True)
+            period = declare(self, name, default, text, least, most)
             return max(1, round(period / sample_time))
 
         self._clock_every = every(
-            'clock_period', 0.01, 'simulated time between ticks of /clock in lockstep [s]',
-            1e-4, 1.0)
+            'clock_period', 0.01, 'simulated time between ticks of /clock, in lockstep [s]', 1e-4,
+            1.0)
         self._wrench_every = every(
             'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0)
         self._temperature_every = every(
             'temperature_period', 0.1, 'time between motor temperatures [s]', 1e-3, 60.0)
         declare(
             self, 'wait_for_reference', False,
-            'in lockstep, wait at every tick for the reference with its stamp')
+            'in lockstep, wait at every tick for the reference with its stamp', changes=True)
         declare(
             self, 'pace', 0.0, 'in lockstep, largest rate of simulated to real time; '
-            '0: as fast as the others answer', 0.0, 1000.0)
+            '0: as fast as the others answer', 0.0, 1000.0, changes=True)
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
             'in lockstep, subscriptions to joint_states that must exist before time starts',
-            0, 1000, read_only=True)
+            0, 1000)
         self._hold = ReferenceHold(declare(
             self, 'reference_timeout', 0.5,
-            'time without reference after which the person lets go [s]', 0.01, 60.0,
-            read_only=True))
+            'time without reference after which the person lets go [s]', 0.01, 60.0))
         self._command_timeout = round(NANO * declare(
             self, 'command_timeout', 0.1,
-            'time without command after which a real-time plant assumes zero [s]', 0.001, 10.0,
-            read_only=True))
+            'time without command after which a real-time plant assumes zero [s]', 0.001, 10.0))
 
     def _make_ports(self) -> None:
         self._state_message = JointState(name=list(self._joints))
@@ -172,9 +163,8 @@ class PlantNode(Node):
     def _make_plant(self, models: Any, seed: int, undeclared: Any, sample_time: float) -> Plant:
         engine = declare(
             self, 'engine', 'own', 'own: each joint moves by itself; mujoco: on the links of '
-            '`arm_file`', read_only=True, constraints='own or mujoco')
-        file = declare(
-            self, 'arm_file', '', 'MJCF or URDF of the arm, with engine mujoco', read_only=True)
+            '`arm_file`', constraints='own or mujoco')
+        file = declare(self, 'arm_file', '', 'MJCF or URDF of the arm, with engine mujoco')
         if engine == 'mujoco':
             if not file:
                 raise InputError('parameter arm_file: engine mujoco needs an MJCF or URDF')
@@ -190,7 +180,7 @@ class PlantNode(Node):
     def _load_undeclared(self) -> Any:
         files = declare(
             self, 'undeclared_effect_files', [],
-            "per joint, a file with an effect that is in no model, or ''", read_only=True)
+            "per joint, a file with an effect that is in no model, or ''")
         if not any(files):
             return None
         if len(files) != len(self._joints):

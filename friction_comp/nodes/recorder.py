@@ -32,18 +32,13 @@ class RecorderNode(Node):
 
     def __init__(self) -> None:
         super().__init__('recorder')
-        output = declare(
-            self, 'output', 'recording', 'folder to create', read_only=True)
-        model = declare(
-            self, 'model_file', '', 'active model, stored in the metadata', read_only=True)
-        compression = declare(
-            self, 'compression', 'none', 'none, message or storage', read_only=True)
-        size = declare(
-            self, 'max_file_size', 0.0, 'MB after which the next file begins, at least 0.01; 0: '
-            'never', low=0.0, read_only=True)
-        duration = declare(
-            self, 'max_file_duration', 0.0, 's after which the next file begins, at least 0.1; 0: '
-            'never', low=0.0, read_only=True)
+        output = declare(self, 'output', 'recording', 'folder to create')
+        model = declare(self, 'model_file', '', 'active model, stored in the metadata')
+        compression = declare(self, 'compression', 'none', 'none, message or storage')
+        size = declare(self, 'max_file_size', 0.0,
+                       'MB after which the next file begins, at least 0.01; 0: never', 0.0)
+        duration = declare(self, 'max_file_duration', 0.0,
+                           's after which the next file begins, at least 0.1; 0: never', 0.0)
         self._rate = Rate()
         self._counts = dict.fromkeys(RECORDED, 0)
         self._failed = ''

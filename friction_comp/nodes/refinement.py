@@ -48,23 +48,21 @@ class RefinementNode(Node):
         self._joints = declare_joints(self)
         files = declare(
             self, 'model_files', [], 'model file of each joint, used if no compensator reports '
-            'its own', read_only=True)
+            'its own')
         models = load_models(files, self._joints)
         self._files = dict(zip(self._joints, (path for path in files if path)))
         self._output = declare(
             self, 'output_folder', '.', 'folder that receives a folder with model and report for '
-            'each goal')
+            'each goal', changes=True)
         tolerance = declare(
             self, 'tolerance', 0.25, 'error of a model as a share of the friction above which it '
-            'no longer fits [1]', 0.01, 10.0, read_only=True)
-        self._past = RecentPast(declare(
-            self, 'memory', 600.0, 'duration of the messages kept [s]', 1.0, 86400.0,
-            read_only=True), round(1e6 * declare(
-                self, 'memory_size', 500.0, 'largest size of the messages kept [MB]', 1.0, 1e5,
-                read_only=True)))
+            'no longer fits [1]', 0.01, 10.0)
+        self._past = RecentPast(
+            declare(self, 'memory', 600.0, 'duration of the messages kept [s]', 1.0, 86400.0),
+            round(1e6 * declare(
+                self, 'memory_size', 500.0, 'largest size of the messages kept [MB]', 1.0, 1e5)))
         self._compensator = CompensatorClient(self, declare(
-            self, 'compensator', 'compensator', 'name of the node that loads refined models',
-            read_only=True))
+            self, 'compensator', 'compensator', 'name of the node that loads refined models'))
         self._signals = LiveSignals(
             self._joints, [model.drive.torque_per_current for model in models])
         self._watches = {joint: JointWatch(tolerance, path) for joint, path in self._files.items()}
