@@ -234,11 +234,13 @@ class CompensationLoop:
         self._was_driving = any(self.port.last)
         self.port.zero()
         self._silent_since = self._clock()
-        self.faults.report('silence', 'no joint_states, or none that are new', lasting=True)
+        self._report_silence()
+
+    def _report_silence(self) -> None:
+        self.faults.report('silence', 'no joint_states, or none that are new')
 
     def _end_silence(self, silence: float) -> None:
         self._silent_since = None
-        self.faults.end('silence')
         if self._was_driving and silence > RESTART_SILENCE and not self.simulated:
             self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
                               'motor was driven: the driver may have been restarted')
@@ -250,6 +252,8 @@ class CompensationLoop:
         before is waited for, since discovery may report it for some time after it is gone.
         """
         now = self._clock()
+        if self._silent_since is not None:
+            self._report_silence()
         self._report_doubt()
         self.faults.expire()
         if not others:

@@ -39,13 +39,7 @@ class CompensatorClient:
         self._set = node.create_client(SetParameters, f'{name}/set_parameters')
 
     async def files(self) -> dict[str, str]:
-        """Return the model file of each joint; empty if no compensator is running.
-
-        Raises
-        ------
-        InputError
-            If it does not answer.
-        """
+        """Return the model file of each joint; empty if no compensator is running."""
         if not self._get.service_is_ready() or not self._set.service_is_ready():
             return {}
         reply = await self._wait_for(self._get.call_async(
@@ -54,13 +48,7 @@ class CompensatorClient:
         return dict(zip(joints or (), files or ()))
 
     async def load(self, joint: str, path: str) -> None:
-        """Load a model for one joint into the compensator.
-
-        Raises
-        ------
-        InputError
-            If no compensator has the joint, or it refuses the model.
-        """
+        """Load a model for one joint; raise InputError if the compensator is missing or refuses."""
         files = await self.files()
         if joint not in files:
             raise InputError(f'no compensator of {joint} is running as {self.name}')

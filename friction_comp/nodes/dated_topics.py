@@ -87,23 +87,9 @@ class RecordedTopic:
     continues no sequence belongs to a publisher that has not been heard, if there is one, and else
     follows lost messages.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    kind : type
-        Message class.
-    topic : str
-    take : callable
-        Called with the serialised message and the middleware's message info.
-    sender : callable, optional
-        Returns the sender of a serialised message, for topics with many publishers.
-
-    Attributes
-    ----------
-    name : str
-        Resolved name of the topic.
-    lost : int
-        Number of lost messages.
+    `take` is called with each serialised message and the middleware's message info. `sender`
+    returns the sender of a message, for topics with many publishers. `name` is the resolved name of
+    the topic, `lost` the number of lost messages.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str,
@@ -209,20 +195,9 @@ class DatedTopics:
     states may have simulated time. A command thus gets the time of the state that it answers, even
     if one of them arrives late.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    take : callable
-        Called with topic, time in ns and the serialised message.
-    left_out : collection of str
-        Topics that are not subscribed to.
-
-    Attributes
-    ----------
-    topics : dict of str to RecordedTopic
-    waiting : deque
-        Messages without a stamp whose joint states have not arrived: system time of publication
-        in ns, topic and content.
+    `take` is called with topic, time in ns and the serialised message. `waiting` are the messages
+    without a stamp whose joint states have not arrived: system time of publication in ns, topic and
+    content.
     """
 
     def __init__(self, node: Node, take: Callable[[str, int, bytes], None],

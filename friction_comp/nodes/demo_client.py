@@ -81,13 +81,7 @@ class DemoClient:
 
     def until(self, condition: Callable[[], object], what: str,
               patience: float | None = None) -> None:
-        """Wait until a condition holds.
-
-        Raises
-        ------
-        InputError
-            If it does not hold in time; `what` names it.
-        """
+        """Wait until a condition, named `what`, holds; raise InputError if it does not in time."""
         patience = patience or self._patience
         end = time.monotonic() + patience
         while not condition():
@@ -122,13 +116,7 @@ class DemoClient:
         return self.subscribed(Int8MultiArray, 'direction')
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
-        """Set a parameter of a running node.
-
-        Raises
-        ------
-        InputError
-            If the node refuses; the text gives its reason.
-        """
+        """Set a parameter of a running node; raise InputError with its reason if it refuses."""
         client, what = self._node.create_client(
             SetParameters, f'{node}/set_parameters'), f'the parameters of {node}'
         try:
@@ -172,11 +160,6 @@ class DemoClient:
 
         `refused` is a goal that is always refused: its answer shows that the connection works both
         ways. If waiting is interrupted, the goal is cancelled.
-
-        Raises
-        ------
-        InputError
-            If the goal is refused or fails.
         """
         action = ActionClient(self._node, kind, name)
         try:

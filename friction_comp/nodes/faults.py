@@ -19,7 +19,6 @@ class _Fault:
     level: bytes
     begun: float
     seen: float
-    lasting: bool
 
 
 class Faults:
@@ -37,27 +36,17 @@ class Faults:
         self._lock = threading.RLock()
         self.count = 0
 
-    def report(self, cause: str, text: str, level: bytes = ERROR, lasting: bool = False) -> None:
-        """Report a fault that is present now, or, if `lasting`, until `end` is called.
-
-        The cause identifies the fault; its text may vary.
-        """
+    def report(self, cause: str, text: str, level: bytes = ERROR) -> None:
+        """Report a fault that is present now; the cause identifies it, its text may vary."""
         now = self._clock()
         with self._lock:
             fault = self._faults.get(cause)
             if fault is not None:
-                fault.text, fault.seen, fault.lasting = text, now, lasting
+                fault.text, fault.seen = text, now
                 return
-            self._faults[cause] = _Fault(text, level, now, now, lasting)
+            self._faults[cause] = _Fault(text, level, now, now)
             self.count += 1
         self._log(level, text)
-
-    def end(self, cause: str) -> None:
-        """Record that a lasting fault has ended."""
-        with self._lock:
-            fault = self._faults.get(cause)
-            if fault is not None and fault.lasting:
-                fault.lasting, fault.seen = False, self._clock()
 
     def latch(self, cause: str, text: str) -> None:
         """Keep a fault until `reset`."""
@@ -81,7 +70,7 @@ class Faults:
         now = self._clock()
         with self._lock:
             ended = {cause: fault for cause, fault in self._faults.items()
-                     if not fault.lasting and now - fault.seen > self._hold}
+                     if now - fault.seen > self._hold}
             for cause in ended:
                 del self._faults[cause]
         for fault in ended.values():

@@ -74,13 +74,7 @@ def declare_defaults(node: Any) -> dict[str, Any]:
 
 def make_goal(request: Any, joints: list[str], drives: list[Drive],
               defaults: dict[str, Any]) -> tuple[int, IdentificationGoal]:
-    """Convert an IdentifyFriction goal to (joint index, IdentificationGoal).
-
-    Raises
-    ------
-    InputError
-        If the joint is unknown, or the drive cannot reach the goal.
-    """
+    """Return joint index and checked goal of an IdentifyFriction goal."""
     index = _index_of(request.joint, joints) if request.joint else 0
     fields = {name: getattr(request, name) or default for name, default in defaults.items()}
     goal = IdentificationGoal(**dict(fields, speeds=tuple(fields['speeds'])))
@@ -96,13 +90,7 @@ def _index_of(joint: str, joints: list[str]) -> int:
 
 def make_trajectory(request: Any, joints: list[str], drives: list[Drive],
                     defaults: dict[str, Any]) -> tuple[int, TrajectoryGoal]:
-    """Convert a PlayTrajectory goal to (joint index, TrajectoryGoal).
-
-    Raises
-    ------
-    InputError
-        If it is not for exactly one known joint, or the drive cannot reach the goal.
-    """
+    """Return joint index and checked goal of a PlayTrajectory goal."""
     names, points = list(request.trajectory.joint_names), request.trajectory.points
     if len(names) != 1:
         raise InputError(f'one joint is moved at a time, not {len(names)}')

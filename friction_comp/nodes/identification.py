@@ -58,7 +58,7 @@ class IdentificationNode(Node):
             self, 'model_files', [], "model file of each joint, of which only the section 'drive' "
             'is used'), self._joints)
         self._drives = [model.drive for model in models]
-        self._output = declare(
+        declare(
             self, 'output_folder', '.', 'folder for the model files, which are named after '
             'their joints', changes=True)
         timeout = declare(

@@ -117,24 +117,11 @@ class CommandPort:
     motor, and the others can see it.
 
     Zero current may be commanded from any thread and takes precedence: currents with an earlier
-    `ticket` are not published after it.
+    `ticket` are not published after it. The ticket is to be read before a current is computed, and
+    increases with every zero command.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    limits : sequence of float
-        Largest current of each joint in A.
-    torques : sequence of float
-        Torque at each joint in N·m per A: k_t·n.
-    interface : str
-        A key of `UNIT_OF`.
-
-    Attributes
-    ----------
-    ticket : int
-        Number to be read before a current is computed; increases with every zero command.
-    last : list of float
-        The last command in A.
+    `limits` are the largest currents of the joints in A, `torques` the torques at the joints in N·m
+    per A: k_t·n. `last` is the last command in A.
     """
 
     def __init__(self, node: Any, limits: Sequence[float], torques: Sequence[float],
@@ -190,15 +177,8 @@ class CommandPort:
     def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> None:
         """Publish currents in A, one per joint, unless zero was commanded since the ticket.
 
-        Values that are not finite become zero, values beyond the limit the limit.
-
-        Parameters
-        ----------
-        currents : sequence of float
-        ticket : int
-            Value of the attribute before they were computed.
-        stamp : int
-            Stamp of the simulated joint state that they answer, ns; 0 in real time.
+        Values that are not finite become zero, values beyond the limit the limit. `stamp` is that
+        of the simulated joint state that they answer, ns; 0 in real time.
         """
         values = []
         for value, limit in zip(np.asarray(currents).tolist(), self.limits):

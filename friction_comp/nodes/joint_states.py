@@ -92,40 +92,20 @@ class JointStateInput:
     and new, when all joints received within the timeout have arrived; the values of other joints
     are missing (NaN).
 
-    Parameters
-    ----------
-    joints : list of str
-    timeout : int
-        ns.
-
-    Attributes
-    ----------
-    stamp : int
-        Of the last new state, in ns; 0 before the first.
-    position, effort : ndarray, shape (J,)
-        rad, N·m; NaN where there is no value.
-    velocity : ndarray or None
-        rad/s. None if it is missing for a joint whose position is known; ros2_control publishes
-        NaN for a velocity that is not measured.
-    missing : list of str
-        Joints that are not in the last new state.
-    gap, restarted : bool
-        Whether the last new state followed a gap of stamps longer than the timeout, and whether
-        it began a new time base.
-    passed_over : int
-        Number of late states so far.
-    publishers : list of str
-        Publishers of joint states if there are several; to be updated by the node. Publishers
-        number their messages: if the numbers of a joint do not increase, two of them publish it,
-        and its value is ambiguous.
-    wrong : str
-        Fault of the last state, or empty.
+    Times are in ns. The attributes hold the last new state: `stamp` (0 before the first),
+    `position`, `velocity` and `effort`, shape (J,), NaN where there is no value, the `missing`
+    joints, and whether it followed a `gap` of stamps longer than the timeout or began a new time
+    base (`restarted`). `wrong` is the fault of the last state, if any.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int) -> None:
         self._joints, self._timeout = list(joints), timeout
         self._columns = JointColumns(joints)
+        # Number of late states so far.
         self.passed_over = 0
+        # Publishers of joint states if there are several; updated by the node. Publishers number
+        # their messages: if the numbers of a joint do not increase, two of them publish it, and its
+        # value is ambiguous.
         self.publishers: list[str] = []
         self.forget()
 
@@ -134,6 +114,8 @@ class JointStateInput:
         size = len(self._joints)
         self.stamp, self.gap, self.restarted = 0, False, False
         self.position = self.effort = np.full(size, np.nan)
+        # None if it is missing for a joint whose position is known; ros2_control publishes NaN for
+        # a velocity that is not measured.
         self.velocity: np.ndarray | None = None
         self.missing = list(self._joints)
         self._last: dict[tuple[str, ...], int] = {}

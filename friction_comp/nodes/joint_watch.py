@@ -58,14 +58,7 @@ class _Signal:
 
 
 class LiveSignals:
-    """Converts serialised messages to rows for `LiveResidual`, some hundred per second.
-
-    Parameters
-    ----------
-    joints : list of str
-    torque_per_current : list of float
-        N·m/A at each joint.
-    """
+    """Converts serialised messages to rows for `LiveResidual`, some hundred per second."""
 
     def __init__(self, joints: list[str], torque_per_current: list[float]) -> None:
         self._gains = dict(zip(joints, torque_per_current))

@@ -59,13 +59,7 @@ class Loading:
 
 
 def try_model(model: FrictionModel, gravity: str, path: str) -> None:
-    """Run a model in a separate law for a movement to and fro.
-
-    Raises
-    ------
-    InputError
-        If the law fails or gives currents that are not finite.
-    """
+    """Run a model in a separate law for a movement to and fro; raise InputError if it fails."""
     try:
         law = CompensationLaw([model], gravity=gravity)
         for k in range(_TRIAL):

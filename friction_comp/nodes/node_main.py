@@ -48,18 +48,9 @@ def run(name: str, description: str, make_node: Callable[[], Any],
     Signals are not handled by rclpy, which would shut the context down at once, so that zero
     current could no longer be published.
 
-    Parameters
-    ----------
-    name : str
-        Name of the executable.
-    description : str
-        For ``--help``.
-    make_node : callable
-        Returns the node. Its method `leave()` is always called at the end. Its method
-        `stop_motor()`, if any, is called in another thread as soon as a signal arrives. It ends by
-        itself when its attribute `finished` is True.
-    argv : list of str, optional
-        Arguments, ROS arguments included; those of the process when omitted.
+    The node's method `leave()` is always called at the end. Its method `stop_motor()`, if any, is
+    called in another thread as soon as a signal arrives. It ends by itself when its attribute
+    `finished` is True.
 
     Returns
     -------

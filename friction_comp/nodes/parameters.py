@@ -23,20 +23,9 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
             high: float | None = None, changes: bool = False, constraints: str = '') -> Any:
     """Declare a parameter with its descriptor and return its value.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    name : str
-    default : bool, int, float, str or list of str
-        Also determines the type; an empty list is a list of strings.
-    description : str
-        Meaning and unit.
-    low, high : float or int, optional
-        Range of a number, inclusive; none without `low`.
-    changes : bool
-        Whether it may be changed without a restart.
-    constraints : str
-        Further constraints, as text.
+    The default determines the type; an empty list is a list of strings. The description has meaning
+    and unit. Numbers are limited to `low` to `high`, if `low` is given. The parameter is read-only
+    unless it `changes` while the node runs. `constraints` are words.
 
     Raises
     ------
@@ -61,13 +50,7 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
 
 
 def declare_choice(node: Any, name: str, choices: Sequence[str], description: str) -> str:
-    """Declare a read-only parameter with one of a few values, by default the first; return it.
-
-    Raises
-    ------
-    InputError
-        If the value is none of the choices.
-    """
+    """Declare a read-only parameter with one of a few values, by default the first; return it."""
     words = ' or '.join(choices)
     value = declare(node, name, choices[0], description, constraints=words)
     if value not in choices:
@@ -81,13 +64,7 @@ def names_in(values: Sequence[str]) -> list[str]:
 
 
 def declare_joints(node: Any) -> list[str]:
-    """Declare `joints` and return them.
-
-    Raises
-    ------
-    InputError
-        If a name is empty or duplicate.
-    """
+    """Declare `joints` and return them; raise InputError if a name is empty or duplicate."""
     joints = declare(
         node, 'joints', ['joint'],
         'names of the joints, in the order of all arrays on topics')
@@ -101,11 +78,6 @@ def load_models(model_files: Sequence[str], joints: Sequence[str],
     """Load the model file of each joint; models that drive a motor are checked more strictly.
 
     The file of an arm may be given for each of its joints.
-
-    Raises
-    ------
-    InputError
-        If the number of files is wrong, or one of them cannot be used.
     """
     # Imported here: nodes without a model start in half the time.
     from friction_comp.model.friction_model import FrictionModel

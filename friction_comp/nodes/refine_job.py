@@ -144,13 +144,7 @@ class RefineJob:
                 self._process.wait()
 
     def result(self) -> JobResult:
-        """Return the result of a job that is done.
-
-        Raises
-        ------
-        InputError
-            If the refinement failed; the text says why.
-        """
+        """Return the result of a job that is done; raise InputError if the refinement failed."""
         if self._cancelled:
             raise InputError('cancelled on request')
         if self._error is not None:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 import time
 import traceback
@@ -51,7 +52,7 @@ class RefinementNode(Node):
             'its own')
         models = load_models(files, self._joints)
         self._files = dict(zip(self._joints, (path for path in files if path)))
-        self._output = declare(
+        declare(
             self, 'output_folder', '.', 'folder that receives a folder with model and report for '
             'each goal', changes=True)
         tolerance = declare(
@@ -201,7 +202,8 @@ class RefinementNode(Node):
         """Return the result of refinement and the initial model file."""
         files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
-        output = _new_folder(Path(self.get_parameter('output_folder').value).absolute(), joint)
+        output = Path(self.get_parameter('output_folder').value).absolute() / (
+            f'{joint}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
         messages = []
         if not request.recording:
             if self._watches[joint].residual.blind:
@@ -273,16 +275,6 @@ class RefinementNode(Node):
         """End a running refinement."""
         if self._job is not None:
             self._job.cancel()
-
-
-def _new_folder(parent: Path, joint: str) -> Path:
-    """Return a folder that does not exist yet."""
-    stem = time.strftime(f'{joint}_%Y-%m-%d_%H-%M-%S')
-    for attempt in range(1, 1000):
-        path = parent / (stem if attempt == 1 else f'{stem}_{attempt}')
-        if not path.exists():
-            return path
-    raise InputError(f'{parent}: too many folders named {stem}')
 
 
 def _fill(result: RefineModel.Result, refined: JobResult) -> None:

@@ -17,13 +17,7 @@ from friction_comp.errors import InputError
 
 
 def start_ros(name: str, arguments: Sequence[str], context: Context | None = None) -> None:
-    """Initialise ROS 2, by default its global context, without its signal handlers.
-
-    Raises
-    ------
-    InputError
-        If an argument or parameter file cannot be used, or the log cannot be written.
-    """
+    """Initialise ROS 2, by default its global context, without its signal handlers."""
     try:
         rclpy.init(args=[name, *arguments], context=context,
                    signal_handler_options=SignalHandlerOptions.NO)

@@ -43,15 +43,9 @@ def middleware() -> str:
 
 def observe(seconds: float, arguments: list[str],
             progress: Callable[[float, str], None]) -> Observation:
-    """Observe a running system.
+    """Observe a running system for s, under ROS arguments for namespace and remappings.
 
-    Parameters
-    ----------
-    seconds : float
-    arguments : list of str
-        ROS arguments, for namespace and remappings.
-    progress : callable
-        Called with progress 0..1 and the present step.
+    `progress` is called with progress 0..1 and the present step.
     """
     with own_node(NAME, arguments) as node:
         executor = SingleThreadedExecutor(context=node.context)
