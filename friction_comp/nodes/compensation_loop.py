@@ -191,7 +191,7 @@ class CompensationLoop:
         signals = {'position': states.position}
         if states.velocity is not None:
             signals['velocity'] = states.velocity
-        usable: np.ndarray = np.isfinite(list(signals.values())).all(axis=0)
+        usable = np.all(np.isfinite(list(signals.values())), axis=0)
         if states.missing:
             self._report_missing()
         elif not usable.all():

@@ -20,7 +20,6 @@ from friction_comp.nodes.configured_compensator import ConfiguredCompensator
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate
 from friction_comp.nodes.faults import Faults
 from friction_comp.nodes.joint_io import command_interface, input_qos
-from friction_comp.nodes.joint_states import NANO
 from friction_comp.nodes.model_loading import Loading, PatientParameterService, try_model
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import (
@@ -75,17 +74,16 @@ class CompensatorNode(LifecycleNode):
                 changes=True)
         declare_choice(self, 'gravity', GRAVITY, 'feed_forward, or left_to_robot: its own '
                        "controller holds the limb's weight")
-        self._interface = command_interface(self)
+        command_interface(self)
         declare(self, 'current_limit', 1000.0,
                 'largest current [A]; the limit of the model file applies if it is smaller; 0 '
                 'blocks all current', 0.0, LARGE, changes=True)
         declare(self, 'direction_timeout', 0.5,
                 'age or silence after which the direction counts as 0 [s]', 0.001, 3600.0,
                 changes=True)
-        self._timeout = round(NANO * declare(
-            self, 'joint_state_timeout', 0.05,
-            'age or silence of joint_states that leads to zero current; silence is measured in '
-            'real time [s]', 0.001, 10.0))
+        declare(self, 'joint_state_timeout', 0.05,
+                'age or silence of joint_states that leads to zero current; silence is measured in '
+                'real time [s]', 0.001, 10.0)
 
     def _start(self) -> None:
         for trigger in (self.trigger_configure, self.trigger_activate):
@@ -143,7 +141,10 @@ class CompensatorNode(LifecycleNode):
         """Load the models and connect the topics."""
         self._failure = ''
         try:
-            self._configured = self._configure()
+            _check_law(self._value('law'))
+            self._configured = ConfiguredCompensator(
+                self, self._joints, self._load(names_in(self._value('model_files'))), self._qos,
+                self._faults, self._rate)
         except InputError as error:
             self._failure = str(error)
             self.get_logger().error(self._failure)
@@ -156,13 +157,6 @@ class CompensatorNode(LifecycleNode):
         self._configured.warn_left_out()
         self._set_state('inactive', 'configured')
         return super().on_configure(state)
-
-    def _configure(self) -> ConfiguredCompensator:
-        _check_law(self._value('law'))
-        models = self._load(names_in(self._value('model_files')))
-        return ConfiguredCompensator(
-            self, self._joints, models, self._interface, self._timeout, self._qos, self._faults,
-            self._rate)
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Start to answer joint states."""

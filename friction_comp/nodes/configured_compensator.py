@@ -18,7 +18,7 @@ from friction_comp.nodes.compensation_loop import CompensationLoop
 from friction_comp.nodes.diagnostics import OK, per_joint, Rate, WARN
 from friction_comp.nodes.faults import Faults
 from friction_comp.nodes.joint_io import CommandPort, rivals
-from friction_comp.nodes.joint_states import nanoseconds
+from friction_comp.nodes.joint_states import NANO, nanoseconds
 from friction_comp.nodes.model_loading import warm_up
 
 # Why a compensator does not know its model's residual, without and with the law `none`.
@@ -34,15 +34,16 @@ class ConfiguredCompensator:
     Joint states are answered while it is `active`.
     """
 
-    def __init__(self, node: Any, joints: list[str], models: Sequence[FrictionModel],
-                 interface: str, timeout: int, qos: Any, faults: Faults, rate: Rate) -> None:
+    def __init__(self, node: Any, joints: list[str], models: Sequence[FrictionModel], qos: Any,
+                 faults: Faults, rate: Rate) -> None:
         self._node, self._joints, self._faults, self._rate = node, joints, faults, rate
         self.active = False
         law = CompensationLaw(models, *self._tuning(), gravity=self._value('gravity'))
         warm_up(law, len(joints))
         zeros = [0.0] * len(joints)
+        port = CommandPort(node, zeros, zeros, self._value('command_interface'))
         self.loop = CompensationLoop(
-            joints, law, CommandPort(node, zeros, zeros, interface), faults, timeout,
+            joints, law, port, faults, round(NANO * self._value('joint_state_timeout')),
             self._value('direction_timeout'), simulated=self._value('use_sim_time'))
         self._set_limits()
         self.loop.watchdog.start()
@@ -62,7 +63,7 @@ class ConfiguredCompensator:
     def _set_limits(self) -> None:
         drives = [model.drive for model in self.loop.law.models]
         self.loop.port.limits = [min(drive.current_limit, self._value('current_limit'))
-                                  for drive in drives]
+                                 for drive in drives]
         self.loop.port.torques = [drive.torque_per_current for drive in drives]
 
     def activate(self) -> None:
@@ -143,7 +144,7 @@ class ConfiguredCompensator:
             return
         received = info['received_timestamp']
         self.loop.take(message, now, 0 if self.loop.simulated else received,
-                        info['source_timestamp'], info['publication_sequence_number'] or 0)
+                       info['source_timestamp'], info['publication_sequence_number'] or 0)
 
     def supervise(self) -> None:
         """Check for other commanders and planners, and for directions that are not renewed."""

@@ -212,10 +212,10 @@ class LiveFeed:
     @staticmethod
     def _compare(data: dict[str, np.ndarray], model: FrictionModel) -> None:
         data['current'] = data['torque'] / model.drive.torque_per_current
-        known = {name: data[name] for name in ('velocity', 'load')
-                 if np.isfinite(data[name]).all()}
+        velocity, load = (data[name] if np.isfinite(data[name]).all() else None
+                          for name in ('velocity', 'load'))
         samples = Samples(time=data['time'], position=data['position'], current=data['current'],
-                          **known)
+                          velocity=velocity, load=load)
         with contextlib.suppress(InputError):
             data['predicted'] = model.predict(samples)
             # The load is used where it is known; its sensor may have started later.

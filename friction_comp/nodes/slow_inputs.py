@@ -11,6 +11,7 @@ import numpy as np
 
 # Largest age of a temperature, ns; friction follows it within minutes.
 _TEMPERATURE_TIMEOUT = 60_000_000_000
+_NEVER = -math.inf
 
 
 class Direction:
@@ -36,12 +37,11 @@ class Direction:
 
     def forget(self) -> None:
         """Reset to 0 until the next message."""
-        self._values = self._zeros
-        self._times: list[int | None] = [None] * len(self._zeros)
+        count = len(self._zeros)
+        self._values, self._times = self._zeros, [_NEVER] * count
         # Previous direction of each joint, and the times of its change and of its change back.
-        self._before = self._zeros
-        self._changed: list[int | None] = [None] * len(self._zeros)
-        self._disputed: list[int | None] = [None] * len(self._zeros)
+        self._before, self._changed, self._disputed = (
+            [0.0] * count, [_NEVER] * count, [_NEVER] * count)
 
     def begin(self, time: int) -> None:
         """Joint states begin; earlier announcements count from then.
@@ -49,7 +49,7 @@ class Direction:
         Earlier announcements are dated by the node's clock. If the driver's clock is behind it,
         they would otherwise override later announcements.
         """
-        self._times = [stamp if stamp is None else min(stamp, time) for stamp in self._times]
+        self._times = [min(stamp, time) for stamp in self._times]
 
     def take(self, values: Sequence[int], time: int) -> bool:
         """Take a message received at a time; return whether it is valid.
@@ -99,46 +99,40 @@ class Direction:
         return False
 
     def _set(self, indices: Sequence[int], values: Sequence[float], time: int) -> None:
-        updated, times = self._values.copy(), list(self._times)
+        # Who has got the values keeps them.
+        self._values = self._values.copy()
         for index, value in zip(indices, values):
-            last = times[index]
-            if last is None or time >= last:
-                if value != updated[index]:
-                    self._note_change(index, value, time)
-                updated[index], times[index] = value, time
-        self._values, self._times = updated, times
-
-    def _note_change(self, index: int, value: float, time: int) -> None:
-        before, changed = self._before[index], self._changed[index]
-        if (len(self.planners) > 1 and changed is not None and value == before
-                and time - changed <= self.timeout * 1e9):
-            self._disputed[index] = time
-        self._before = self._before.copy()
-        self._before[index], self._changed[index] = self._values[index], time
+            if time < self._times[index]:
+                continue
+            last = float(self._values[index])
+            if value != last:
+                if (len(self.planners) > 1 and value == self._before[index]
+                        and time - self._changed[index] <= self.timeout * 1e9):
+                    self._disputed[index] = time
+                self._before[index], self._changed[index] = last, time
+            self._values[index], self._times[index] = value, time
 
     def disputed(self, time: int) -> list[str]:
         """Return the joints whose planners contradict each other at a time."""
         return [joint for joint, index in self._indices.items() if self._is_disputed(index, time)]
 
     def _is_disputed(self, index: int, time: int) -> bool:
-        since = self._disputed[index]
-        return since is not None and time - since <= 2.0 * self.timeout * 1e9
+        return time - self._disputed[index] <= 2.0 * self.timeout * 1e9
 
     def at(self, time: int) -> np.ndarray:
         """Return d at a time, shape (J,)."""
         limit = time - self.timeout * 1e9
         for index, stamp in enumerate(self._times):
-            if stamp is None or stamp < limit or self._disputed[index] is not None:
+            if stamp < limit or self._disputed[index] > _NEVER:
                 return np.array([
-                    0.0 if stamp is None or stamp < limit or self._is_disputed(index, time)
-                    else value
+                    0.0 if stamp < limit or self._is_disputed(index, time) else value
                     for index, (value, stamp) in enumerate(zip(self._values, self._times))])
         return self._values
 
     def age(self, index: int, time: int) -> float:
         """Return the age of a joint's direction at a time, s; NaN if there is none."""
         stamp = self._times[index]
-        return math.nan if stamp is None else (time - stamp) * 1e-9
+        return (time - stamp) * 1e-9 if stamp > _NEVER else math.nan
 
     def silent(self, time: int) -> list[str]:
         """Return the joints whose direction, +1 or -1, has timed out."""
