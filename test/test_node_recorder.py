@@ -125,13 +125,15 @@ def at_work(tmp_path, folder):
 
 def test_it_ends_well_while_the_driver_goes_on(tmp_path):
     folder = tmp_path / 'r'
-    with at_work(tmp_path, folder) as (recorder, _, states, count):
+    with at_work(tmp_path, folder) as (recorder, probe, states, count):
         recorder.send()
-        # As fast as it goes, so that there always is one more.
+        # So fast that there always is one more, but no queue overflows where the recorder has to
+        # wait for its processor.
         while recorder.running:
             states.publish(joint_state(
                 1_000_000_000 + count * 1_000_000, ['elbow'], [0.0], effort=[float(count)]))
             count += 1
+            probe.spin_for(2e-4)
         assert recorder.wait() == 0, recorder.text
     current, info = on_disk(folder)
     assert len(current) > 100
