@@ -69,7 +69,7 @@ def compress(source: Path, target: Path) -> None:
     from rosbags.rosbag2 import Reader
     import zstandard
 
-    from friction_comp.nodes.recorder import stamp_of
+    from friction_comp.nodes.dated_topics import stamp_of
     from friction_comp.recordings import RecordingWriter
 
     now = 0
