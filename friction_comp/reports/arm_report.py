@@ -6,8 +6,11 @@ from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
+import numpy as np
+
 from friction_comp.reports.figures import COLOURS, new_figure, styled
 from friction_comp.reports.html import Link, number, Report
+from friction_comp.reports.refinement_report import effect_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,10 +31,6 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
         Names of the recordings.
     folders : dict of str to str
         Folder of each joint's own page.
-
-    Returns
-    -------
-    Report
     """
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
@@ -41,7 +40,7 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
         ['joint', f'before ({unit})', f'after ({unit})', f'noise ({unit})', 'verdict', 'found'],
         [[Link(name, f'{folders[name]}/report.html'), report['before']['held_out_rmse'],
           report['after']['held_out_rmse'], report['noise_floor'], report['verdict'],
-          ', '.join(effect['name'].replace('_', ' ') for effect in report['effects']) or 'nothing']
+          effect_names(report['effects'])]
          for name, report in reports.items()],
         'RMS of measured minus predicted on parts that were not fitted, by the initial model '
         'and by the refined one; each name links to the report on that joint.')
@@ -63,13 +62,7 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
 
 
 def verdict(reports: dict[str, dict[str, Any]]) -> str:
-    """Return the verdicts on all joints in words.
-
-    Parameters
-    ----------
-    reports : dict of str to dict
-        Reports by joint.
-    """
+    """Return the verdicts on all joints in words."""
     kinds: dict[str, list[str]] = {}
     for name, report in reports.items():
         kinds.setdefault(report['verdict'], []).append(name)
@@ -89,18 +82,15 @@ def _errors(reports: dict[str, dict[str, Any]]) -> Figure:
 
     figure, axes = new_figure(height=0.9 + 0.32 * len(reports))
     rows = range(len(reports))
-    series = (
-        ('before', 'o', 'grey', [errors['before']['held_out_rmse'] for errors in reports.values()]),
-        ('after', 's', 'blue', [errors['after']['held_out_rmse'] for errors in reports.values()]),
-        ('noise', '|', 'orange', [errors['noise_floor'] for errors in reports.values()]))
-    signal = [max(errors['signal_rms'], 1e-300) for errors in reports.values()]
-    for index, errors in enumerate(zip(*(values for *_, values in series))):
-        axes.plot([errors[0] / signal[index], errors[1] / signal[index]], [index, index],
-                  color=COLOURS['grey'], linewidth=1.2, zorder=1)
-    for label, marker, colour, values in series:
-        axes.plot([value / scale for value, scale in zip(values, signal)], rows, marker,
-                  color=COLOURS[colour], markersize=9 if marker != '|' else 13,
-                  markeredgewidth=2.4 if marker == '|' else 0, label=label, linestyle='none')
+    before, after, noise = np.transpose([
+        np.array([report['before']['held_out_rmse'], report['after']['held_out_rmse'],
+                  report['noise_floor']]) / max(report['signal_rms'], 1e-300)
+        for report in reports.values()])
+    axes.hlines(rows, after, before, color=COLOURS['grey'], linewidth=1.2, zorder=1)
+    axes.plot(before, rows, 'o', color=COLOURS['grey'], markersize=9, label='before')
+    axes.plot(after, rows, 's', color=COLOURS['blue'], markersize=9, label='after')
+    axes.plot(noise, rows, '|', color=COLOURS['orange'], markersize=13, markeredgewidth=2.4,
+              label='noise')
     axes.set_xscale('log')
     axes.xaxis.set_major_formatter(PercentFormatter(1.0))
     axes.set_yticks(list(rows), list(reports))

@@ -12,6 +12,7 @@ import numpy as np
 
 from friction_comp.reports.figures import COLOURS, new_figure, styled, thin
 from friction_comp.reports.html import Report
+from friction_comp.reports.refinement_report import effect_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from friction_comp.samples import Samples
 
 # Lengths of upper arm and forearm in the drawing, m; number of poses drawn.
-_LENGTHS = (0.28, 0.25)
+_LENGTHS = np.array([0.28, 0.25])
 _POSES = 7
 # Diameter of the disc of a torque of 1 N·m, points.
 _POINTS_PER_TORQUE = 9.0
@@ -66,9 +67,8 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
     page.table(['joint', 'RMS alone (N·m)', 'RMS helped (N·m)', 'peak alone (N·m)',
                 'peak helped (N·m)', 'added to the model of the drive'],
                [[joint, peak['alone']['rms'], peak['helped']['rms'], peak['alone']['peak'],
-                 peak['helped']['peak'], ', '.join(
-                     entry['name'].replace('_', ' ')
-                     for entry in result.results[joint].report['effects']) or 'nothing']
+                 peak['helped']['peak'],
+                 effect_names(result.results[joint].report['effects'])]
                 for joint, peak in peaks.items()])
     fitted = result.report()['rigid_bodies']
     page.table(['link of', 'mass by its URDF (kg)', 'mass found (kg)'],
@@ -82,34 +82,29 @@ def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
 def _pose_figure(alone: Mapping[str, Samples], helped: Mapping[str, Samples]) -> Figure:
     figure, axes = new_figure(2, 1, width=8.4, height=2.1, sharex=True)
     for axis, recorded, colour in zip(axes, (alone, helped), ('orange', 'green')):
-        count = len(next(iter(recorded.values())))
-        first = count // 40
+        joints: list[Any] = [recorded['lift'], recorded['bend']]
+        count = len(joints[0])
         # Poses from the first repetition.
-        for k, sample in enumerate(np.linspace(first, count // 2, _POSES).astype(int)):
-            _draw(axis, 0.55 * k, {joint: float(samples.position[sample])
-                                   for joint, samples in recorded.items()},
-                  {joint: float(np.asarray(samples.load)[sample])
-                   for joint, samples in recorded.items()}, COLOURS[colour])
+        for k, sample in enumerate(np.linspace(count // 40, count // 2, _POSES).astype(int)):
+            _draw_pose(axis, 0.55 * k, [joint.position[sample] for joint in joints],
+                       [joint.load[sample] for joint in joints], COLOURS[colour])
         axis.set_aspect('equal')
         axis.set_ylim(-0.65, 0.25)
         axis.axis('off')
     return figure
 
 
-def _draw(axes: Axes, left: float, angle: dict[str, float], torque: dict[str, float],
-          colour: str) -> None:
-    points = [np.array([left, 0.0])]
-    total = 0.0
-    for joint, length in zip(('lift', 'bend'), _LENGTHS):
-        total += angle[joint]
-        points.append(points[-1] + length * np.array([np.sin(total), -np.cos(total)]))
-    x, y = np.array(points).T
+def _draw_pose(axes: Axes, left: float, angles: list[float], torques: list[float],
+               colour: str) -> None:
+    total = np.cumsum(angles)
+    x = left + np.cumsum([0.0, *_LENGTHS * np.sin(total)])
+    y = np.cumsum([0.0, *-_LENGTHS * np.cos(total)])
     axes.plot([left, left], [0.0, 0.2], color=COLOURS['grey'], linewidth=7.0, alpha=0.5,
               solid_capstyle='round')
     axes.plot(x, y, color=COLOURS['grey'], linewidth=5.0, solid_capstyle='round')
-    for point, joint in zip(points, ('lift', 'bend')):
-        axes.plot(*point, 'o', color=colour, alpha=0.75,
-                  markersize=max(1.0, _POINTS_PER_TORQUE * abs(torque[joint])))
+    for k, torque in enumerate(torques):
+        axes.plot(x[k], y[k], 'o', color=colour, alpha=0.75,
+                  markersize=max(1.0, _POINTS_PER_TORQUE * abs(torque)))
 
 
 @styled

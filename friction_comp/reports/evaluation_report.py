@@ -12,28 +12,28 @@ import numpy as np
 
 from friction_comp.evaluation.effect_size import effect_size, pairs_to_decide
 from friction_comp.evaluation.repetitions import FIGURES
-from friction_comp.reports.evaluation_simply import plain_names, plain_tiles, plain_verdict
 from friction_comp.reports.evaluation_words import (
     figure_of,
     heading,
     nonbreaking_label,
     p_value_text,
     peak_text,
-    probability,
-    share,
+    plain_names,
+    plain_tiles,
+    plain_verdict,
     summary,
     verdict,
     with_interval,
 )
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import Report
-from friction_comp.reports.interactive import Line, Panel
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from friction_comp.evaluation.conditions import Evaluation
+    from friction_comp.evaluation.intervals import Interval
     from friction_comp.evaluation.repetitions import Help
     from friction_comp.evaluation.trend import Trend
 
@@ -52,43 +52,30 @@ _MARKERS = 'osD^vPX*'
 @styled
 def evaluation_figure(evaluation: Evaluation) -> Figure:
     """Draw trajectories above and torques below, with positive movements left and negative right.
-
-    Parameters
-    ----------
-    evaluation : Evaluation
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     movements = [name for name in ('positive', 'negative')
                  if any(c.movement == name for c in evaluation.conditions)]
     colours = _colours(evaluation)
-    rows = 2 if evaluation.measured else 1
-    figure, axes = new_figure(rows, len(movements), width=8.4, height=2.5, sharex='col',
-                              sharey='row', squeeze=False)
-    for column, movement in enumerate(movements):
-        above = axes[0, column]
-        above.set_title(f'Movement in the {movement} direction')
+    figure, axes = new_figure(1 + evaluation.measured, len(movements), width=8.4, height=2.5,
+                              sharex='col', sharey='row', squeeze=False)
+    for column, movement in zip(axes.T, movements):
+        column[0].set_title(f'Movement in the {movement} direction')
         conditions = [c for c in evaluation.conditions if c.movement == movement]
         for shown in [c for c in conditions if c.reference is not None][:1]:
-            above.plot(shown.time, np.degrees(np.asarray(shown.reference)), '--',
-                       color=COLOURS['grey'], linewidth=1.0, label='shown to the person')
-        for condition in conditions:
-            colour = colours[condition.help]
-            label = f'{evaluation.label(condition.help)}, n = ' + ' + '.join(
-                str(c.repetitions) for c in evaluation.conditions if c.help == condition.help)
-            band(above, condition.time, np.degrees(condition.position),
-                 np.degrees(condition.position_std), colour, label)
-            if evaluation.measured:
-                band(axes[1, column], condition.time, condition.torque, condition.torque_std,
-                     colour, label)
+            column[0].plot(shown.time, np.degrees(np.asarray(shown.reference)), '--',
+                           color=COLOURS['grey'], linewidth=1.0, label='shown to the person')
+        for c in conditions:
+            label = f'{evaluation.label(c.help)}, n = ' + ' + '.join(
+                str(other.repetitions) for other in evaluation.conditions if other.help == c.help)
+            curves = ((np.degrees(c.position), np.degrees(c.position_std)),
+                      (c.torque, c.torque_std))
+            for ax, (mean, spread) in zip(column, curves):
+                band(ax, c.time, mean, spread, colours[c.help], label)
         if evaluation.measured:
-            axes[1, column].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
-        axes[-1, column].set_xlabel('time since the movement began (s)')
-    axes[0, 0].set_ylabel('joint angle (deg)')
-    if evaluation.measured:
-        axes[1, 0].set_ylabel('back-driving torque (N·m)')
+            column[1].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
+        column[-1].set_xlabel('time since the movement began (s)')
+    for ax, name in zip(axes[:, 0], ('joint angle (deg)', 'back-driving torque (N·m)')):
+        ax.set_ylabel(name)
     handles = {label: handle for ax in axes[0] for handle, label in zip(
         *ax.get_legend_handles_labels())}
     figure.legend(handles.values(), handles.keys(), loc='outside lower center',
@@ -98,19 +85,7 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
 
 @styled
 def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
-    """Draw each day's mean with its interval, and a line through them where it is significant.
-
-    Parameters
-    ----------
-    trends : sequence of Trend
-        Trends of one figure.
-    evaluation : Evaluation
-        The evaluation that they belong to.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw each day's mean with its interval, and a line through them where it is significant."""
     colours = _colours(evaluation)
     figure, axes = new_figure(1, 1, width=8.4, height=3.0)
     for k, trend in enumerate(trends):
@@ -138,40 +113,6 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     return figure
 
 
-def evaluation_panels(evaluation: Evaluation) -> list[list[Panel]]:
-    """Return the curves of `evaluation_figure` for the interactive plot.
-
-    Parameters
-    ----------
-    evaluation : Evaluation
-
-    Returns
-    -------
-    rows of Panel
-    """
-    movements = [name for name in ('positive', 'negative')
-                 if any(c.movement == name for c in evaluation.conditions)]
-    colours = _colours(evaluation)
-    rows: list[list[Panel]] = [[], []]
-    for movement in movements:
-        above = Panel('time (s)', 'joint angle (deg)', title=f'{movement} direction')
-        below = Panel('time (s)', 'back-driving torque (N·m)')
-        conditions = [c for c in evaluation.conditions if c.movement == movement]
-        with_reference = next((c for c in conditions if c.reference is not None), None)
-        if with_reference is not None and with_reference.reference is not None:
-            above.lines.append(Line('shown to the person', with_reference.time,
-                                    np.degrees(with_reference.reference), 'grey', style='dashed'))
-        for condition in conditions:
-            label, colour = evaluation.label(condition.help), colours[condition.help]
-            above.lines.append(Line(label, condition.time, np.degrees(condition.position), colour,
-                                    np.degrees(condition.position_std)))
-            below.lines.append(Line(label, condition.time, condition.torque, colour,
-                                    condition.torque_std))
-        rows[0].append(above)
-        rows[1].append(below)
-    return rows if evaluation.measured else rows[:1]
-
-
 def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     """Return the mean movement without and with the direction announced.
 
@@ -179,31 +120,20 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     such conditions, or torque was not measured.
     """
     pair = evaluation.pair()
-    if pair is None or not evaluation.measured:
+    if pair is None:
         return []
-    best: list[MovingScene] = []
-    largest = 0.0
-    for movement in ('positive', 'negative'):
-        conditions = [next((c for c in evaluation.conditions if c.help == compared
-                            and c.movement == movement), None) for compared in pair]
-        if any(c is None or not np.isfinite(c.torque).any() for c in conditions):
-            continue
-        peaks = [c.peak_torque for c in conditions if c is not None]
-        if max(peaks) > largest:
-            largest = max(peaks)
-            best = [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
-                    in zip(plain_names(pair), conditions, ('grey', 'blue')) if c is not None]
-    return best
+    known = {(c.help, c.movement): c for c in evaluation.conditions
+             if np.isfinite(c.torque).any()}
+    both = [[known[condition, movement] for condition in pair]
+            for movement in ('positive', 'negative')
+            if all((condition, movement) in known for condition in pair)]
+    largest = max(both, key=lambda conditions: max(c.peak_torque for c in conditions), default=[])
+    return [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
+            in zip(plain_names(pair), largest, ('grey', 'blue'))]
 
 
 def add_evaluation(report: Report, evaluation: Evaluation) -> None:
-    """Add an evaluation to a report: the main result first, then the details.
-
-    Parameters
-    ----------
-    report : Report
-    evaluation : Evaluation
-    """
+    """Add an evaluation to a report: the main result first, then the details."""
     simple = plain_verdict(evaluation)
     report.verdict(simple or summary(evaluation))
     scenes = scenes_of(evaluation)
@@ -222,8 +152,7 @@ def add_evaluation(report: Report, evaluation: Evaluation) -> None:
     report.figure(
         evaluation_figure(evaluation),
         f'Trajectory{torque}, average and standard deviation over the repetitions, synchronised '
-        "at the start of the movement (style of the note's Fig. 5).",
-        live=evaluation_panels(evaluation))
+        "at the start of the movement (style of the note's Fig. 5).", interactive=True)
     _add_conditions(report, evaluation)
     _add_comparisons(report, evaluation)
     _add_trends(report, evaluation)
@@ -240,7 +169,7 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
         report.table(
             ['condition', '', *starts, *(heading(name) for name in known)],
             [[nonbreaking_label(evaluation, c.help), '+' if c.movement == 'positive' else '\u2212',
-              *([c.repetitions, f'{c.false_starts}\u00a0({share(c.false_start_share)})']
+              *([c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})']
                 if starts else []),
               *(figure_of(c, name) for name in known)]
              for c in evaluation.conditions],
@@ -287,7 +216,8 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
           nonbreaking_label(evaluation, c.second), c.pairs, *(
               peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
               for mean, condition in ((c.before, c.first), (c.after, c.second))),
-          with_interval(c.difference), with_interval(effect_size(c)), probability(c),
+          with_interval(c.difference), with_interval(effect_size(c)),
+          p_value_text(c.probability),
           'enough' if c.significant else pairs_to_decide(c, tests[c.figure]) or '> 1000']
          for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
@@ -317,7 +247,7 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
             [[nonbreaking_label(evaluation, t.help), len(t.days),
               with_interval(next(iter(t.days.values()))),
               with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
-              '–' if t.probability is None else p_value_text(t.probability)] for t in trends],
+              p_value_text(t.probability)] for t in trends],
             'The change is the slope of a straight line through the daily means.')
 
 
@@ -328,10 +258,6 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
     ----------
     evaluations : sequence of Evaluation
         One for each joint.
-
-    Returns
-    -------
-    Report
     """
     several = len(evaluations) > 1
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
@@ -350,17 +276,14 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
             report.text(f'## Joint {evaluation.joint}')
         add_evaluation(report, evaluation)
     report.text('## Sources')
-    listed = [f'- recording `{name}`' for name in recordings[:_MOST_RECORDINGS]]
+    listed = [f'recording `{name}`' for name in recordings[:_MOST_RECORDINGS]]
     if len(recordings) > _MOST_RECORDINGS:
-        listed.append(f'- and {len(recordings) - _MOST_RECORDINGS} more, all named in '
+        listed.append(f'and {len(recordings) - _MOST_RECORDINGS} more, all named in '
                       '`repetitions.csv`')
-    report.text('\n'.join(listed))
-    models = dict.fromkeys(e.model for e in evaluations if e.model)
-    for model in models:
-        report.text(f'The model files that were active: `{model}`.')
-    notes = dict.fromkeys(note for evaluation in evaluations for note in evaluation.notes)
-    if notes:
-        report.text('\n'.join(f'- {note}' for note in notes))
+    listed += dict.fromkeys(f'model files that were active: `{evaluation.model}`'
+                            for evaluation in evaluations if evaluation.model)
+    listed += dict.fromkeys(note for evaluation in evaluations for note in evaluation.notes)
+    report.text('\n'.join(f'- {line}' for line in listed))
     return report
 
 
@@ -383,15 +306,18 @@ def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
     return tiles
 
 
+def _percent(share: Interval) -> str:
+    low, high = 100 * (share.low or 0.0), 100 * (share.high or 0.0)
+    return f'{low:.0f}\u202f–\u202f{high:.0f}\u00a0%'
+
+
 def _colours(evaluation: Evaluation) -> dict[Help, str]:
     """Return a colour for each condition: blue without a direction, orange with, then others."""
     plain, assisted = ['blue', 'green', 'violet', 'grey'], ['orange', 'red', 'yellow', 'pink']
     colours: dict[Help, str] = {}
-    for condition in evaluation.conditions:
-        if condition.help not in colours:
-            compensation = condition.help
-            palette = ['pink', 'grey'] if compensation.announced < 0 else (
-                assisted if compensation.uses_direction else plain)
-            used = sum(other.uses_direction == compensation.uses_direction for other in colours)
-            colours[condition.help] = palette[used % len(palette)]
+    for condition in dict.fromkeys(c.help for c in evaluation.conditions):
+        palette = ['pink', 'grey'] if condition.announced < 0 else (
+            assisted if condition.uses_direction else plain)
+        used = sum(other.uses_direction == condition.uses_direction for other in colours)
+        colours[condition] = palette[used % len(palette)]
     return colours

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any, TYPE_CHECKING
 
@@ -14,7 +15,6 @@ from friction_comp.refinement.thresholds import LEAST_SHARE
 from friction_comp.refinement.units import in_unit
 from friction_comp.reports.html import number, quantity, Report
 from friction_comp.reports.refinement_figures import (
-    DrawnFigure,
     friction_figure,
     parts_figure,
     residual_figure,
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
           'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'per turn',
           'time_constant': 's', 'reference_temperature': '°C', 'lag': 's'}
+# Numbers of Eq. 6: key in report.json, name and unit.
+_FRICTION = (('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
+             ('viscous', 'viscous friction', 'A·s/rad'))
 
 
 def refinement_report(result: RefineResult, names: list[str], command: Sequence[str] = ()
@@ -45,10 +48,6 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         Names of the recordings.
     command : sequence of str
         Lines for the footer, such as the command that made the page.
-
-    Returns
-    -------
-    Report
     """
     report = result.report
     joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
@@ -63,20 +62,22 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         (quantity(after['elsewhere_motion_rmse'], unit), 'error to expect elsewhere, in motion'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
-    page.text('Why this verdict:\n\n' + verdict_words(report))
+    page.text(_bullets('Why this verdict:', report['reasons'])
+              + _bullets('What to record:', report['record_again']))
     page.text(rest)
-    add_figure(page, time_figure(result), 'Measured and predicted current in a stretch from the '
-               'middle of the recording, each part predicted by a fit to all others; below, the '
-               'contribution of each effect of the new model.')
-    add_figure(page, friction_figure(result), 'Friction over velocity: the measured current minus '
-               'the effects, and Eq. 6 before and after.')
+    page.figure(time_figure(result), 'Measured and predicted current in a stretch from the middle '
+                'of the recording, each part predicted by a fit to all others; below, the '
+                'contribution of each effect of the new model.', interactive=True)
+    page.figure(friction_figure(result), 'Friction over velocity: the measured current minus the '
+                'effects, and Eq. 6 before and after.', interactive=True)
     page.heading('What was found')
     page.table(['effect', 'number', 'value', 'unit', '95 % interval'], interval_rows(report))
     if report['correlations']:
-        page.text('Of these pairs the recording determines a sum or a difference better than each '
-                  'number alone (correlation over parts drawn at random):\n\n' + '\n'.join(
-                      f"- {' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
-                      for pair in report['correlations']))
+        page.text(_bullets(
+            'Of these pairs the recording determines a sum or a difference better than each '
+            'number alone (correlation over parts drawn at random):',
+            [f"{' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
+             for pair in report['correlations']]))
     changed = change_rows(result)
     if changed:
         page.table(['number of the given model', 'before', 'after', 'unit'], changed)
@@ -102,8 +103,8 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
               'the error at standstill is given separately. Elsewhere: the error to expect where '
               'the model was not fitted, from the growth of errors in thirds of position, speed, '
               'time and acceleration that are left out of the fit.')
-    add_figure(page, parts_figure(result), 'Error of each long part, predicted by a fit to all '
-               'others, and of the samples at standstill.')
+    page.figure(parts_figure(result), 'Error of each long part, predicted by a fit to all others, '
+                'and of the samples at standstill.')
     page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
                 'time. The dashed line is the noise from sample to sample.')
     page.heading('The residual, before and after')
@@ -114,14 +115,14 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
                         ('temperature', 'motor temperature (°C)')):
         wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
-            add_figure(page, residual_figure(result, name, label),
-                       f'Residual over {name}: measured minus predicted current of data not '
-                       'fitted. The lines are averages over ranges, separately for the positive '
-                       'and the negative direction.')
+            page.figure(residual_figure(result, name, label),
+                        f'Residual over {name}: measured minus predicted current of data not '
+                        'fitted. The lines are averages over ranges, separately for the positive '
+                        'and the negative direction.', interactive=True)
     drawn = spectrum_figure(result)
     if drawn is not None:
-        add_figure(page, drawn, 'Spectrum of the residual over position: ripple shows as a '
-                   'peak at its number of periods per turn. ' + wave_words(result))
+        page.figure(drawn, 'Spectrum of the residual over position: ripple shows as a peak at its '
+                    'number of periods per turn. ' + wave_words(result), interactive=True)
     page.heading('The model')
     page.text(model_words(result.model, unit))
     page.code(formula(result.model, unit))
@@ -131,6 +132,13 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
     page.text(limitations(report))
     page.made_by(*command, f'Recordings: {", ".join(names)}')
     return page
+
+
+def effect_names(effects: Sequence[dict[str, Any]]) -> str:
+    """Return the names of effects with their counts, or 'nothing'."""
+    counts = Counter(effect['name'].replace('_', ' ') for effect in effects)
+    return ', '.join(f'{name} × {count}' if count > 1 else name
+                     for name, count in counts.items()) or 'nothing'
 
 
 def summary(report: dict[str, Any]) -> str:
@@ -160,13 +168,9 @@ def summary(report: dict[str, Any]) -> str:
     return '\n\n'.join(lines)
 
 
-def verdict_words(report: dict[str, Any]) -> str:
-    """Return the reasons for the verdict, and the recordings that would improve it."""
-    lines = [f'- {line}' for line in report['reasons']]
-    if report['record_again']:
-        lines += ['', 'What to record:', '']
-        lines += [f'- {line}' for line in report['record_again']]
-    return '\n'.join(lines)
+def _bullets(title: str, lines: Sequence[str]) -> str:
+    """Return a list with a title, '' where it is empty."""
+    return f'{title}\n\n' + ''.join(f'- {line}\n' for line in lines) + '\n' if lines else ''
 
 
 def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
@@ -175,12 +179,10 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
     rows = [['Eq. 6', name, number(friction[key]), number_unit.replace('A', unit, 1),
              interval_text(friction['intervals'][key])
              if key in friction['intervals'] else 'as before']
-            for key, name, number_unit in (
-                ('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
-                ('viscous', 'viscous friction', 'A·s/rad'))]
+            for key, name, number_unit in _FRICTION]
     for effect in report['effects']:
         name, bounds = effect['name'].replace('_', ' '), effect['intervals']
-        kind = EFFECTS.get(effect['name'])
+        described = EFFECTS[effect['name']].numbers if effect['name'] in EFFECTS else ()
         for key, value in effect['parameters'].items():
             # A constant that was not searched has no interval, or one of zero width.
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
@@ -188,11 +190,16 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
                              interval_text(bounds[key])])
         for index, (value, ends) in enumerate(zip(
                 effect['parameters'].get('coefficients', ()), bounds.get('coefficients', ()))):
-            described = kind.numbers[index:index + 1] if kind else ()
-            label, number_unit = described[0] if described else (f'coefficient {index + 1}', '')
-            rows.append([name, label, number(value), number_unit.replace('A', unit, 1),
-                         interval_text(ends)])
+            label, number_unit = _described(described, index, unit)
+            rows.append([name, label, number(value), number_unit, interval_text(ends)])
     return rows
+
+
+def _described(numbers: Sequence[tuple[str, str]], index: int, unit: str) -> tuple[str, str]:
+    """Return name and unit of an effect's coefficient."""
+    if index >= len(numbers):
+        return f'coefficient {index + 1}', ''
+    return numbers[index][0], numbers[index][1].replace('A', unit, 1)
 
 
 def change_rows(result: RefineResult) -> list[list[Any]]:
@@ -200,19 +207,16 @@ def change_rows(result: RefineResult) -> list[list[Any]]:
     if not result.report['before']['model'].startswith('the given model'):
         return []
     unit = result.report['unit']
-    old, new = result.start.sigmoid, result.model.sigmoid
-    rows = [[f'Eq. 6: {name}', number(a), number(b), number_unit.replace('A', unit, 1)]
-            for name, a, b, number_unit in (
-                ('Coulomb friction', 0.5 * (old.upper - old.lower),
-                 0.5 * (new.upper - new.lower), 'A'),
-                ('offset', 0.5 * (old.upper + old.lower), 0.5 * (new.upper + new.lower), 'A'),
-                ('viscous friction', old.viscous, new.viscous, 'A·s/rad'))]
+    old, new = ({'offset': 0.5 * (s.upper + s.lower), 'coulomb': 0.5 * (s.upper - s.lower),
+                 'viscous': s.viscous} for s in (result.start.sigmoid, result.model.sigmoid))
+    rows = [[f'Eq. 6: {name}', number(old[key]), number(new[key]),
+             number_unit.replace('A', unit, 1)] for key, name, number_unit in _FRICTION]
     for before, after in zip(result.start.effects, result.model.effects):
         if before.name == after.name:
             for index, pair in enumerate(zip(before.coefficients, after.coefficients)):
-                described = after.numbers[index:index + 1] or ((f'coefficient {index + 1}', ''),)
-                rows.append([f"{after.name.replace('_', ' ')}: {described[0][0]}",
-                             *map(number, pair), described[0][1].replace('A', unit, 1)])
+                label, number_unit = _described(after.numbers, index, unit)
+                rows.append([f"{after.name.replace('_', ' ')}: {label}", *map(number, pair),
+                             number_unit])
     return rows
 
 
@@ -229,11 +233,6 @@ def wave_words(result: RefineResult) -> str:
     amplitude = quantity(float(size[largest]), result.report['unit'])
     return (f'The largest remaining wave has {amplitude}, {number(float(k[largest]))} times per '
             f'turn: {100 * share:.2g} % of the squared error. It is not named: {reason}.')
-
-
-def add_figure(page: Report, drawn: DrawnFigure, caption: str) -> None:
-    """Add a figure with its curves to a page."""
-    page.figure(drawn.figure, caption, live=drawn.live)
 
 
 def interval_text(interval: list[float | None]) -> str:
@@ -257,23 +256,18 @@ def model_words(model: FrictionModel, unit: str = 'A') -> str:
 def formula(model: FrictionModel, unit: str = 'A') -> str:
     """Return the model as a formula with its numbers."""
     s = model.sigmoid
-    lines = [f'i(t) = {s.viscous:.4g}·v {s.lower:+.4g} '
-             f'{s.upper - s.lower:+.4g}/(1 + exp(-{s.steepness:.4g}·(v - {s.shift:.3g})))']
-    lines += [f'       {effect.formula()}' for effect in model.effects]
-    lines.append('')
-    lines.append(f'i in {unit}, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m')
-    return '\n'.join(lines)
+    return '\n'.join([
+        f'i(t) = {s.viscous:.4g}·v {s.lower:+.4g} '
+        f'{s.upper - s.lower:+.4g}/(1 + exp(-{s.steepness:.4g}·(v - {s.shift:.3g})))',
+        *(f'       {effect.formula()}' for effect in model.effects), '',
+        f'i in {unit}, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m'])
 
 
 def online_words(model: FrictionModel) -> str:
     """Return how the compensator uses the effects."""
-    lines = []
-    for effect in model.effects:
-        reason = effect.why_left_out()
-        lines.append(f'- {effect.name}: ' + (
-            f'left out by the compensator, since {reason}' if reason else
-            'applied by the compensator'))
-    return '\n'.join(lines)
+    return '\n'.join(f'- {effect.name}: ' + (
+        f'left out by the compensator, since {reason}' if (reason := effect.why_left_out())
+        else 'applied by the compensator') for effect in model.effects)
 
 
 def limitations(report: dict[str, Any]) -> str:

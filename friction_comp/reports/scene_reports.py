@@ -83,13 +83,8 @@ def stages_of(evaluation: Evaluation, marks: dict[str, float], count: int
               ) -> dict[str, list[Repetition]]:
     """Return the repetitions at the start, at the warning, and with the refined model.
 
-    Parameters
-    ----------
-    evaluation : Evaluation
-    marks : dict
-        Times of 'warned' and 'loaded' since the exercise began, s.
-    count : int
-        Number of movements in each direction in a stage.
+    `marks` are the times of 'warned' and 'loaded' since the exercise began, s; a stage has `count`
+    movements in each direction.
     """
     repetitions = sorted(evaluation.repetitions, key=lambda r: r.begin)
     # The compensator's own record of the active model is exact; the marks are a second late.
@@ -104,14 +99,7 @@ def stages_of(evaluation: Evaluation, marks: dict[str, float], count: int
 
 
 def effort(part: list[Repetition], figure: str = 'rms_torque') -> Interval:
-    """Return the mean of a figure over repetitions with its interval.
-
-    Parameters
-    ----------
-    part : list of Repetition
-    figure : str
-        A name in `FIGURES`.
-    """
+    """Return the mean of a figure of `FIGURES` over repetitions with its interval."""
     return mean_interval([r.figures[figure] for r in part if figure in r.figures])
 
 
