@@ -10,8 +10,7 @@ from xml.dom import minidom
 import numpy as np
 import pytest
 
-from friction_comp.evaluation.compare import Comparison
-from friction_comp.evaluation.effect_size import effect_size, pairs_to_decide
+from friction_comp.evaluation.compare import Comparison, effect_size, pairs_to_decide
 from friction_comp.evaluation.intervals import mean_interval
 from friction_comp.evaluation.repetitions import Help
 from friction_comp.evaluation.sessions import evaluate_recordings

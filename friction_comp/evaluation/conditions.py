@@ -36,8 +36,7 @@ if TYPE_CHECKING:
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-__all__ = ['Averages', 'Condition', 'Evaluation', 'evaluate', 'evaluate_repetitions',
-           'repetitions_of', 'sum_up']
+__all__ = ['Condition', 'Evaluation', 'evaluate']
 
 # The averaged curves of each kind of movement.
 Averages = dict[tuple[Help, int, int, int], Ensemble]
@@ -64,10 +63,6 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
         A model from which the current that a movement needs beyond the commanded one is computed,
         also without a torque sensor.
 
-    Returns
-    -------
-    Evaluation
-
     Raises
     ------
     InputError
@@ -78,8 +73,7 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
         raise InputError('no recording to evaluate')
     notes: list[str] = []
     repetitions: list[Repetition] = []
-    for k, (samples, name) in enumerate(zip(recordings, names)):
-        info = about[k] if about else None
+    for samples, name, info in zip(recordings, names, about or [None] * len(recordings)):
         found = repetitions_of(samples, name, info, friction, notes)
         if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
@@ -98,44 +92,22 @@ def sum_up(repetitions: Sequence[Repetition], averages: Averages) -> None:
 
 def evaluate_repetitions(joint: str, repetitions: list[Repetition], averages: Averages,
                          model: str | None = None, notes: list[str] | None = None) -> Evaluation:
-    """Evaluate measured repetitions.
-
-    Parameters
-    ----------
-    joint : str
-    repetitions : list of Repetition
-        At least one.
-    averages : dict
-        The averages of their curves from `sum_up`.
-    model : str, optional
-        The model file that was active.
-    notes : list of str, optional
-        Notes so far, to which more are added.
-
-    Returns
-    -------
-    Evaluation
-    """
+    """Evaluate one or more measured repetitions with the averages of their curves."""
     notes = [] if notes is None else notes
-    evaluation = Evaluation(
-        joint, [], model, _without_identification(repetitions, notes), notes=notes)
+    repetitions = _without_identification(repetitions, notes)
     groups: dict[tuple[Any, ...], list[Repetition]] = {}
     # Conditions without a direction and without a law come first, others in order of time.
-    order = {condition: index for index, condition in enumerate(
-        dict.fromkeys(r.help for r in evaluation.repetitions))}
-    for repetition in evaluation.repetitions:
+    order = list(dict.fromkeys(r.help for r in repetitions))
+    for repetition in repetitions:
         movement = repetition.movement
         groups.setdefault((
-            abs(movement.direction), repetition.help.law != 'none', order[repetition.help],
+            abs(movement.direction), repetition.help.law != 'none', order.index(repetition.help),
             -movement.sign, movement.direction), []).append(repetition)
-    kept = []
-    for key in sorted(groups):
-        group = _without_odd_durations(groups[key], evaluation.notes)
-        kept.extend(group)
-        evaluation.conditions.append(_condition(group, averages, evaluation.notes))
-    evaluation.comparisons = compare(kept)
-    evaluation.trends = trends(kept)
-    return evaluation
+    kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
+    conditions = [_condition(group, averages, notes) for group in kept]
+    all_kept = [repetition for group in kept for repetition in group]
+    return Evaluation(joint, conditions, model, repetitions, compare(all_kept), trends(all_kept),
+                      notes)
 
 
 def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
@@ -153,23 +125,9 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
                    whole: bool = True) -> list[Repetition]:
     """Find and measure the movements of a recording, or of a stretch of it.
 
-    Parameters
-    ----------
-    samples : Samples
-    name : str
-        The recording's name in messages.
-    info : RecordingInfo, optional
-    friction : FrictionModel, optional
-        As for `evaluate`.
-    notes : list of str
-        Notes for the reader are added to it, each line once.
-    whole : bool
-        Whether the recording ends with these samples.
-
-    Returns
-    -------
-    list of Repetition
-        Without a movement that reaches the end, unless it is the only one of a whole recording.
+    `whole` is whether the recording ends with these samples. A movement that reaches the end is
+    left out, unless it is the only one of a whole recording. Notes for the reader are added to
+    `notes`, each line once.
     """
     movements = find_movements(samples)
     new_notes = []
@@ -246,13 +204,9 @@ def _figures_of_average(repetitions: list[Repetition], time: np.ndarray,
                         mean: np.ndarray) -> tuple[float, float, float]:
     """Return the averaged torque's peak, its time, and the mean at constant velocity."""
     movement = repetitions[0].movement
-
-    def median_time(name: str) -> float:
-        return float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
-    average = replace(
-        movement, begin=0.0, end=median_time('end'), constant_begin=median_time('constant_begin'),
-        constant_end=median_time('constant_end'), rest_begin=median_time('rest_begin'),
-        rest_end=median_time('rest_end'))
+    average = replace(movement, **{
+        name: float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
+        for name in ('begin', 'end', 'constant_begin', 'constant_end', 'rest_begin', 'rest_end')})
     onset = float(np.median([r.figures.get('onset', math.inf) for r in repetitions]))
     has_reference = any('onset' in r.figures or not r.moved for r in repetitions)
     torque = effort(time, mean, average, onset if math.isfinite(onset) else None, has_reference)

@@ -89,8 +89,7 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
     failures: list[Failure] = []
     for path in find_recordings([Path(path) for path in paths]):
         try:
-            names: list[str | None] = [joint] if joint is not None else [
-                *recorded_joints(path, layout)] or [None]
+            names = [joint] if joint is not None else recorded_joints(path, layout) or ['']
         except InputError as error:
             failures.append(Failure(str(error)))
             continue
@@ -101,32 +100,8 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
 def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
                         friction: FrictionModel | None = None, seconds: float = _STRETCH,
                         progress: Callable[[float], None] | None = None) -> list[Evaluation]:
-    """Evaluate recordings, or folders of them, joint by joint.
-
-    Parameters
-    ----------
-    paths : sequence of path-like
-    joint : str, optional
-        Only this joint; all recorded joints that move when omitted.
-    friction : FrictionModel, optional
-        As for `friction_comp.evaluation.conditions.evaluate`.
-    seconds : float
-        Length of the stretches in which recordings are read.
-    progress : callable, optional
-        Called with the share 0..1 that is done.
-
-    Returns
-    -------
-    list of Evaluation
-        One for each joint. Recordings that cannot be used are named in the notes.
-
-    Raises
-    ------
-    InputError
-        If no recording can be used, with the first one's reason.
-    """
-    pieces, failures = pieces_of(paths, joint)
-    return evaluate_pieces(pieces, failures, friction, seconds, progress)
+    """Evaluate recordings, or folders of them, by `pieces_of` and `evaluate_pieces`."""
+    return evaluate_pieces(*pieces_of(paths, joint), friction, seconds, progress)
 
 
 def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
@@ -140,14 +115,19 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     pieces : sequence of Piece
     failures : sequence of Failure
         Recordings that are left out already.
-    friction, seconds, progress
-        As for `evaluate_recordings`.
+    friction : FrictionModel, optional
+        As for `friction_comp.evaluation.conditions.evaluate`.
+    seconds : float
+        Length of the stretches in which recordings are read.
+    progress : callable, optional
+        Called with the share 0..1 that is done.
     run : callable
         Runs the work, in this process or in several.
 
     Returns
     -------
     list of Evaluation
+        One for each joint. Recordings that cannot be used are named in the notes.
 
     Raises
     ------

@@ -14,17 +14,8 @@ _HIGHEST, _FAINTEST, _PADDING = 10.0, 0.05, 4
 def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
     """Return the spectral arc length of a movement's speed, dimensionless.
 
-    Parameters
-    ----------
-    velocity : ndarray
-        rad/s, shape (N,).
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    float
-        Negative: about -1.4 for a single bell-shaped movement, and lower with each hesitation.
+    It is about -1.4 for a single bell-shaped movement, and lower with each hesitation; NaN without
+    motion. `velocity` is in rad/s, shape (N,).
     """
     speed = np.abs(velocity)
     size = 2 ** (int(np.ceil(np.log2(len(speed)))) + _PADDING)
@@ -42,19 +33,9 @@ def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
 
 
 def log_dimensionless_jerk(velocity: np.ndarray, sample_time: float) -> float:
-    """Return minus the logarithm of the dimensionless squared jerk.
+    """Return minus the logarithm of the dimensionless squared jerk, larger for smoother movements.
 
-    Parameters
-    ----------
-    velocity : ndarray
-        rad/s, shape (N,).
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    float
-        Larger for smoother movements.
+    NaN without motion.
     """
     top_speed, duration = float(np.abs(velocity).max()), len(velocity) * sample_time
     jerk = np.gradient(np.gradient(velocity, sample_time), sample_time)

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from friction_comp.evaluation.compare import SIGNIFICANT
-from friction_comp.evaluation.intervals import CONFIDENCE, Interval, mean_interval
+from friction_comp.evaluation.intervals import Interval, is_significant, mean_interval, student
 from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
 
 _WEEK = 7.0
@@ -48,7 +47,7 @@ class Trend:
     @property
     def significant(self) -> bool:
         """Whether the slope is statistically significant."""
-        return self.probability is not None and self.probability < SIGNIFICANT
+        return is_significant(self.probability)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
@@ -60,18 +59,7 @@ class Trend:
 
 
 def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
-    """Return the trend of each condition's leading figure over the days.
-
-    Parameters
-    ----------
-    repetitions : sequence of Repetition
-        Of one joint.
-
-    Returns
-    -------
-    list of Trend
-        Empty where all repetitions are of one day.
-    """
+    """Return the trend of each condition's leading figure; empty for repetitions of one day."""
     if len({r.day for r in repetitions if r.day}) < 2:
         return []
     groups: dict[Help, list[Repetition]] = {}
@@ -93,7 +81,6 @@ def _trend(condition: Help, repetitions: list[Repetition]) -> Trend:
         return Trend(figure, condition, days, None, None)
     weeks = np.array([date.fromisoformat(day).toordinal() for day in days]) / _WEEK
     line = stats.linregress(weeks, [value.mean for value in days.values()])
-    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, len(days) - 2) * line.stderr)
-    slope = float(line.slope)
-    return Trend(figure, condition, days, Interval(slope, slope - half, slope + half, len(days)),
-                 float(line.pvalue))
+    slope = Interval.around(
+        float(line.slope), student(len(days) - 2) * float(line.stderr), len(days))
+    return Trend(figure, condition, days, slope, float(line.pvalue))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.evaluation.effect_size import effect_size, pairs_to_decide
+from friction_comp.evaluation.compare import effect_size, pairs_to_decide
 from friction_comp.evaluation.repetitions import FIGURES
 from friction_comp.reports.evaluation_words import (
     figure_of,
@@ -51,8 +51,7 @@ _MARKERS = 'osD^vPX*'
 
 @styled
 def evaluation_figure(evaluation: Evaluation) -> Figure:
-    """Draw trajectories above and torques below, with positive movements left and negative right.
-    """
+    """Draw trajectories above and torques below, positive movements left and negative right."""
     movements = [name for name in ('positive', 'negative')
                  if any(c.movement == name for c in evaluation.conditions)]
     colours = _colours(evaluation)
