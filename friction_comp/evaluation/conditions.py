@@ -16,7 +16,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.evaluation.compare import compare
+from friction_comp.evaluation.compare import compare, trends
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
@@ -29,7 +29,6 @@ from friction_comp.evaluation.repetitions import (
     NAMES,
     Repetition,
 )
-from friction_comp.evaluation.trend import trends
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel

@@ -14,8 +14,11 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
-from friction_comp.evaluation.movements import measured_velocity
-from friction_comp.evaluation.smoothness import log_dimensionless_jerk, spectral_arc_length
+from friction_comp.evaluation.movements import (
+    log_dimensionless_jerk,
+    measured_velocity,
+    spectral_arc_length,
+)
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.movements import Movement

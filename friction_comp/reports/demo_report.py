@@ -15,7 +15,7 @@ from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
-from friction_comp.reports.refinement_figures import residual_figure, steps_figure
+from friction_comp.reports.refinement_figures import residual_figure
 from friction_comp.reports.refinement_report import formula, limitations, model_words
 
 if TYPE_CHECKING:
@@ -184,7 +184,6 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                [[effect['name'].replace('_', ' '), effect['variable'],
                  1e3 * effect['held_out_rmse'], effect.get('in_words', '')]
                 for effect in effects] or [['none', '', None, '']])
-    page.figure(steps_figure(refined), 'Error on data not fitted as effects were added.')
     for name, label in (('position', 'position (rad)'), ('velocity', 'velocity (rad/s)')):
         page.figure(residual_figure(refined, name, label), f'Residual over {name}.',
                     interactive=True)

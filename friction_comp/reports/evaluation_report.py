@@ -32,10 +32,10 @@ from friction_comp.reports.moving_joint import moving_joint, MovingScene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from friction_comp.evaluation.compare import Trend
     from friction_comp.evaluation.conditions import Evaluation
     from friction_comp.evaluation.intervals import Interval
     from friction_comp.evaluation.repetitions import Help
-    from friction_comp.evaluation.trend import Trend
 
 # Largest numbers of comparisons, tiles and recordings on a page; report.json has all.
 _MOST_COMPARISONS, _MOST_TILES, _MOST_RECORDINGS = 24, 5, 12
@@ -287,22 +287,11 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
 
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """Return the peaks by condition and, for one or two conditions, the reductions."""
-    if not evaluation.measured:
-        return []
-    conditions = [condition for condition in dict.fromkeys(c.help for c in evaluation.conditions)
-                  if condition.announced >= 0]
-    tiles = [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',
-              f'peak, {nonbreaking_label(evaluation, condition)}') for condition in conditions
-             if np.isfinite(peak := evaluation.peak_of(condition))][:_MOST_TILES]
-    if len(tiles) > 2:
-        return tiles
-    for name, value in (('peak', evaluation.peak_reduction),
-                        ('RMS torque', evaluation.rms_reduction)):
-        if value is not None:
-            tiles.append((f'{abs(100 * value):.0f} %',
-                          f'{"lower" if value >= 0 else "higher"} {name} with d = ±1'))
-    return tiles
+    """Return the peaks by condition, where there are no two to compare."""
+    conditions = dict.fromkeys(c.help for c in evaluation.conditions if c.help.announced >= 0)
+    return [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',
+             f'peak, {nonbreaking_label(evaluation, condition)}') for condition in conditions
+            if np.isfinite(peak := evaluation.peak_of(condition))][:_MOST_TILES]
 
 
 def _percent(share: Interval) -> str:

@@ -11,11 +11,10 @@ from friction_comp.evaluation.repetitions import FIGURES
 from friction_comp.reports.html import number
 
 if TYPE_CHECKING:
-    from friction_comp.evaluation.compare import Comparison
+    from friction_comp.evaluation.compare import Comparison, Trend
     from friction_comp.evaluation.conditions import Condition, Evaluation
     from friction_comp.evaluation.intervals import Interval
     from friction_comp.evaluation.repetitions import Help
-    from friction_comp.evaluation.trend import Trend
 
 
 class _Peaks(NamedTuple):

@@ -50,11 +50,7 @@ _STYLE: dict[Any, Any] = {
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function that draws, so that its figure has the style of this module.
-
-    Legends, titles and labels take their style from matplotlib's settings when they are created;
-    these settings change only within the function.
-    """
+    """Decorate a function that draws, so that its figure has the style of this module."""
     @wraps(draw)
     def with_style(*args: P.args, **kwargs: P.kwargs) -> T:
         with mpl.rc_context(_STYLE):
@@ -65,7 +61,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 @styled
 def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.0,
                **options: Any) -> tuple[Figure, Any]:
-    """Create a figure with a grid of axes.
+    """Create a figure with a grid of axes, an ndarray of them where there are several.
 
     Parameters
     ----------
@@ -74,11 +70,6 @@ def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: floa
         Width of the figure and height of one row, inches.
     **options
         Further arguments of ``Figure.subplots``, such as ``sharex=True``.
-
-    Returns
-    -------
-    figure : matplotlib.figure.Figure
-    axes : Axes, or ndarray of Axes where there are several
     """
     figure = Figure(figsize=(width, height * rows), layout='constrained')
     FigureCanvasAgg(figure)
@@ -110,13 +101,12 @@ def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndar
 
 
 def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | None = None,
-            points: int = 6000, size: float = 3.0, seed: int = 0) -> None:
+            points: int = 6000) -> None:
     """Draw measured points as small dots, a random sample where there are more than `points`."""
-    x, y = np.asarray(x), np.asarray(y)
     if len(x) > points:
-        chosen = np.sort(np.random.default_rng(seed).choice(len(x), points, replace=False))
+        chosen = np.sort(np.random.default_rng(0).choice(len(x), points, replace=False))
         x, y = x[chosen], y[chosen]
-    axes.plot(x, y, '.', color=COLOURS[colour], markersize=size, alpha=0.45, label=label,
+    axes.plot(x, y, '.', color=COLOURS[colour], markersize=3.0, alpha=0.45, label=label,
               markeredgewidth=0, rasterized=True)
 
 

@@ -21,12 +21,7 @@ import numpy as np
 from friction_comp import __version__
 from friction_comp.files import write_atomically
 from friction_comp.reports.figures import for_page
-from friction_comp.reports.interactive import (
-    bokeh_is_installed,
-    interactive_plot,
-    library,
-    thinning_note,
-)
+from friction_comp.reports.interactive import bokeh_is_installed, interactive_plot, library
 
 if TYPE_CHECKING:
     from markdown_it.rules_core import StateCore
@@ -153,10 +148,10 @@ class Report:
         words = _plain(alternative or caption)
         live, kind = '', ''
         if interactive and bokeh_is_installed():
-            live = (f'<div class="live" role="group" aria-label="{words}">'
-                    f'{interactive_plot(figure)}</div>')
+            plot, note = interactive_plot(figure)
+            live = f'<div class="live" role="group" aria-label="{words}">{plot}</div>'
             kind = ' class="two"'
-            caption += thinning_note(figure)
+            caption += note
             # Set before the layout, so that nothing jumps.
             self._scripts['bokeh'] = (
                 "<script>document.documentElement.classList.add('scripted');</script>\n"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from html import escape
+from importlib.util import find_spec
 from typing import Any, TYPE_CHECKING
 
 from matplotlib.collections import PolyCollection
@@ -31,11 +32,7 @@ _FONT = 'system-ui, sans-serif'
 
 def bokeh_is_installed() -> bool:
     """Return whether plots can be made."""
-    try:
-        import bokeh  # noqa: F401
-    except ModuleNotFoundError:
-        return False
-    return True
+    return find_spec('bokeh') is not None
 
 
 def library() -> str:
@@ -45,8 +42,8 @@ def library() -> str:
     return Resources(mode='inline', components=['bokeh']).render_js()
 
 
-def interactive_plot(figure: Figure) -> str:
-    """Return the lines, dots and bands of a figure as HTML with its script.
+def interactive_plot(figure: Figure) -> tuple[str, str]:
+    """Return the lines, dots and bands of a figure as HTML, and a note on thinned curves.
 
     The panels share the x axis in a column and the y axis in a row.
     """
@@ -57,21 +54,14 @@ def interactive_plot(figure: Figure) -> str:
         spec: Any = axes.get_subplotspec()
         row, column = spec.rowspan.start, spec.colspan.start
         plots[row, column] = _plot(axes, plots.get((0, column)), plots.get((row, 0)))
-    columns = 1 + max(column for _, column in plots)
     script, elements = components([plots[place] for place in sorted(plots)])
     panels = ''.join(f'<div>{element}</div>' for element in elements)
-    return (f'{_key(figure)}<div class="panels" style="--columns:{columns}">{panels}</div>'
-            f'{script.strip()}')
-
-
-def thinning_note(figure: Figure) -> str:
-    """Return a sentence on curves that were thinned out, '' where none were."""
-    most = max((len(line.get_xdata(orig=False)) for axes in figure.axes  # type: ignore[arg-type]
-                for line in _lines(axes) if not _is_dots(line)), default=0)
-    if most <= POINTS:
-        return ''
-    return (f' Of up to {most} points per curve, the lowest and highest of each of {POINTS // 2} '
-            'stretches are drawn.')
+    lines = [line for axes in figure.axes for line in _lines(axes)]
+    most = max((len(line.get_path()) for line in lines if not _is_dots(line)), default=0)
+    note = (f' Of up to {most} points per curve, the lowest and highest of each of {POINTS // 2} '
+            'stretches are drawn.') if most > POINTS else ''
+    return (f'{_key(lines)}<div class="panels" style="--columns:{1 + max(plots)[1]}">{panels}'
+            f'</div>{script.strip()}', note)
 
 
 def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
@@ -99,9 +89,9 @@ def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
     return x[indices], y[indices]
 
 
-def _lines(axes: Axes) -> Iterable[Line2D]:
+def _lines(axes: Axes) -> list[Line2D]:
     """Return the lines with data, without those across the whole panel."""
-    return (line for line in axes.lines if line.get_transform() is axes.transData)
+    return [line for line in axes.lines if line.get_transform() is axes.transData]
 
 
 def _is_dots(line: Line2D) -> bool:
@@ -113,15 +103,24 @@ def _name(line: Line2D) -> str:
     return '' if name.startswith('_') else name
 
 
-def _key(figure: Figure) -> str:
+def _key(lines: Iterable[Line2D]) -> str:
     """Return the key of curves as HTML, so that its lines wrap on a narrow page."""
-    lines = {_name(line): line for axes in figure.axes for line in _lines(axes) if _name(line)}
-    if len(lines) < 2:
+    named = {_name(line): line for line in lines if _name(line)}
+    if len(named) < 2:
         return ''
     return '<p class="key">' + ' '.join(
         f'<span><i style="border-top:3px {"dashed" if line.get_linestyle() == "--" else "solid"} '
-        f'{to_hex(line.get_color())}"></i>{escape(name)}</span>' for name, line in lines.items()
+        f'{to_hex(line.get_color())}"></i>{escape(name)}</span>' for name, line in named.items()
     ) + '</p>'
+
+
+def _label(axes: Axes, span: str, name: str) -> str:
+    """Return a label of axes or, for inner ones, of others in the same column or row."""
+    def start(other: Any) -> int:
+        return int(getattr(other.get_subplotspec(), span).start)
+    figure: Any = axes.get_figure()
+    return next((label for other in figure.axes if start(other) == start(axes)
+                 and (label := getattr(other, name)())), '')
 
 
 def _plot(axes: Axes, above: Any, left: Any) -> Any:
@@ -129,16 +128,9 @@ def _plot(axes: Axes, above: Any, left: Any) -> Any:
     from bokeh.models import HoverTool, Range1d
     from bokeh.plotting import figure
 
-    # Inner panels have no labels of their own in a drawing.
-    spec: Any = axes.get_subplotspec()
-    drawn = axes.get_figure().axes  # type: ignore[union-attr]
-    x_label = next((other.get_xlabel() for other in drawn if other.get_xlabel()
-                    and other.get_subplotspec().colspan.start == spec.colspan.start), '')
-    y_label = next((other.get_ylabel() for other in drawn if other.get_ylabel()
-                    and other.get_subplotspec().rowspan.start == spec.rowspan.start), '')
-    title = axes.get_title(loc='left')
+    x_label, y_label = _label(axes, 'colspan', 'get_xlabel'), _label(axes, 'rowspan', 'get_ylabel')
     # The wheel scrolls the page unless its tool is selected.
-    plot = figure(height=270, sizing_mode='stretch_width', title=title or None,
+    plot = figure(height=270, sizing_mode='stretch_width', title=axes.get_title(loc='left'),
                   tools='pan,box_zoom,wheel_zoom,reset,save', active_drag='box_zoom',
                   x_range=above.x_range if above else Range1d(*axes.get_xlim()),
                   y_range=left.y_range if left else Range1d(*axes.get_ylim()),
@@ -151,29 +143,23 @@ def _plot(axes: Axes, above: Any, left: Any) -> Any:
                            fill_color=to_hex(filled.get_facecolor()[0]))
     renderers = []
     for line in _lines(axes):
-        colour, name = to_hex(line.get_color()), _name(line)
-        x, y = (np.asarray(values, dtype=float) for values in line.get_data(orig=False))
+        options: Any = {'color': to_hex(line.get_color()), 'name': _name(line)}
+        points = line.get_xydata().T
         # Single precision halves the size of the page.
         if _is_dots(line):
-            step = max(1, len(x) // _DOTS)
-            renderers.append(plot.scatter(
-                x[::step].astype(np.float32), y[::step].astype(np.float32), size=3, color=colour,
-                alpha=0.5, name=name))
+            dots = points[:, ::max(1, points.shape[1] // _DOTS)].astype(np.float32)
+            renderers.append(plot.scatter(*dots, size=3, alpha=0.5, **options))
         else:
-            x, y = thin_extremes(x, y)
-            renderers.append(plot.line(
-                x.astype(np.float32), y.astype(np.float32), color=colour, line_width=1.8,
-                line_dash=[6, 4] if line.get_linestyle() == '--' else 'solid', name=name))
+            x, y = (part.astype(np.float32) for part in thin_extremes(*points))
+            dash = [6, 4] if line.get_linestyle() == '--' else 'solid'
+            renderers.append(plot.line(x, y, line_width=1.8, line_dash=dash, **options))
     plot.add_tools(HoverTool(renderers=renderers, tooltips=[
         ('', '$name'), (x_label, '$x{0.[0000]}'), (y_label, '$y{0.[0000]}')]))
-    for axis in (plot.xaxis, plot.yaxis):
-        axis.axis_label_text_font_style = 'normal'
-        axis.axis_label_text_font = axis.major_label_text_font = _FONT
-        axis.axis_label_text_color = axis.major_label_text_color = INK
-    if title:
-        plot.title.text_color = INK
-        plot.title.text_font = _FONT
+    for axis in plot.axis:
+        axis.update(axis_label_text_font_style='normal', axis_label_text_font=_FONT,
+                    major_label_text_font=_FONT, axis_label_text_color=INK,
+                    major_label_text_color=INK)
+    plot.title.update(text_color=INK, text_font=_FONT)
     plot.grid.grid_line_alpha = 0.5
-    plot.toolbar.logo = None
-    plot.toolbar.autohide = True
+    plot.toolbar.update(logo=None, autohide=True)
     return plot

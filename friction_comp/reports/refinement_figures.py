@@ -105,20 +105,6 @@ def parts_figure(result: RefineResult) -> Figure:
 
 
 @styled
-def steps_figure(result: RefineResult) -> Figure:
-    """Draw the error as effects are added."""
-    figure, axes = new_figure(height=2.6)
-    labels = [f'+ {name.replace("_", " ")}' if k else name
-              for k, (name, _) in enumerate(result.trail)]
-    axes.plot([error for _, error in result.trail], 'o-', color=COLOURS['blue'])
-    axes.axhline(result.report['noise_floor'], color=COLOURS['grey'], linestyle='--')
-    axes.set_xticks(range(len(labels)), labels, rotation=20, ha='right')
-    axes.set_ylabel(f"RMS error ({result.report['unit']})")
-    axes.set_ylim(bottom=0.0)
-    return figure
-
-
-@styled
 def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     """Draw the residual over a signal, before and after side by side."""
     samples, rows = result.samples, result.usable

@@ -20,7 +20,6 @@ from friction_comp.reports.refinement_figures import (
     residual_figure,
     spectrum,
     spectrum_figure,
-    steps_figure,
     time_figure,
 )
 
@@ -105,8 +104,6 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
               'time and acceleration that are left out of the fit.')
     page.figure(parts_figure(result), 'Error of each long part, predicted by a fit to all others, '
                 'and of the samples at standstill.')
-    page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
-                'time. The dashed line is the noise from sample to sample.')
     page.heading('The residual, before and after')
     named = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
