@@ -140,10 +140,9 @@ def effect_size(comparison: Comparison) -> Interval | None:
     The interval is the large-sample 95 % interval of Hedges and Olkin (1985); None without scatter.
     """
     difference, count = comparison.difference, comparison.pairs
-    if difference.low is None or difference.high is None or difference.high <= difference.low:
+    if not difference.half:
         return None
-    standard_error = 0.5 * (difference.high - difference.low) / student(count - 1)
-    size = difference.mean / (standard_error * math.sqrt(count))
+    size = difference.mean / (difference.half * math.sqrt(count)) * student(count - 1)
     half = float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE)) * math.sqrt(
         1.0 / count + size ** 2 / (2.0 * count))
     return Interval.around(size, half, count)

@@ -8,8 +8,8 @@ active law and model, the announced direction d, and the direction of the moveme
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any, TYPE_CHECKING
 
@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ['Condition', 'Evaluation', 'evaluate']
 
-# The averaged curves of each kind of movement.
-Averages = dict[tuple[Help, int, int, int], Ensemble]
 # Repetitions whose duration differs from the median by more than this share are left out.
 _ODD = 0.25
 
@@ -70,43 +68,59 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     names = [str(name) for name in names or [f'recording {k}' for k in range(len(recordings))]]
     if not recordings:
         raise InputError('no recording to evaluate')
-    notes: list[str] = []
-    repetitions: list[Repetition] = []
+    measured = Measured(recordings[0].joint)
     for samples, name, info in zip(recordings, names, about or [None] * len(recordings)):
-        found = repetitions_of(samples, name, info, friction, notes)
+        found = repetitions_of(samples, name, info, friction, measured.notes)
         if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
-        repetitions.extend(found)
-    averages: Averages = {}
-    sum_up(repetitions, averages)
-    return evaluate_repetitions(recordings[0].joint, repetitions, averages, model, notes)
+        measured.extend(found)
+    return measured.evaluate(model)
 
 
-def sum_up(repetitions: Sequence[Repetition], averages: Averages) -> None:
-    """Add the curves of movements to the averages and discard the curves."""
-    for repetition in repetitions:
-        averages.setdefault(repetition.kind, Ensemble()).add(Ensemble.of(repetition.curves))
-        repetition.curves = {}
+@dataclass
+class Measured:
+    """The repetitions of one joint, and the averages of their curves by kind of movement."""
 
+    joint: str
+    repetitions: list[Repetition] = field(default_factory=list)
+    averages: dict[tuple[Help, int, int, int], Ensemble] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    models: list[str] = field(default_factory=list)
 
-def evaluate_repetitions(joint: str, repetitions: list[Repetition], averages: Averages,
-                         model: str | None = None, notes: list[str] | None = None) -> Evaluation:
-    """Evaluate one or more measured repetitions with the averages of their curves."""
-    notes = [] if notes is None else notes
-    repetitions = _without_identification(repetitions, notes)
-    groups: dict[tuple[Any, ...], list[Repetition]] = {}
-    # Conditions without a direction and without a law come first, others in order of time.
-    order = list(dict.fromkeys(r.help for r in repetitions))
-    for repetition in repetitions:
-        movement = repetition.movement
-        groups.setdefault((
-            abs(movement.direction), repetition.help.law != 'none', order.index(repetition.help),
-            -movement.sign, movement.direction), []).append(repetition)
-    kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
-    conditions = [_condition(group, averages, notes) for group in kept]
-    all_kept = [repetition for group in kept for repetition in group]
-    return Evaluation(joint, conditions, model, repetitions, compare(all_kept), trends(all_kept),
-                      notes)
+    def extend(self, repetitions: Sequence[Repetition]) -> None:
+        """Add repetitions, and their curves to the averages."""
+        for repetition in repetitions:
+            self._add_curves(repetition.kind, Ensemble.of(repetition.curves))
+            repetition.curves = {}
+        self.repetitions += repetitions
+
+    def add(self, other: Measured) -> None:
+        """Add what was measured in another recording of the joint."""
+        self.repetitions += other.repetitions
+        for kind, ensemble in other.averages.items():
+            self._add_curves(kind, ensemble)
+        self.notes += other.notes
+        self.models += other.models
+
+    def _add_curves(self, kind: tuple[Help, int, int, int], curves: Ensemble) -> None:
+        self.averages.setdefault(kind, Ensemble()).add(curves)
+
+    def evaluate(self, model: str | None) -> Evaluation:
+        """Evaluate one or more repetitions; `model` are the files that were active."""
+        notes = list(self.notes)
+        repetitions = _without_identification(self.repetitions, notes)
+        groups: dict[tuple[Any, ...], list[Repetition]] = {}
+        # Conditions without a direction and without a law come first, others in order of time.
+        order = list(dict.fromkeys(r.help for r in repetitions))
+        for r in repetitions:
+            groups.setdefault((
+                abs(r.movement.direction), r.help.law != 'none', order.index(r.help),
+                -r.movement.sign, r.movement.direction), []).append(r)
+        kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
+        conditions = [_condition(group, self.averages, notes) for group in kept]
+        all_kept = [repetition for group in kept for repetition in group]
+        return Evaluation(self.joint, conditions, model, repetitions, compare(all_kept),
+                          trends(all_kept), notes)
 
 
 def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
@@ -165,7 +179,8 @@ def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> l
     return kept or repetitions
 
 
-def _condition(repetitions: list[Repetition], averages: Averages, notes: list[str]) -> Condition:
+def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
+               notes: list[str]) -> Condition:
     first, ensemble = repetitions[0], Ensemble()
     for kind in dict.fromkeys(r.kind for r in repetitions):
         ensemble.add(averages[kind])

@@ -29,6 +29,11 @@ class Interval:
         """Return the interval with half of its width given."""
         return cls(mean, mean - half, mean + half, count)
 
+    @property
+    def half(self) -> float | None:
+        """Half the width of the interval."""
+        return None if self.low is None or self.high is None else 0.5 * (self.high - self.low)
+
     def as_dict(self) -> dict[str, float | int | None]:
         """Return the entry of report.json."""
         return asdict(self)

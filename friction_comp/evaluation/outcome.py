@@ -67,11 +67,6 @@ class Condition:
     position_std: np.ndarray
     reference: np.ndarray | None = None
 
-    @property
-    def assisted(self) -> bool:
-        """Whether the announced direction is that of the movement."""
-        return self.direction == (1 if self.movement == 'positive' else -1)
-
     def as_dict(self) -> dict[str, Any]:
         """Return the figures without the curves."""
         named = {name: getattr(self, name) for name in (

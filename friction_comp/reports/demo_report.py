@@ -59,10 +59,10 @@ class EvaluatedTrial:
 
     def half_interval(self, name: str) -> float | None:
         """Return half the 95 % interval of a figure's mean over both movements."""
-        intervals = [c.figures[name] for c in self.evaluation.conditions if name in c.figures]
-        halves = [0.5 * (span.high - span.low) for span in intervals
-                  if span.low is not None and span.high is not None]
-        complete = halves and len(halves) == len(self.evaluation.conditions)
+        conditions = self.evaluation.conditions
+        halves = [half for c in conditions if name in c.figures
+                  and (half := c.figures[name].half) is not None]
+        complete = len(halves) == len(conditions)
         return float(np.hypot.reduce(halves)) / len(halves) if complete else None
 
     @property
@@ -127,8 +127,7 @@ def identification_figure(model: FrictionModel) -> Figure:
         [0.0, 0.0], [1e3 * breakaway.positive_mean, 1e3 * breakaway.negative_mean],
         [1e3 * breakaway.positive_std, 1e3 * breakaway.negative_std], fmt='s', capsize=4,
         color=COLOURS['green'], label='breakaway')
-    axes.set_xlabel('joint velocity (rad/s)')
-    axes.set_ylabel('motor current (mA)')
+    axes.set(xlabel='joint velocity (rad/s)', ylabel='motor current (mA)')
     axes.legend(loc='best')
     return figure
 
@@ -188,10 +187,10 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         page.figure(residual_figure(refined, name, label), f'Residual over {name}.',
                     interactive=True)
     page.heading('The refined model')
-    page.text(model_words(refined.model))
+    page.bullets(model_words(refined.model))
     page.code(formula(refined.model))
     page.heading('What the recordings cannot tell')
-    page.text(limitations(refined.report))
+    page.bullets(limitations(refined.report))
     return page
 
 

@@ -54,10 +54,11 @@ def each_report(content: dict[str, Any]) -> Report:
                   f'{len(rows)} refined separately; joints: {", ".join(joints)}')
     page.verdict(verdict(content))
     for unit in dict.fromkeys(row['unit'] for row in rows):
-        same_unit = [row for row in rows if row['unit'] == unit]
+        same_unit = sorted((row for row in rows if row['unit'] == unit),
+                           key=lambda row: str(row['joint']))
         page.figure(errors_figure(same_unit, unit), 'Error on data not fitted, before (open) and '
-                    'after refinement (filled), and noise from sample to sample (line); ordered '
-                    'by joint and recording.')
+                    'after refinement (filled), and noise from sample to sample (line), on a '
+                    'logarithmic scale; ordered by joint and recording.')
     page.heading('Effects, and how often they were found')
     page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'repeatable'],
                _effects(rows, joints))
@@ -75,14 +76,13 @@ def each_report(content: dict[str, Any]) -> Report:
         'file of each recording are in its folder beside this page.')
     if content['failed']:
         page.heading('Left out')
-        page.text('\n'.join(f'- {reason}' for reason in content['failed']))
+        page.bullets(content['failed'])
     return page
 
 
 @styled
 def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
-    """Draw the errors before and after refinement for each recording."""
-    rows = sorted(rows, key=lambda row: row['joint'])
+    """Draw the errors before and after refinement; rows of a joint follow each other."""
     figure, axes = new_figure(width=8.4, height=3.2)
     x = np.arange(len(rows))
     before, after, noise = (np.array([row[name] for row in rows], dtype=float)
@@ -94,7 +94,7 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
     axes.hlines(noise, x - 0.4, x + 0.4, color=COLOURS['green'], linewidth=1.2, label='noise')
     joints, begins, counts = np.unique([row['joint'] for row in rows], return_index=True,
                                        return_counts=True)
-    for begin in begins[1:]:
+    for begin in sorted(begins)[1:]:
         axes.axvline(begin - 0.5, color=COLOURS['grey'], linewidth=0.6)
     if len(joints) > 1:
         axes.set_xticks(begins + 0.5 * (counts - 1), joints)
@@ -105,8 +105,7 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
     else:
         axes.set_xticks([])
         axes.set_xlabel('recordings, as in the table below')
-    axes.set_ylim(bottom=0.0)
-    axes.set_ylabel(f'RMS error ({unit})')
+    axes.set(yscale='log', ylabel=f'RMS error ({unit})')
     figure.legend(loc='outside lower center', ncols=3)
     return figure
 

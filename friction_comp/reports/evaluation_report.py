@@ -46,6 +46,19 @@ _TABLES = (
     ('Timing and smoothness', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
                                'rms_current')),
 )
+_EXPLAINED = {
+    'peak_torque': (
+        'The peak is the largest torque from the beginning of the movement until it slows down, or '
+        'until the joint starts moving where that is later. A lower bound (>) is given where the '
+        'joint did not move in some repetitions. RMS is over the movement without standstill. The '
+        'torque at constant velocity is positive where the person pushes the joint, and negative '
+        'where the joint pulls the person.'),
+    'residual_current': (
+        'The residual current is the RMS difference between the current that the model predicts '
+        'for the movement and the commanded one: it is as good as the model.'),
+    'smoothness': (
+        'Smoothness is the spectral arc length of the speed: about \u22121.4 for a single '
+        'bell-shaped movement, and lower with hesitations.')}
 _MARKERS = 'osD^vPX*'
 
 
@@ -91,14 +104,12 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
         # Shifted, so that intervals of one day do not overlap.
         shift = 0.12 * (k - 0.5 * (len(trends) - 1))
         days = np.array([date.fromisoformat(day).toordinal() for day in trend.days]) + shift
-        values = list(trend.days.values())
+        values = trend.days.values()
         means = np.array([value.mean for value in values])
-        errors = np.array([[v.mean - (v.mean if v.low is None else v.low),
-                           (v.mean if v.high is None else v.high) - v.mean] for v in values]).T
         colour = COLOURS[colours[trend.help]]
-        axes.errorbar(days, means, yerr=errors, fmt=_MARKERS[k % len(_MARKERS)], color=colour,
-                      markersize=5, capsize=3, linewidth=1.2,
-                      label=evaluation.label(trend.help))
+        axes.errorbar(days, means, [value.half or 0.0 for value in values],
+                      fmt=_MARKERS[k % len(_MARKERS)], color=colour, markersize=5, capsize=3,
+                      linewidth=1.2, label=evaluation.label(trend.help))
         if trend.significant and trend.per_week is not None:
             line = means.mean() + trend.per_week.mean / 7.0 * (days - days.mean())
             axes.plot(days, line, color=colour, linewidth=1.0)
@@ -106,8 +117,7 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     step = max(1, -(-len(ticks) // 10))
     axes.set_xticks(ticks[::step], [date.fromordinal(k).isoformat() for k in ticks[::step]],
                     rotation=30, ha='right')
-    name, unit = FIGURES[trends[0].figure]
-    axes.set_ylabel(f'{name} ({unit})' if unit else name)
+    axes.set_ylabel(heading(trends[0].figure))
     figure.legend(loc='outside lower center', ncols=2)
     return figure
 
@@ -161,42 +171,25 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
     report.text('## Conditions')
     starts = ['n', 'false starts']
     for title, names in _TABLES:
-        known = [name for name in names if any(
+        shown = [name for name in names if any(
             c.figures[name].mean != 0 for c in evaluation.conditions if name in c.figures)]
-        if not known:
+        if not shown:
             continue
         report.table(
-            ['condition', '', *starts, *(heading(name) for name in known)],
+            ['condition', '', *starts, *map(heading, shown)],
             [[nonbreaking_label(evaluation, c.help), '+' if c.movement == 'positive' else '\u2212',
-              *([c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})']
-                if starts else []),
-              *(figure_of(c, name) for name in known)]
+              *[c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})'][
+                  :len(starts)], *(figure_of(c, name) for name in shown)]
              for c in evaluation.conditions],
             f'{title}: mean over the repetitions ± half its 95 % confidence interval, for '
             'movements in the positive (+) and negative (\u2212) direction.')
         starts = []
-    words = []
-    if evaluation.measured:
-        words.append(
-            'The peak is the largest torque from the beginning of the movement until it slows '
-            'down, or until the joint starts moving where that is later. A lower bound (>) is '
-            'given where the joint did not move in some repetitions. '
-            'RMS is over the movement without standstill. The torque at constant velocity is '
-            'positive where the person pushes the joint, and negative where the joint pulls the '
-            'person.')
-        words.append('A false start is a repetition in which the joint started during the '
-                     'standstill without being pushed; in brackets, the 95 % interval of their '
-                     'share.')
-    else:
-        words.append('A false start is a repetition in which the joint started during the '
-                     'standstill; without a torque sensor it is unknown whether it was pushed.')
-    if any('residual_current' in c.figures for c in evaluation.conditions):
-        words.append('The residual current is the RMS difference between the current that the '
-                     'model predicts for the movement and the commanded one: it is as good as the '
-                     'model.')
-    words.append('Smoothness is the spectral arc length of the speed: about \u22121.4 for a single '
-                 'bell-shaped movement, and lower with hesitations.')
-    report.text(' '.join(words))
+    known = {name for c in evaluation.conditions for name in c.figures}
+    report.text(' '.join(words for name, words in _EXPLAINED.items() if name in known)
+                + ' A false start is a repetition in which the joint started during the standstill'
+                + (' without being pushed; in brackets, the 95 % interval of their share.'
+                   if evaluation.measured else
+                   '; without a torque sensor it is unknown whether it was pushed.'))
 
 
 def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
@@ -282,7 +275,7 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
     listed += dict.fromkeys(f'model files that were active: `{evaluation.model}`'
                             for evaluation in evaluations if evaluation.model)
     listed += dict.fromkeys(note for evaluation in evaluations for note in evaluation.notes)
-    report.text('\n'.join(f'- {line}' for line in listed))
+    report.bullets(listed)
     return report
 
 

@@ -118,8 +118,7 @@ def verdict(evaluation: Evaluation) -> str:
     if test.significant:
         return words + f', a significant difference ({p_value}, {test.pairs} pairs).'
     difference = test.difference
-    if (difference.low is not None and difference.high is not None
-            and difference.low * difference.high > 0):
+    if difference.half is not None and abs(difference.mean) > difference.half:
         return words + (f'; the difference is {with_interval(difference)} N·m. {test.pairs} pairs '
                         f'are too few to rule out chance among so many comparisons ({p_value}).')
     return words + f', which may be chance ({p_value}, {test.pairs} pairs).'
@@ -178,9 +177,9 @@ def with_interval(value: Interval | None) -> str:
     """Return a mean with half its interval, with as many digits as are significant."""
     if value is None:
         return '–'
-    if value.low is None or value.high is None:
+    half = value.half
+    if half is None:
         return number(value.mean)
-    half = 0.5 * (value.high - value.low)
     size = max(abs(value.mean), half)
     if not size:
         return '0'

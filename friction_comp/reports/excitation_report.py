@@ -65,8 +65,7 @@ def _plan_figure(plan: JointPlan) -> Figure:
         axes[1].axvline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
     for value in (-limits.velocity, limits.velocity):
         axes[1].axhline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
-    axes[1].set_xlabel('position (rad)')
-    axes[1].set_ylabel('velocity (rad/s)')
+    axes[1].set(xlabel='position (rad)', ylabel='velocity (rad/s)')
     return figure
 
 
@@ -111,8 +110,7 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
                  quantity(round_.predicted, unit), quantity(round_.held_out, unit),
                  _effect_names(round_.effects) or 'none', round_.verdict]
                 for k, round_ in enumerate(improvement.rounds)])
-    if last.reasons:
-        page.text('What remains open:\n\n' + '\n'.join(f'- {reason}' for reason in last.reasons))
+    page.bullets(last.reasons, 'What remains open:')
     page.made_by(*command, f'Recordings: {", ".join(names)}')
     return page
 
@@ -135,7 +133,6 @@ def _rounds_figure(improvement: Improvement, unit: str) -> Figure:
                   if value == value)
     axes.set_ylim(0.0, 1.25 * largest)
     axes.set_xticks(list(numbers))
-    axes.set_xlabel('round')
-    axes.set_ylabel(f'RMS error in motion ({unit})')
+    axes.set(xlabel='round', ylabel=f'RMS error in motion ({unit})')
     axes.legend(loc='upper right', ncols=2)
     return figure

@@ -45,7 +45,7 @@ _STYLE: dict[Any, Any] = {
     'axes.axisbelow': True, 'lines.linewidth': 1.5, 'legend.frameon': False,
     'legend.fontsize': 8.5, 'font.family': ['DejaVu Sans'], 'svg.fonttype': 'path',
     'figure.dpi': 100, 'mathtext.default': 'regular', 'axes.formatter.useoffset': False,
-    'axes.formatter.limits': (-4, 5),
+    'axes.formatter.limits': (-4, 5), 'axes.formatter.min_exponent': 4,
 }
 
 

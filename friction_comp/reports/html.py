@@ -90,6 +90,12 @@ class Report:
                 token.attrSet('id', f'section-{len(self._sections)}')
         self._parts.append(_MARKDOWN.renderer.render(tokens, _MARKDOWN.options, {}))
 
+    def bullets(self, lines: Iterable[str], title: str = '') -> None:
+        """Add a list with a paragraph before it, nothing where it is empty."""
+        items = ''.join(f'- {line}\n' for line in lines)
+        if items:
+            self.text(f'{title}\n\n{items}')
+
     def verdict(self, text: str) -> None:
         """Add the main result in a box; it comes first on every page."""
         self._parts.append(f'<div class="verdict">{_MARKDOWN.render(text)}</div>')

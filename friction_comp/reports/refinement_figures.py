@@ -79,8 +79,7 @@ def friction_figure(result: RefineResult) -> Figure:
     axes.plot(speeds, result.model.sigmoid(speeds), color=COLOURS['blue'], label='after')
     low, high = np.percentile(friction, (0.5, 99.5))
     axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
-    axes.set_xlabel('velocity (rad/s)')
-    axes.set_ylabel(f"friction ({result.report['unit']})")
+    axes.set(xlabel='velocity (rad/s)', ylabel=f"friction ({result.report['unit']})")
     axes.legend()
     return figure
 
@@ -98,8 +97,7 @@ def parts_figure(result: RefineResult) -> Figure:
             names.append('standstill')
         axes.bar(np.arange(len(errors)) + shift, errors, 0.38, color=COLOURS[colour], label=side)
         axes.set_xticks(range(len(names)), names)
-    axes.set_xlabel('part of the recording')
-    axes.set_ylabel(f"RMS error ({result.report['unit']})")
+    axes.set(xlabel='part of the recording', ylabel=f"RMS error ({result.report['unit']})")
     axes.legend()
     return figure
 
@@ -124,8 +122,7 @@ def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
             if mask.sum() > 20:
                 axes.plot(*averages(x[mask], y[mask], run[mask]), color=COLOURS[colour],
                           label=words)
-        axes.set_title(title)
-        axes.set_xlabel(label)
+        axes.set(title=title, xlabel=label)
     limit = float(np.percentile(np.abs(result.before[rows]), 99.5))
     both[0].set_ylim(-1.2 * limit, 1.2 * limit)
     both[0].set_ylabel(f"measured − predicted ({result.report['unit']})")
@@ -169,9 +166,7 @@ def spectrum_figure(result: RefineResult) -> Figure | None:
         if not len(k):
             return None
         axes.plot(*largest_in_ranges(k, size), color=COLOURS[colour], label=words)
-    axes.set_xscale('log')
-    axes.set_xlabel('periods per turn')
-    axes.set_ylabel(f"amplitude ({result.report['unit']})")
+    axes.set(xscale='log', xlabel='periods per turn', ylabel=f"amplitude ({result.report['unit']})")
     axes.set_ylim(bottom=0.0)
     axes.legend()
     return figure

@@ -31,9 +31,6 @@ if TYPE_CHECKING:
 _UNITS = {'velocity': 'rad/s', 'reference': 'rad/s', 'speed': 'rad/s', 'transition': 'rad/s',
           'distance': 'rad', 'position': 'rad', 'width': 'rad', 'frequency': 'per turn',
           'time_constant': 's', 'reference_temperature': '°C', 'lag': 's'}
-# Numbers of Eq. 6: key in report.json, name and unit.
-_FRICTION = (('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
-             ('viscous', 'viscous friction', 'A·s/rad'))
 
 
 def refinement_report(result: RefineResult, names: list[str], command: Sequence[str] = ()
@@ -61,8 +58,8 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         (quantity(after['elsewhere_motion_rmse'], unit), 'error to expect elsewhere, in motion'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
-    page.text(_bullets('Why this verdict:', report['reasons'])
-              + _bullets('What to record:', report['record_again']))
+    page.bullets(report['reasons'], 'Why this verdict:')
+    page.bullets(report['record_again'], 'What to record:')
     page.text(rest)
     page.figure(time_figure(result), 'Measured and predicted current in a stretch from the middle '
                 'of the recording, each part predicted by a fit to all others; below, the '
@@ -70,16 +67,13 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
     page.figure(friction_figure(result), 'Friction over velocity: the measured current minus the '
                 'effects, and Eq. 6 before and after.', interactive=True)
     page.heading('What was found')
-    page.table(['effect', 'number', 'value', 'unit', '95 % interval'], interval_rows(report))
-    if report['correlations']:
-        page.text(_bullets(
-            'Of these pairs the recording determines a sum or a difference better than each '
-            'number alone (correlation over parts drawn at random):',
-            [f"{' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
-             for pair in report['correlations']]))
-    changed = change_rows(result)
-    if changed:
-        page.table(['number of the given model', 'before', 'after', 'unit'], changed)
+    page.table(['effect', 'number', 'before', 'after', 'unit', '95 % interval'],
+               number_rows(result))
+    page.bullets(
+        [f"{' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
+         for pair in report['correlations']],
+        'Of these pairs the recording determines a sum or a difference better than each number '
+        'alone (correlation over parts drawn at random):')
     if report['effects']:
         page.table(
             ['effect', f'RMS with it, held out ({unit})', 'chosen in'],
@@ -121,12 +115,14 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         page.figure(drawn, 'Spectrum of the residual over position: ripple shows as a peak at its '
                     'number of periods per turn. ' + wave_words(result), interactive=True)
     page.heading('The model')
-    page.text(model_words(result.model, unit))
+    page.bullets(model_words(result.model, unit))
     page.code(formula(result.model, unit))
-    if result.model.effects:
-        page.text(online_words(result.model))
+    # The compensator cannot apply every effect.
+    page.bullets(f'{effect.name}: ' + (
+        f'left out by the compensator, since {reason}' if (reason := effect.why_left_out())
+        else 'applied by the compensator') for effect in result.model.effects)
     page.heading('What the recordings cannot tell')
-    page.text(limitations(report))
+    page.bullets(limitations(report))
     page.made_by(*command, f'Recordings: {", ".join(names)}')
     return page
 
@@ -150,7 +146,7 @@ def summary(report: dict[str, Any]) -> str:
                  'not fitted.']
     else:
         gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
-        effects = '\n'.join(f"- {effect['in_words']}" for effect in report['effects'])
+        effects = ''.join(f"- {effect['in_words']}\n" for effect in report['effects'])
         lines = [f'The error of the model was **{quantity(before, unit)}** RMS. With the effects '
                  f'found in the recordings it is **{quantity(after, unit)}**, {gain:.0f} % less, '
                  'on data that were not fitted.',
@@ -165,31 +161,35 @@ def summary(report: dict[str, Any]) -> str:
     return '\n\n'.join(lines)
 
 
-def _bullets(title: str, lines: Sequence[str]) -> str:
-    """Return a list with a title, '' where it is empty."""
-    return f'{title}\n\n' + ''.join(f'- {line}\n' for line in lines) + '\n' if lines else ''
-
-
-def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
-    """Return a row for each fitted number: effect, name, value, unit, interval."""
-    unit, friction = report['unit'], report['friction']
-    rows = [['Eq. 6', name, number(friction[key]), number_unit.replace('A', unit, 1),
-             interval_text(friction['intervals'][key])
+def number_rows(result: RefineResult) -> list[list[str]]:
+    """Return a row for each fitted number: effect, name, before, after, unit, interval."""
+    unit, friction, sigmoid = result.report['unit'], result.report['friction'], result.start.sigmoid
+    before = {'offset': 0.5 * (sigmoid.upper + sigmoid.lower),
+              'coulomb': 0.5 * (sigmoid.upper - sigmoid.lower), 'viscous': sigmoid.viscous}
+    rows = [['Eq. 6', name, number(before[key]), number(friction[key]),
+             number_unit.replace('A', unit, 1), interval_text(friction['intervals'][key])
              if key in friction['intervals'] else 'as before']
-            for key, name, number_unit in _FRICTION]
-    for effect in report['effects']:
-        name, bounds = effect['name'].replace('_', ' '), effect['intervals']
-        described = EFFECTS[effect['name']].numbers if effect['name'] in EFFECTS else ()
+            for key, name, number_unit in (
+                ('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
+                ('viscous', 'viscous friction', 'A·s/rad'))]
+    for old, new in zip(result.start.effects, result.model.effects):
+        if old.name == new.name:
+            for index, pair in enumerate(zip(old.coefficients, new.coefficients)):
+                label, number_unit = _described(new.numbers, index, unit)
+                rows.append([new.name, label, *map(number, pair), number_unit, ''])
+    for effect in result.report['effects']:
+        name, bounds = effect['name'], effect['intervals']
+        described = EFFECTS[name].numbers if name in EFFECTS else ()
         for key, value in effect['parameters'].items():
             # A constant that was not searched has no interval, or one of zero width.
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
-                rows.append([name, key.replace('_', ' '), number(value), _UNITS.get(key, ''),
+                rows.append([name, key.replace('_', ' '), '', number(value), _UNITS.get(key, ''),
                              interval_text(bounds[key])])
         for index, (value, ends) in enumerate(zip(
                 effect['parameters'].get('coefficients', ()), bounds.get('coefficients', ()))):
             label, number_unit = _described(described, index, unit)
-            rows.append([name, label, number(value), number_unit, interval_text(ends)])
-    return rows
+            rows.append([name, label, '', number(value), number_unit, interval_text(ends)])
+    return [[row[0].replace('_', ' '), *row[1:]] for row in rows]
 
 
 def _described(numbers: Sequence[tuple[str, str]], index: int, unit: str) -> tuple[str, str]:
@@ -197,24 +197,6 @@ def _described(numbers: Sequence[tuple[str, str]], index: int, unit: str) -> tup
     if index >= len(numbers):
         return f'coefficient {index + 1}', ''
     return numbers[index][0], numbers[index][1].replace('A', unit, 1)
-
-
-def change_rows(result: RefineResult) -> list[list[Any]]:
-    """Return a row for each number of the given model that was fitted again: before and after."""
-    if not result.report['before']['model'].startswith('the given model'):
-        return []
-    unit = result.report['unit']
-    old, new = ({'offset': 0.5 * (s.upper + s.lower), 'coulomb': 0.5 * (s.upper - s.lower),
-                 'viscous': s.viscous} for s in (result.start.sigmoid, result.model.sigmoid))
-    rows = [[f'Eq. 6: {name}', number(old[key]), number(new[key]),
-             number_unit.replace('A', unit, 1)] for key, name, number_unit in _FRICTION]
-    for before, after in zip(result.start.effects, result.model.effects):
-        if before.name == after.name:
-            for index, pair in enumerate(zip(before.coefficients, after.coefficients)):
-                label, number_unit = _described(after.numbers, index, unit)
-                rows.append([f"{after.name.replace('_', ' ')}: {label}", *map(number, pair),
-                             number_unit])
-    return rows
 
 
 def wave_words(result: RefineResult) -> str:
@@ -240,14 +222,12 @@ def interval_text(interval: list[float | None]) -> str:
     return f'{number(low)} to {number(high)}'
 
 
-def model_words(model: FrictionModel, unit: str = 'A') -> str:
-    """Return the parts of the model as a list in words."""
+def model_words(model: FrictionModel, unit: str = 'A') -> list[str]:
+    """Return the parts of the model in words."""
     s = model.sigmoid
-    lines = [f'- Friction by Eq. 6: {number(s.upper)} {unit} towards positive and '
-             f'{number(s.lower)} {unit} towards negative speed, {number(s.viscous)} {unit} more '
-             'per rad/s']
-    lines += [f'- {in_unit(effect.describe(), unit)}' for effect in model.effects]
-    return '\n'.join(lines)
+    return [f'Friction by Eq. 6: {number(s.upper)} {unit} towards positive and {number(s.lower)} '
+            f'{unit} towards negative speed, {number(s.viscous)} {unit} more per rad/s',
+            *(in_unit(effect.describe(), unit) for effect in model.effects)]
 
 
 def formula(model: FrictionModel, unit: str = 'A') -> str:
@@ -260,19 +240,12 @@ def formula(model: FrictionModel, unit: str = 'A') -> str:
         f'i in {unit}, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m'])
 
 
-def online_words(model: FrictionModel) -> str:
-    """Return how the compensator uses the effects."""
-    return '\n'.join(f'- {effect.name}: ' + (
-        f'left out by the compensator, since {reason}' if (reason := effect.why_left_out())
-        else 'applied by the compensator') for effect in model.effects)
-
-
-def limitations(report: dict[str, Any]) -> str:
-    """Return what the recordings cannot tell, as a list."""
-    lines = [f"- **{entry['variable']}**: {entry['note']} "
-             f"({100 * entry['strength']:.0f} % of the remaining variance)."
-             for entry in report['unexplained']]
-    lines += [f"- **{' or '.join(dict.fromkeys(entry['between']))}**: {entry['why']}. To decide: "
-              f"{entry['experiment']}." for entry in report['ambiguous']]
-    lines += [f'- {line}' for line in report['warnings']]
-    return '\n'.join(lines) or 'Nothing of note.'
+def limitations(report: dict[str, Any]) -> list[str]:
+    """Return what the recordings cannot tell."""
+    return [
+        *(f"**{entry['variable']}**: {entry['note']} "
+          f"({100 * entry['strength']:.0f} % of the remaining variance)."
+          for entry in report['unexplained']),
+        *(f"**{' or '.join(dict.fromkeys(entry['between']))}**: {entry['why']}. To decide: "
+          f"{entry['experiment']}." for entry in report['ambiguous']),
+        *report['warnings']] or ['Nothing of note.']

@@ -32,6 +32,7 @@ _POSES = 7
 # Diameter of the disc of a torque of 1 N·m, points.
 _POINTS_PER_TORQUE = 9.0
 
+
 def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
                       exercise: Path) -> Report:
     """Return the page on an exercise of several joints.
@@ -134,16 +135,12 @@ def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
 
     Parameters
     ----------
-    evaluation : Evaluation
-        Evaluation of the whole session.
-    stages : dict
-        As returned by `stages_of`.
-    marks : dict
-        As for `stages_of`.
+    evaluation, samples : Evaluation, Samples
+        Of the whole session.
+    stages, marks : dict
+        As returned by and given to `stages_of`.
     facts : dict
         Messages of monitoring and refinement.
-    samples : Samples
-        The session.
     hidden : Path
         The file with the effects that only the simulation was given.
     """
@@ -157,9 +154,9 @@ def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
                 'RMS torque of each movement by active model, and motor temperature. The lines '
                 'mark the warning and the loading of the refined model.')
     page.heading('Messages')
-    page.text('\n'.join(f'- {line}' for line in (
+    page.bullets((
         f'monitoring: {facts["warning"]}', f'refinement: {facts["message"]}',
-        f'its verdict: {facts["verdict"]}', f'monitoring afterwards: {facts["afterwards"]}')))
+        f'its verdict: {facts["verdict"]}', f'monitoring afterwards: {facts["afterwards"]}'))
     page.text(f'Only the simulation knows the change, from `{hidden.name}`. The refined model is '
               'compared with the previous one for some minutes of movement, and taken back if the '
               'previous one fits better.')
@@ -174,20 +171,19 @@ def session_figure(evaluation: Evaluation, marks: dict[str, float], samples: Sam
     rows = 1 if samples.temperature is None else 2
     figure, axes = new_figure(rows, 1, width=8.4, height=2.4, sharex=True, squeeze=False)
     torque_axis = axes[0, 0]
-    models = list(dict.fromkeys(r.help.model for r in sorted(
-        evaluation.repetitions, key=lambda r: r.begin)))
+    repetitions = [r for r in evaluation.repetitions if 'rms_torque' in r.figures]
+    models = list(dict.fromkeys(
+        r.help.model for r in sorted(evaluation.repetitions, key=lambda r: r.begin)))
     for model, colour, marker in zip(models, ('orange', 'blue', 'green'), 'os^'):
-        part = [r for r in evaluation.repetitions if r.help.model == model
-                and 'rms_torque' in r.figures]
+        part = [r for r in repetitions if r.help.model == model]
         torque_axis.plot([r.begin for r in part], [r.figures['rms_torque'] for r in part], marker,
                          color=COLOURS[colour], markersize=4.5,
-                         label=('model at the start' if model == models[0] else 'refined model'))
+                         label='model at the start' if model == models[0] else 'refined model')
     torque_axis.set_ylim(bottom=0.0)
     torque_axis.set_ylabel('RMS torque (N·m)')
-    for axis in axes[:, 0]:
-        for moment in marks.values():
-            axis.axvline(moment, color=COLOURS['grey'], linewidth=0.9, linestyle=':')
     for name, moment in marks.items():
+        for axis in axes[:, 0]:
+            axis.axvline(moment, color=COLOURS['grey'], linewidth=0.9, linestyle=':')
         torque_axis.text(moment, 1.0, f' {name}', transform=torque_axis.get_xaxis_transform(),
                          va='top', fontsize=8.5)
     if samples.temperature is not None:
