@@ -69,7 +69,8 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     if not recordings:
         raise InputError('no recording to evaluate')
     measured = Measured(recordings[0].joint)
-    for samples, name, info in zip(recordings, names, about or [None] * len(recordings)):
+    for k, (samples, name) in enumerate(zip(recordings, names)):
+        info = about[k] if about else None
         found = repetitions_of(samples, name, info, friction, measured.notes)
         if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
@@ -218,9 +219,10 @@ def _figures_of_average(repetitions: list[Repetition], time: np.ndarray,
                         mean: np.ndarray) -> tuple[float, float, float]:
     """Return the averaged torque's peak, its time, and the mean at constant velocity."""
     movement = repetitions[0].movement
-    average = replace(movement, **{
+    medians: dict[str, Any] = {
         name: float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
-        for name in ('begin', 'end', 'constant_begin', 'constant_end', 'rest_begin', 'rest_end')})
+        for name in ('begin', 'end', 'constant_begin', 'constant_end', 'rest_begin', 'rest_end')}
+    average = replace(movement, **medians)
     onset = float(np.median([r.figures.get('onset', math.inf) for r in repetitions]))
     has_reference = any('onset' in r.figures or not r.moved for r in repetitions)
     torque = effort(time, mean, average, onset if math.isfinite(onset) else None, has_reference)

@@ -88,10 +88,12 @@ def find_movements(samples: Samples) -> list[Movement]:
     for (start, stop, travel), rest_begin, rest_end in zip(runs, rest_begins, rest_ends):
         speed = np.abs(velocity[start:stop])
         fast = start + np.nonzero(speed >= constant * speed.max())[0]
-        moments = time[[start, stop - 1, fast[0], fast[-1], rest_begin, rest_end]].tolist()
+        begin, end, constant_begin, constant_end, before, after = time[
+            [start, stop - 1, fast[0], fast[-1], rest_begin, rest_end]].tolist()
         movements.append(Movement(
-            *moments, int(np.sign(velocity[start])),
-            _announced_direction(samples, start, fast[0] + 1), travel))
+            begin, end, constant_begin, constant_end, before, after,
+            int(np.sign(velocity[start])), _announced_direction(samples, start, fast[0] + 1),
+            travel))
     return movements
 
 

@@ -140,11 +140,11 @@ def _plot(axes: Axes, above: Any, left: Any) -> Any:
         if isinstance(filled, PolyCollection):
             for path in filled.get_paths():
                 plot.patch(*np.asarray(path.vertices).T, line_width=0, fill_alpha=0.2,
-                           fill_color=to_hex(filled.get_facecolor()[0]))
+                           fill_color=to_hex(np.asarray(filled.get_facecolor())[0]))
     renderers = []
     for line in _lines(axes):
         options: Any = {'color': to_hex(line.get_color()), 'name': _name(line)}
-        points = line.get_xydata().T
+        points = np.asarray(line.get_xydata()).T
         # Single precision halves the size of the page.
         if _is_dots(line):
             dots = points[:, ::max(1, points.shape[1] // _DOTS)].astype(np.float32)
