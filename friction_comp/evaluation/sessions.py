@@ -72,7 +72,15 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
 
 def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
                         seconds: float = _STRETCH) -> list[Evaluation]:
-    """Evaluate recordings, or folders of them, by `pieces_of` and `evaluate_pieces`."""
+    """Evaluate recordings, or folders of them, by `pieces_of` and `evaluate_pieces`.
+
+    Parameters
+    ----------
+    paths, joint
+        As for `pieces_of`; all recorded joints that move when `joint` is omitted.
+    seconds : float
+        Length of the stretches in which recordings are read.
+    """
     return evaluate_pieces(*pieces_of(paths, joint), seconds=seconds)
 
 
