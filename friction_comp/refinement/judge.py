@@ -34,6 +34,7 @@ from friction_comp.refinement.thresholds import (
 from friction_comp.refinement.verdict import AGAIN, Finding, IN_PART
 from friction_comp.samples import Samples
 from friction_comp.signal_checks import velocity_fault, velocity_ratios
+from friction_comp.statistics import robust_std
 
 # Rank correlation from which a recording cannot distinguish two explanations.
 INDISTINGUISHABLE = 0.95
@@ -152,7 +153,7 @@ def noise_floor(rows: Rows, residual: np.ndarray) -> float:
     second = (residual[2:] - 2.0 * residual[1:-1] + residual[:-2])[consecutive]
     if second.size < 50:
         return rms(residual[rows.usable])
-    return 1.4826 * float(np.median(np.abs(second))) / math.sqrt(6.0)
+    return float(robust_std(second)) / math.sqrt(6.0)
 
 
 def experiment(first: str, second: str) -> str:

@@ -17,7 +17,7 @@ from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
 from friction_comp.samples import Samples
-from friction_comp.statistics import quantile_edges
+from friction_comp.statistics import quantile_edges, robust_std
 
 _FLIPS, _CHANCE = 1500, 0.001
 # Share of the residual's variance below which a dependence is not reported.
@@ -67,7 +67,7 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
     slowest : float
         Speed of standstill, rad/s.
     """
-    limit = _OUTLYING * 1.4826 * float(np.median(np.abs(residual))) + 1e-300
+    limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
     values = values - values.mean()
     power = float(values @ values)

@@ -21,6 +21,7 @@ from friction_comp.refinement.effect_columns import Key, Table
 from friction_comp.refinement.search import Search, Split
 from friction_comp.refinement.sums import BlockSums
 from friction_comp.refinement.thresholds import NAMED_SHARE, SEARCHES
+from friction_comp.statistics import robust_std
 
 # A column of the table, or a constant of a term.
 Parameter = int | tuple[Key, str]
@@ -156,9 +157,8 @@ def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
     coefficients = sums.fits(range(len(matrix)), weights)
     estimates = sums.fit(range(len(matrix)))
     quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, blocks - 1))
-    # Median absolute deviation: samples that lack a direction of motion give outlying fits.
-    scatter = np.abs(coefficients - np.median(coefficients, axis=0))
-    half = quantile * 1.4826 * np.median(scatter, axis=0)
+    # By the median: samples that lack a direction of motion give outlying fits.
+    half = quantile * robust_std(coefficients - np.median(coefficients, axis=0), axis=0)
     middle = table.coefficients(keys)
     ends = {column: (middle.get(column, value) - h, middle.get(column, value) + h)
             for column, value, h in zip(indices, estimates, half)}

@@ -15,7 +15,7 @@ from friction_comp.files import write_yaml
 from friction_comp.model.arm_document import arm_document
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
-from friction_comp.recordings.arm_reader import read_arm
+from friction_comp.recordings import read_arm
 from friction_comp.refinement.whole_arm import ArmResult, refine_arm
 from friction_comp.reports.scene_reports import arm_scene_report, peaks_of
 from friction_comp.tools.common import command_line, progress, to_json

@@ -15,8 +15,7 @@ from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
-from friction_comp.recordings import read_recording
-from friction_comp.recordings.arm_reader import read_arm
+from friction_comp.recordings import read_arm, read_recording
 from friction_comp.reports.evaluation_words import compared_peaks
 from friction_comp.reports.scene_reports import (
     effort,

@@ -39,7 +39,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
     InputError
         If recordings, URDF, model or output cannot be used.
     """
-    from friction_comp.recordings.arm_reader import read_arm
+    from friction_comp.recordings import read_arm
     from friction_comp.refinement.whole_arm import refine_arm
 
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None

@@ -201,12 +201,13 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
     """
     from friction_comp.recordings import (
         find_recording,
-        inspect_recording,
         read_recording_with_info,
+        recorded_joints,
     )
 
     with progress('reading') as report:
-        wanted = joints or inspect_recording(path).joints
+        path = find_recording(path)
+        wanted = joints or recorded_joints(path)
         if models and len(models) != len(wanted):
             raise InputError(f'--model: one file per joint is needed, {len(wanted)} for '
                              f'{", ".join(wanted)}')
@@ -215,7 +216,7 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
         for index, joint in enumerate(wanted):
             drive = chosen[joint].drive if joint in chosen else None
             (samples[joint], info), = read_recording_with_info(
-                find_recording(path), joint, drive.torque_constant if drive else 1.0,
+                path, joint, drive.torque_constant if drive else 1.0,
                 drive.gear_ratio if drive else 1.0)
             notes += [note for note in info.notes if note not in notes]
             model = None if joint in chosen else said_by(info, joint, notes)
