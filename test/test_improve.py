@@ -15,7 +15,7 @@ from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import plan_joint
 from friction_comp.excitation.separation import open_pairs
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.reports.improvement_report import improvement_report
+from friction_comp.reports.excitation_report import improvement_report
 from simulated_recordings.drives import random_drive
 from simulated_recordings.played import PlayedDrive
 

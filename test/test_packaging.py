@@ -30,6 +30,7 @@ INTERFACES = 'friction_comp_interfaces'
 ROSDEP_KEYS = {
     'ament_index_python': 'ament_index_python',
     'cycler': 'python3-matplotlib',  # comes with it
+    'markdown_it': 'python3-rich',  # comes with it
     'matplotlib': 'python3-matplotlib',
     'mcap': 'mcap-ros2-support',  # comes with it
     'numba': 'python3-numba',

@@ -17,7 +17,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
 from friction_comp.refinement.whole_arm import ArmResult, refine_arm
-from friction_comp.reports.arm_scene_report import arm_scene_report, peaks_of
+from friction_comp.reports.scene_reports import arm_scene_report, peaks_of
 from friction_comp.tools.common import command_line, progress, to_json
 from friction_comp.tools.demo_stage import Stage
 from friction_comp.tools.processes import Nodes

@@ -190,7 +190,7 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: Trajec
 def _write(arguments: Namespace, names: list[str], argv: list[str] | None,
            improvement: Improvement) -> None:
     """Write what was found so far: an interruption loses the round at hand alone."""
-    from friction_comp.reports.improvement_report import improvement_report
+    from friction_comp.reports.excitation_report import improvement_report
     from friction_comp.reports.refinement_report import refinement_report
 
     model: Any = improvement.result.model
