@@ -13,7 +13,7 @@ import time
 import pytest
 from report_pages import assert_documented
 
-from friction_comp.beside import interrupts_deferred
+from friction_comp.parallel import interrupts_deferred
 from friction_comp.errors import InputError
 from friction_comp.tools import demo
 from friction_comp.tools.processes import Nodes, ros_arguments

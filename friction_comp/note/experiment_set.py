@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.beside import process_beside
+from friction_comp.parallel import child_process
 from friction_comp.note.condition_runs import CONDITIONS, run_trial
 from friction_comp.note.identify import identified_model, identify_breakaway, identify_table
 from friction_comp.note.published import EXPERIMENTS
@@ -165,7 +165,7 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
     list of ExperimentOutcome
     """
     outcomes = []
-    with process_beside() as pool:
+    with child_process() as pool:
         tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
         for k, experiment in enumerate(experiments):
             def tell(share: float, what: str, k: int = k,

@@ -25,13 +25,7 @@ SCENES = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one scene of the demo and write its report; returns 0.
-
-    Raises
-    ------
-    InputError
-        If an argument cannot be used, or a node fails.
-    """
+    """Run one scene of the demo and write its report; returns 0."""
     parser = Arguments('demo', __doc__, ('--watch', '--scene two_joints', '--scene wear --watch'))
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
                         help='folder for models, recordings and the report (%(default)s)')

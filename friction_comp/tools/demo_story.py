@@ -13,7 +13,7 @@ from typing import Any, TYPE_CHECKING
 
 from rich.table import Table
 
-from friction_comp.beside import process_beside
+from friction_comp.parallel import child_process
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_recording
@@ -66,7 +66,7 @@ class Demo(Stage):
 
     def run(self) -> None:
         """Run everything, from the first measurement to the report."""
-        with process_beside() as beside:
+        with child_process() as beside:
             model_file = self._identify()
             # On the other core, while the joint is moved.
             refined = beside.submit(

@@ -36,13 +36,7 @@ _HIGHEST_RATE = 1000.0
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the plan; returns 0.
-
-    Raises
-    ------
-    InputError
-        If limits, model or report cannot be used, or no plan keeps the limits.
-    """
+    """Write the plan; returns 0."""
     parser = Arguments('excite', __doc__, (
         '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --output output/excite',
         '--urdf arm.urdf --acceleration 4 --seconds 90 --output output/excite')).add_output()

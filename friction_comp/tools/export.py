@@ -23,13 +23,7 @@ _FORMS = ('mujoco', 'urdf', 'sdf', 'csv')
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the file; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the model cannot be read or the output not be written.
-    """
+    """Write the file; returns 0."""
     parser = Arguments('export', __doc__, (
         'config/armin_configuration_2.yaml --to mujoco --output output/elbow.xml',
         'output/refined/model.yaml --to csv --output output/friction.csv'))

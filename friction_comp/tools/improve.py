@@ -46,13 +46,7 @@ _SAMPLE_TIME = 4e-3
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Improve the model and write report.json, two pages and model.yaml; returns 0.
-
-    Raises
-    ------
-    InputError
-        If limits, model, recordings or output cannot be used, or the joint is not moved.
-    """
+    """Improve the model and write report.json, two pages and model.yaml; returns 0."""
     parser = Arguments('improve', __doc__, (
         '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --model elbow.yaml '
         '--output output/improved',

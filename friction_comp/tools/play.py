@@ -17,13 +17,7 @@ _PATIENCE = 20.0
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Play the trajectory; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be read, or nobody plays it to its end.
-    """
+    """Play the trajectory; returns 0."""
     parser = Arguments('play', __doc__, (
         'output/excite/trajectory.yaml',
         'output/excite/trajectory.yaml --controller joint_trajectory_controller'))

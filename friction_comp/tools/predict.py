@@ -29,13 +29,7 @@ _SLOWEST = 0.05
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write a row for each joint state: time (s), measured, predicted current (A); returns 0.
-
-    Raises
-    ------
-    InputError
-        If the recording or the model cannot be used.
-    """
+    """Write a row for each joint state: time (s), measured, predicted current (A); returns 0."""
     parser = Arguments('predict', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --model config/armin_configuration_2.yaml '
         '--output output/current.csv',

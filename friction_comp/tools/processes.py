@@ -13,7 +13,7 @@ import sys
 import time
 from typing import Any
 
-from friction_comp.beside import interrupts_deferred
+from friction_comp.parallel import interrupts_deferred
 from friction_comp.errors import InputError
 
 

@@ -17,13 +17,7 @@ figures beside ours."""
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Repeat the note's experiments and write results.json and report.html; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the output folder cannot be written.
-    """
+    """Repeat the note's experiments and write results.json and report.html; returns 0."""
     parser = Arguments('reproduce', DESCRIPTION).add_output()
     parser.add_argument('--cycles', metavar='N', type=whole_number(2), default=200,
                         help='current ramps per direction and configuration (200)')

@@ -32,13 +32,7 @@ _RATE = 100.0
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Serve the page until it is interrupted; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the recording, a model or the port cannot be used, or Bokeh is not installed.
-    """
+    """Serve the page until it is interrupted; returns 0."""
     given = list(sys.argv[1:] if argv is None else argv)
     parser = Arguments('watch', __doc__, (
         '', 'examples/elbow/with_direction.mcap.zstd'))
