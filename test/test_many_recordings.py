@@ -16,8 +16,8 @@ import pytest
 from report_pages import assert_documented
 from test_evaluate import trial
 
-from friction_comp.__main__ import run
 from friction_comp import parallel
+from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
 from friction_comp.parallel import attempt, Failure, run_each
