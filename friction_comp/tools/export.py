@@ -75,17 +75,7 @@ def words(joint: SimulatorJoint, model: str) -> list[str]:
 
 
 def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
-    """Return the file's text.
-
-    Parameters
-    ----------
-    form : str
-        'mujoco', 'urdf' or 'sdf'.
-    name : str
-        Of the joint.
-    joint : SimulatorJoint
-    remarks : list of str
-    """
+    """Return the text of a file for 'mujoco', 'urdf' or 'sdf'."""
     # Two consecutive hyphens would end an XML comment.
     remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
     friction, damping = f'{joint.friction:.9g}', f'{joint.damping:.9g}'
