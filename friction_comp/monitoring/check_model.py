@@ -8,7 +8,15 @@ import numpy as np
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
-from friction_comp.monitoring.observation import Finding, NOTE, Observation, OK, PROBLEM, WARNING
+from friction_comp.monitoring.observation import (
+    Finding,
+    NOTE,
+    Observation,
+    OK,
+    PROBLEM,
+    StatesSeen,
+    WARNING,
+)
 from friction_comp.signal_checks import current_answer, current_fault
 
 # Speed below which samples are not used, rad/s, and fewest samples.
@@ -25,33 +33,20 @@ def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Fin
 
     Friction dissipates energy, so the current that overcomes it, of motor and person together, has
     the sign of the velocity.
-
-    Parameters
-    ----------
-    seen : Observation
-    joint : str
-    model : FrictionModel
     """
     states = seen.states
     if states is None or joint not in states.joints:
         return [Finding(WARNING, joint, 'joint_states do not name it', 'compare the names')]
-    rows = measured_rows(seen, joint, model)
-    return [*check_current(seen, joint, model), *_check_fit(seen, joint, model, rows)]
+    return [*_check_current(seen, states, joint, model), *_check_fit(
+        seen, joint, model, _rows(states, seen.load.get(joint), joint, model))]
 
 
-def check_current(seen: Observation, joint: str, model: FrictionModel) -> list[Finding]:
-    """Compare the measured current with the commanded one, if there is one.
-
-    Parameters
-    ----------
-    seen : Observation
-    joint : str
-    model : FrictionModel
-    """
-    states = seen.states
+def _check_current(seen: Observation, states: StatesSeen, joint: str, model: FrictionModel
+                   ) -> list[Finding]:
+    """Compare the measured current with the commanded one, if there is one."""
     order: list[str] = next((values['joints'] for values in seen.parameters.values()
                   if joint in (values.get('joints') or ()) and 'model_files' in values), [])
-    if states is None or not order or seen.commands.shape[-1:] != (len(order),):
+    if not order or seen.commands.shape[-1:] != (len(order),):
         return []
     measured = states.effort[:, states.joints.index(joint)] / model.drive.torque_per_current
     unit = model.drive.torque_per_current if seen.command_unit == 'N·m' else 1.0
@@ -107,31 +102,26 @@ def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.nda
     residual.take(rows)
     verdict = residual.verdict()
     if not verdict.known:
-        findings.append(Finding(NOTE, joint, residual.blind or verdict.words,
-                             'observe for longer: --seconds 60'))
+        level, do = NOTE, 'observe for longer: --seconds 60'
+    elif verdict.fits:
+        level, do = OK, ''
     else:
-        findings.append(Finding(
-            OK if verdict.fits else WARNING, joint, verdict.words,
-            '' if verdict.fits else 'check torque constant and gear ratio, then refine the model'))
-    return findings
+        level, do = WARNING, 'check torque constant and gear ratio, then refine the model'
+    return [*findings, Finding(level, joint, residual.blind or verdict.words, do)]
 
 
-def measured_rows(seen: Observation, joint: str, model: FrictionModel) -> np.ndarray:
+def _rows(states: StatesSeen, measured_load: np.ndarray | None, joint: str, model: FrictionModel
+          ) -> np.ndarray:
     """Return measurements as rows for `LiveResidual`, shape (N, 6)."""
-    states = seen.states
-    if states is None:
-        return np.empty((0, 6))
     index = states.joints.index(joint)
     time = states.stamp if states.stamp.any() else states.received
-    load = np.full(len(time), np.nan)
-    load_samples = seen.load.get(joint)
-    if load_samples is not None and len(load_samples) > 1:
-        load = np.interp(states.received, load_samples[:, 0], load_samples[:, 1])
+    load = temperature = np.full(len(time), np.nan)
+    if measured_load is not None and len(measured_load) > 1:
+        load = np.interp(states.received, measured_load[:, 0], measured_load[:, 1])
     velocity = states.velocity[:, index]
     if not np.isfinite(velocity).all():
         velocity = np.gradient(states.position[:, index], time)
     order = np.argsort(time, kind='stable')
     return np.column_stack((
         time, states.position[:, index], velocity,
-        states.effort[:, index] / model.drive.torque_per_current, load,
-        np.full(len(time), np.nan)))[order]
+        states.effort[:, index] / model.drive.torque_per_current, load, temperature))[order]
