@@ -123,57 +123,40 @@ class Undeclared:
             Names and parameters as in `EFFECTS` and `JOINT_EFFECTS`.
         thermal : dict, optional
             As in `THERMAL`; `initial` is the ambient temperature when omitted.
-
-        Raises
-        ------
-        InputError
-            If a name or parameter is unknown, missing or out of range.
         """
         rows, result = [], cls()
         for entry in effects:
             if not isinstance(entry, dict) or 'name' not in entry:
                 raise InputError(f'an undeclared effect needs a name: {entry!r}')
-            name = entry['name']
-            check_mapping(entry, f"undeclared effect '{name}'", ('name', 'parameters'))
+            name, where = entry['name'], f"undeclared effect '{entry['name']}'"
+            check_mapping(entry, where, ('name', 'parameters'))
             given = entry.get('parameters') or {}
-            where = f"undeclared effect '{name}'"
             if name in EFFECTS:
                 code, wanted = EFFECTS[name]
                 row = np.zeros(COLUMNS)
-                row[0] = code
                 values = list(_read(given, wanted, where).values())
-                row[1:1 + len(values)] = values
-                row[-1] = result.memory_size
+                row[0], row[1:1 + len(values)], row[-1] = code, values, result.memory_size
                 result.memory_size += _MEMORY.get(code, 0)
                 rows.append(row)
-            elif name == 'inertia':
-                result.inertia += _read(given, JOINT_EFFECTS[name], where)['inertia']
-            elif name == 'actuation_lag':
-                result.actuation_lag += _read(given, JOINT_EFFECTS[name], where)['lag']
-            elif name == 'torque_constant':
-                result.torque_constant_factor *= _read(
-                    given, JOINT_EFFECTS[name], where)['factor']
+            elif name in JOINT_EFFECTS:
+                own = _read(given, JOINT_EFFECTS[name], where)
+                result.inertia += own.get('inertia', 0.0)
+                result.actuation_lag += own.get('lag', 0.0)
+                result.torque_constant_factor *= own.get('factor', 1.0)
             else:
                 raise InputError(f"unknown undeclared effect '{name}'; known: "
                                  f"{', '.join([*EFFECTS, *JOINT_EFFECTS])}")
         if rows:
             result.table = np.array(rows)
         if thermal is not None:
-            thermal = dict(thermal) if isinstance(thermal, dict) else thermal
-            if isinstance(thermal, dict):
-                thermal.setdefault('initial', thermal.get('ambient', THERMAL['ambient'][0]))
-            result.thermal = np.array(list(_read(thermal, THERMAL, 'thermal').values()))
+            ambient = check_mapping(thermal, 'thermal').get('ambient', THERMAL['ambient'][0])
+            values = _read({'initial': ambient, **thermal}, THERMAL, 'thermal')
+            result.thermal = np.array(list(values.values()))
         return result
 
     @classmethod
     def from_file(cls, path: str | Path) -> Undeclared:
-        """Read a YAML file.
-
-        Raises
-        ------
-        InputError
-            Naming the file and what is wrong with it.
-        """
+        """Read a YAML file."""
         document = read_yaml(path)
         with errors_name(path):
             return cls.from_dict(document)
@@ -283,17 +266,10 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
 
 @njit(cache=True)
 def warmed_up(temperature: float, current: float, step: float, thermal: np.ndarray) -> float:
-    """Return the motor temperature a time step later, degrees Celsius.
+    """Return the motor temperature in degrees Celsius a time step later, s; `current` in A.
 
     First order: the motor tends to ambient + heating·current² with its time constant, as the
     windings lose heat in proportion to how much warmer they are than the air.
-
-    Parameters
-    ----------
-    temperature, current, step : float
-        Degrees Celsius, A, s.
-    thermal : ndarray, shape (4,)
-        `Undeclared.thermal`.
     """
     goal = thermal[0] + thermal[2] * current * current
     return goal + (temperature - goal) * math.exp(-step / thermal[3])
