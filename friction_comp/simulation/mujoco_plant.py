@@ -62,13 +62,13 @@ class MujocoPlant(Plant):
                              f'{len(joints)} joints')
         self._step_of_engine, self._multiply = mujoco.mj_step, mujoco.mj_mulM
         self.body = _model(mujoco, file)
-        self._dof = [_degree_of_freedom(mujoco, self.body, file, joint) for joint in joints]
+        self._position, self._velocity = np.array([
+            _degree_of_freedom(mujoco, self.body, file, joint) for joint in joints]).T
         self.body.opt.timestep = sample_time / SUBSTEPS
         super().__init__(models, seed, undeclared, sample_time)
         if (self._parameters['kind'] != RIGID).any():
             raise InputError('engine mujoco moves the links itself: model files with a gear in '
                              'their section simulation cannot be used')
-        self._position, self._velocity = np.array(self._dof).T
         self.body.dof_armature[self._velocity] += self._parameters['motor_inertia']
         self.data = mujoco.MjData(self.body)
         # What follows from the armature.

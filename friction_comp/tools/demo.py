@@ -39,15 +39,11 @@ def main(argv: list[str] | None = None) -> int:
                         + ' (%(default)s)')
     parser.add_argument('--watch', action='store_true',
                         help='with a live page on localhost (needs Bokeh)')
-    parser.add_argument('--undeclared', metavar='FILE', type=Path,
-                        help='what the simulated joint hides from the other nodes '
-                        '(config/undeclared_example.yaml)')
     arguments = parser.parse(argv)
     if arguments.scene == 'improve':
         return improve([
             '--simulate', str(package_file('config', 'armin_configuration_1.yaml')),
-            '--undeclared', str(arguments.undeclared
-                                or package_file('config', 'undeclared_pair.yaml')),
+            '--undeclared', str(package_file('config', 'undeclared_pair.yaml')),
             '--position', '-1', '1', '--velocity', '1.5', '--acceleration', '6',
             '--seed', str(arguments.seed), '--output', str(arguments.output)])
     with private_domain():

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from friction_comp.tools.demo_stage import Stage
 
 JOINT = 'armin_1'
+TRUE_MODEL = package_file('config', 'armin_configuration_1.yaml')
+UNDECLARED = package_file('config', 'undeclared_example.yaml')
 GOAL = {
     'joint': JOINT, 'speeds': [math.radians(v) for v in (10.0, 30.0, 60.0)],
     'motion_range': 1.6, 'ramp_slope': 0.15, 'ramp_period': 3.0, 'breakaway_cycles': 3}
@@ -44,41 +46,38 @@ TRIALS = (
 
 def play_loop(stage: Stage) -> None:
     """Identify, compensate, evaluate, refine, compensate again."""
-    undeclared = (stage.arguments.undeclared
-                  or package_file('config', 'undeclared_example.yaml')).absolute()
     trials: list[EvaluatedTrial] = []
 
-    def evaluate(name: str, title: str) -> None:
-        trial = EvaluatedTrial(name, title, recorded(stage.recording(name)))
-        trials.append(trial)
-        stage.say(f'trial with {title}: peak {trial.peak} N·m, RMS {trial.rms_torque:.2f} N·m')
+    def evaluate(count: int) -> None:
+        for name, title, *_ in TRIALS[len(trials):count]:
+            trial = EvaluatedTrial(name, title, recorded(stage.recording(name)))
+            trials.append(trial)
+            stage.say(f'trial with {title}: peak {trial.peak} N·m, RMS {trial.rms_torque:.2f} N·m')
 
-    meanwhile: Callable[[], None] = lambda: None  # noqa: E731
     with child_process() as process:
-        model_file = _identify(stage, undeclared)
+        model_file = _identify(stage)
         # On the other core, while the joint is moved.
         refining = process.submit(refined_model, stage.recording('identification'), model_file)
         # From now on, the joint's time advances only during an exercise.
         stage.ros.set_parameter('plant', 'wait_for_reference', True)
         stage.start('compensator', model_file, law='none')
-        for name, title, law, announced in TRIALS:
+        for done, (name, title, law, announced) in enumerate(TRIALS):
             if name == 'refined':
                 result = _load_refined(stage, refining)
             stage.ros.set_parameter('compensator', 'law', law)
-            _record_trial(stage, name, title, announced, meanwhile)
-            meanwhile = partial(evaluate, name, title)
+            _record_trial(stage, name, title, announced, partial(evaluate, done))
     stage.nodes.stop('compensator', 'plant')
-    meanwhile()
-    _conclude(stage, trials, result, model_file, undeclared)
+    evaluate(len(TRIALS))
+    _conclude(stage, trials, result, model_file)
 
 
-def _identify(stage: Stage, undeclared: Path) -> Path:
+def _identify(stage: Stage) -> Path:
     """Return the model file that identification writes."""
     stage.say('starts a simulated joint that hides an effect, and identification')
     # Identification and the recorder listen from the first state on.
-    stage.start_plant([JOINT], [true_model()], undeclared, wait_for_reference=False,
+    stage.start_plant([JOINT], [TRUE_MODEL], UNDECLARED, wait_for_reference=False,
                       wait_for_listeners=2)
-    stage.start('identification', true_model(), output_folder=stage.output / 'models')
+    stage.start('identification', TRUE_MODEL, output_folder=stage.output / 'models')
     stage.start_recorder('identification')
     stage.wait_for_recorder()
     with progress('identifies') as show:
@@ -121,8 +120,8 @@ def _load_refined(stage: Stage, refining: Future[RefineResult]) -> RefineResult:
     return result
 
 
-def _conclude(stage: Stage, trials: list[EvaluatedTrial], result: RefineResult, model_file: Path,
-              undeclared: Path) -> None:
+def _conclude(stage: Stage, trials: list[EvaluatedTrial], result: RefineResult, model_file: Path
+              ) -> None:
     before, after = residuals(result)
     effects = result.report['effects']
     table = Table(title='What it takes to move the joint')
@@ -130,9 +129,8 @@ def _conclude(stage: Stage, trials: list[EvaluatedTrial], result: RefineResult, 
         table.add_column(name, justify='right' if index else 'left')
     for row in table_rows(trials, result):
         table.add_row(*row)
-    page = demo_report(trials, result, FrictionModel.load(model_file), undeclared)
     stage.finish(
-        page,
+        demo_report(trials, result, FrictionModel.load(model_file), UNDECLARED),
         {'trials': [{'name': trial.name, 'peak_torque': trial.peak_torque,
                      'rms_torque': trial.rms_torque, 'stuck': trial.stuck,
                      'evaluation': trial.evaluation.as_dict()} for trial in trials],
@@ -144,14 +142,9 @@ def _conclude(stage: Stage, trials: list[EvaluatedTrial], result: RefineResult, 
           for effect in effects))
 
 
-def true_model() -> Path:
-    """Return the model file of the simulated joint."""
-    return package_file('config', 'armin_configuration_1.yaml')
-
-
 def recorded(path: Path) -> Samples:
     """Return a recording of the simulated joint."""
-    drive = FrictionModel.load(true_model()).drive
+    drive = FrictionModel.load(TRUE_MODEL).drive
     samples, = read_recording(path, JOINT, drive.torque_constant, drive.gear_ratio)
     return samples
 

@@ -29,7 +29,7 @@ from friction_comp.reports.scene_reports import (
     wear_words,
 )
 from friction_comp.tools.common import progress
-from friction_comp.tools.demo_loop import JOINT, recorded, true_model
+from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
 
 if TYPE_CHECKING:
     from friction_comp.samples import Samples
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 ARM = {'turn': 1, 'lift': 2, 'bend': 1}
 # A person who holds the arm at its cuff: N·m/rad, N·m·s/rad, s.
 PERSON = {'stiffness': 60.0, 'damping': 6.0, 'response_time': 0.04}
+# The effect of the drive that changes, which only the plant knows.
+BINDING = package_file('config', 'binding_example.yaml')
 # The movement of the drive that changes, and the duration of one forth and back, s.
 WEAR_MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
                  'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.7}
@@ -146,15 +148,13 @@ def _recorded_joints(path: Path, gains: dict[str, float]) -> dict[str, Samples]:
 
 def play_wear(stage: Stage) -> None:
     """Move a joint whose friction grows until a warning comes; refine, load, and move on."""
-    hidden = (stage.arguments.undeclared
-              or package_file('config', 'binding_example.yaml')).absolute()
     stage.say('starts a joint whose gear binds as it warms, the compensator with the model of '
               'the cold drive, and the node that monitors the residual')
     # The refinement listens, too.
-    stage.start_plant([JOINT], [true_model()], hidden, wait_for_listeners=4)
-    stage.start('compensator', true_model())
+    stage.start_plant([JOINT], [TRUE_MODEL], BINDING, wait_for_listeners=4)
+    stage.start('compensator', TRUE_MODEL)
     stage.nodes.start('refinement', {
-        'joints': [JOINT], 'model_files': [true_model()], 'use_sim_time': True,
+        'joints': [JOINT], 'model_files': [TRUE_MODEL], 'use_sim_time': True,
         'tolerance': WEAR_TOLERANCE, 'output_folder': stage.output / 'models'})
     stage.start_recorder('session')
     stage.wait_for_recorder()
@@ -180,12 +180,11 @@ def play_wear(stage: Stage) -> None:
         'error_after': result.error_after, 'report': result.report,
         'found': [f'{effect.name.replace("_", " ")} ({effect.variable})'
                   for effect in FrictionModel.load(result.model_file).effects]}
-    page = wear_report(evaluation, stages, marks, facts, recorded(stage.recording('session')),
-                       hidden)
     with (stage.output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
         csv.writer(stream, lineterminator='\n').writerows(evaluation.table())
     stage.finish(
-        page,
+        wear_report(evaluation, stages, marks, facts, recorded(stage.recording('session')),
+                    BINDING),
         {**facts, 'marks': marks,
          'rms_torque': {name: effort(part).as_dict() for name, part in stages.items()}},
         wear_words(stages, facts).replace('**', ''))

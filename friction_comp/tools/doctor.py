@@ -140,7 +140,7 @@ def look(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
 def _models(seen: Observation, paths: list[Path]) -> list[Finding]:
     """Return how the models fit that were given, or that the compensator uses."""
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.monitoring.check_model import check_joint
+    from friction_comp.monitoring.checkup import check_joint
 
     joints = seen.states.joints if seen.states else []
     models = [FrictionModel.load(path) for path in paths]

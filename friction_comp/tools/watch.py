@@ -21,7 +21,7 @@ import numpy as np
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.package_files import name_this_environment
-from friction_comp.tools.common import Arguments, positive, progress, whole_number
+from friction_comp.tools.common import Arguments, progress, whole_number
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -46,8 +46,6 @@ def main(argv: list[str] | None = None) -> int:
                         help='joints to show; all without')
     parser.add_argument('--port', type=whole_number(0), default=5006,
                         help='on localhost; 0 takes any that is free (%(default)s)')
-    parser.add_argument('--window', metavar='S', type=positive, default=10.0,
-                        help='s that are shown at once (%(default)s)')
     arguments = parser.parse(given)
     try:
         from bokeh.server.server import Server
@@ -63,14 +61,14 @@ def main(argv: list[str] | None = None) -> int:
     models = [FrictionModel.load(path) for path in arguments.model]
     if arguments.recording is not None:
         feed = recorded_feed(arguments.recording, arguments.joint, models)
-        _serve(Server, live_page(feed, arguments.window), arguments.port)
+        _serve(Server, live_page(feed), arguments.port)
         return 0
     name_this_environment()
     from friction_comp.nodes.live_feed import LiveFeed
 
     ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
     with closing(LiveFeed(arguments.joint, models, list(ros))) as running:
-        _serve(Server, live_page(running, arguments.window), arguments.port)
+        _serve(Server, live_page(running), arguments.port)
     return 0
 
 
