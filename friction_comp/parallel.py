@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, ExitStack, suppress
@@ -32,7 +32,7 @@ class Failure:
     reason: str
 
 
-Outcomes = Iterator[tuple[int, 'U | Failure']]
+Outcomes = Generator[tuple[int, 'U | Failure'], None, None]
 Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
 """Does work on each of several items; yields index and outcome in the order of their end."""
 

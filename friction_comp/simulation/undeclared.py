@@ -150,8 +150,8 @@ class Undeclared:
             result.table = np.array(rows)
         if thermal is not None:
             ambient = check_mapping(thermal, 'thermal').get('ambient', THERMAL['ambient'][0])
-            values = _read({'initial': ambient, **thermal}, THERMAL, 'thermal')
-            result.thermal = np.array(list(values.values()))
+            constants = _read({'initial': ambient, **thermal}, THERMAL, 'thermal')
+            result.thermal = np.array(list(constants.values()))
         return result
 
     @classmethod
