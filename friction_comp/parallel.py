@@ -55,11 +55,10 @@ def run_each(work: Callable[[T], U], items: Sequence[T], jobs: int = 1) -> Outco
     ----------
     work : callable
     items : sequence
-        With more than one job, pickled as `work` is.
+        Pickled, as `work` is, if there is more than one job. An error on the only item is raised.
     jobs : int
-        Number of processes; with one the work is done in this process, and an error on the only
-        item is raised. A process that is killed, for want of memory say, is replaced, and costs
-        the item that it had.
+        Number of processes; with one the work is done in this process. A process that is killed,
+        for want of memory say, is replaced, and costs the item that it had.
 
     Yields
     ------

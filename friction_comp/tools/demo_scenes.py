@@ -89,16 +89,14 @@ def play_arm(stage: Stage) -> None:
     drives = {joint: replace(FrictionModel.load(package_file(
         'config', f'armin_configuration_{number}.yaml')), joint=joint)
         for joint, number in ARM.items()}
-    plant_files, drive_files = ([stage.output / 'models' / f'{kind}_{joint}.yaml' for joint in ARM]
-                                for kind in ('plant', 'drive'))
-    for model, plant_file, drive_file in zip(drives.values(), plant_files, drive_files):
-        replace(model, simulation={**model.simulation, 'human': PERSON}).save(plant_file)
-        model.save(drive_file)
+    files = [stage.output / 'models' / f'{joint}.yaml' for joint in ARM]
+    for model, path in zip(drives.values(), files):
+        replace(model, simulation={**model.simulation, 'human': PERSON}).save(path)
     stage.say('starts an arm of three joints that hangs down, moved by MuJoCo, and the '
               'compensator with the models of its drives')
-    stage.start_plant(list(ARM), plant_files, engine='mujoco',
+    stage.start_plant(list(ARM), files, engine='mujoco',
                       arm_file=package_file('config', 'arms', 'guided_arm.xml'))
-    stage.start('compensator', *drive_files, law='none')
+    stage.start('compensator', *files, law='none')
     _move(stage, 'alone', 'a person guides it without any help', exercise)
     gains = {joint: model.drive.torque_per_current for joint, model in drives.items()}
     alone = _recorded_joints(stage.recording('alone'), gains)

@@ -48,14 +48,9 @@ def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
 
 
 class Nodes:
-    """Runs nodes of this package, each in a separate process.
+    """Runs nodes of this package, each in a separate process that prints into the folder `logs`.
 
     Leaving the ``with`` block ends them all.
-
-    Parameters
-    ----------
-    logs : path-like
-        Folder for what they print.
     """
 
     def __init__(self, logs: Path) -> None:

@@ -86,29 +86,10 @@ def unit_of(arguments: Namespace, model: FrictionModel | None,
 def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | None,
                       show: Callable[..., None] = lambda *_: None
                       ) -> tuple[RefineResult, History | None]:
-    """Refine a model on recordings of one joint together.
+    """Refine a model on recordings of one joint together, by the arguments of the tool `refine`.
 
-    Parameters
-    ----------
-    arguments : Namespace
-        Of the tool `refine`.
-    paths : sequence of Path
-        Recordings, or folders of them.
-    joint : str, optional
-    show : callable
-        Called with the share 0..1 that is done and what is done.
-
-    Returns
-    -------
-    result : RefineResult
-        Its report has what is missing or unusual in the recordings among the warnings.
-    history : History, optional
-        With ``--history``: that of the model, with the new recordings.
-
-    Raises
-    ------
-    InputError
-        If recordings or model cannot be used.
+    `show` gets the share 0..1 that is done, and what is done. With ``--history``, the model's
+    history with the new recordings comes beside the result.
     """
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings.condense import read_condensed

@@ -32,17 +32,7 @@ def refine_each(arguments: Namespace) -> int:
     """Refine each joint of each recording; write a folder for each, and one page on all.
 
     What is found is written as it comes, each folder whole or not at all: an interrupt, or a
-    recording that cannot be used, costs no other.
-
-    Returns
-    -------
-    int
-        0; 130 when it was interrupted.
-
-    Raises
-    ------
-    InputError
-        If no recording can be used, or an argument or the output cannot.
+    recording that cannot be used, costs no other. Returns 0, or 130 when it was interrupted.
     """
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')

@@ -27,16 +27,7 @@ def leased_domain() -> Iterator[int]:
     """Hold a ROS domain that no process uses, and that no other holder gets meanwhile.
 
     The holder is bound to an unused port of the domain, which is free again when its process ends.
-
-    Yields
-    ------
-    int
-        To be set as ``ROS_DOMAIN_ID``.
-
-    Raises
-    ------
-    InputError
-        If all domains are in use.
+    Yields the domain's number, for ``ROS_DOMAIN_ID``.
     """
     free = sorted(set(_DOMAINS) - domains_in_use())
     # Other participants use small ones by default.
