@@ -217,29 +217,23 @@ def _explained(values: np.ndarray, variable: np.ndarray) -> float:
     known = np.isfinite(variable)
     values, variable = values[known], variable[known]
     size = len(values)
-    total = float(np.sum((values - values.mean()) ** 2)) if size else 0.0
-    if size < 4 * _BINS or total <= 0.0 or np.ptp(variable) <= 0.0:
+    if size < 4 * _BINS or np.ptp(values) <= 0.0 or np.ptp(variable) <= 0.0:
         return 0.0
-    index = np.searchsorted(quantile_edges(variable, _BINS), variable)
-    count = np.bincount(index)
-    used = count > 0
-    means = np.bincount(index, values)[used] / count[used]
-    within = total - float(np.sum(count[used] * (means - values.mean()) ** 2))
-    groups = int(used.sum())
-    if size <= groups:
-        return 0.0
-    return max(0.0, 1.0 - within / (size - groups) * (size - 1) / total)
+    _, index, count = np.unique(np.searchsorted(quantile_edges(variable, _BINS), variable),
+                                return_inverse=True, return_counts=True)
+    means = np.bincount(index, values) / count
+    within = float(np.sum((values - means[index]) ** 2)) / (size - len(count))
+    return max(0.0, 1.0 - within / float(np.var(values, ddof=1)))
 
 
 def _explained_by_step(values: np.ndarray) -> float:
     """Return the share of the variance of values, in order, that one step change explains."""
-    size = len(values)
-    total = float(np.sum((values - values.mean()) ** 2))
+    size, centred = len(values), values - values.mean()
+    total = float(centred @ centred)
     if size < 4 * _FEWEST_BESIDE or total <= 0.0:
         return 0.0
     before = np.arange(_FEWEST_BESIDE, size - _FEWEST_BESIDE + 1)
-    sums = np.cumsum(values - values.mean())[before - 1]
-    between = sums ** 2 * (1.0 / before + 1.0 / (size - before))
+    between = np.cumsum(centred)[before - 1] ** 2 * (1.0 / before + 1.0 / (size - before))
     # The best of all positions explains this much by chance (law of the iterated logarithm, with a
     # margin).
     chance = 2.0 * (1.0 + np.log(np.log(size))) * total / size
