@@ -129,7 +129,7 @@ class Stage:
 def open_stage(arguments: Namespace, client: type[DemoClient]) -> Iterator[Stage]:
     """Yield a stage whose nodes end with the block; `client` is the demo's part in ROS 2."""
     output = arguments.output.absolute()
-    make_room(output)
+    clear_results(output)
     os.environ['ROS_LOG_DIR'] = str(output / 'logs' / 'ros')
     with Nodes(output / 'logs') as nodes, client(nodes.check) as ros:
         page = _open_page(output) if arguments.watch else None
@@ -158,7 +158,7 @@ def _open_page(output: Path) -> subprocess.Popen[str]:
     return page
 
 
-def make_room(output: Path) -> None:
+def clear_results(output: Path) -> None:
     """Remove an earlier demo's results and nothing else."""
     for name in ('recordings', 'models', 'logs'):
         shutil.rmtree(output / name, ignore_errors=True)

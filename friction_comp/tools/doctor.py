@@ -58,7 +58,7 @@ def main(argv: list[str] | None = None) -> int:
     findings = list(check_machine())
     if not arguments.installed and PROBLEM not in {finding.level for finding in findings}:
         ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
-        findings += look(arguments, list(ros))
+        findings += check_running_system(arguments, list(ros))
     if arguments.json:
         print(to_json({'findings': [vars(finding) for finding in findings]}), end='')
     else:
@@ -122,7 +122,7 @@ def _middleware() -> Iterator[Finding]:
                       f'and on the robot alike, or install {wanted} on both')
 
 
-def look(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
+def check_running_system(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
     """Return the findings about the running system."""
     from friction_comp.monitoring.checkup import check_system
     from friction_comp.nodes.system_probe import middleware, observe

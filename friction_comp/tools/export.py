@@ -55,7 +55,7 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     joint = simulator_joint(model, arguments.top_speed)
     name = arguments.joint or model.joint or 'joint'
-    remarks = words(joint, str(arguments.model))
+    remarks = remarks_on(joint, str(arguments.model))
     write_atomically(arguments.output, document(arguments.to, name, joint, remarks))
     print(f'{arguments.output}: {name}')
     for line in remarks[1:]:
@@ -63,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def words(joint: SimulatorJoint, model: str) -> list[str]:
+def remarks_on(joint: SimulatorJoint, model: str) -> list[str]:
     """Return what a reader of the file should know."""
     return [
         f'Friction of {model}, by friction_comp {__version__}',

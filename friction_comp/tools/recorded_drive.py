@@ -33,7 +33,7 @@ def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
     return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **given})
 
 
-def limited(arguments: Namespace, drive: Drive, recorded: list[Samples]
+def with_current_limit(arguments: Namespace, drive: Drive, recorded: list[Samples]
             ) -> tuple[Drive, dict[str, str]]:
     """Return the drive with its current limit, and a note on the origin of the limit.
 
@@ -104,7 +104,7 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
         progress=lambda share: show(0.2 * share, 'reading'), layout=layout_of(arguments))
     unit = unit_of(arguments, model, [info for _, info in recordings])
     recorded = [samples for samples, _ in recordings]
-    drive, limit = limited(arguments, drive, recorded)
+    drive, limit = with_current_limit(arguments, drive, recorded)
     if history is not None:
         recorded = history.with_new(recordings)
     with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import output_folder, progress, write_report
-from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, limited
+from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, with_current_limit
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -38,7 +38,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
                 lambda share: report(0.1 * share), layout_of(arguments)).items()}
         drives, limits = {}, {}
         for name, parts in recorded.items():
-            drives[name], limits[name] = limited(
+            drives[name], limits[name] = with_current_limit(
                 arguments, drive_of(arguments, models.get(name)), parts)
         try:
             result = refine_arm(

@@ -137,7 +137,7 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     return {name: values[::every] for name, values in columns.items()}
 
 
-def said_by(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
+def model_used(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
     """Return the model that a recording says its compensator used for a joint, where it is here.
 
     Of several the first is meant; the others are told in `notes`.
@@ -178,7 +178,7 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
             (samples[joint], info), = read_recording_with_info(
                 find_recording(path), joint, drive.torque_constant, drive.gear_ratio)
             notes += [note for note in info.notes if note not in notes]
-            model = None if joint in chosen else said_by(info, joint, notes)
+            model = None if joint in chosen else model_used(info, joint, notes)
             if model is not None:
                 chosen[joint] = model
                 # Read without a drive, it holds the torque.
