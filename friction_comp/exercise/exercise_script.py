@@ -136,9 +136,9 @@ def _waypoints(steps: list[Any], joints: list[str], unit: float,
         positions.append(positions[-1])
     if count > 1 and np.abs(positions[-1]).max() > _SAME:
         raise InputError('the last step must lead back to 0 where there are repetitions')
-    once, places = np.array(times), np.array(positions)
+    once, angles = np.array(times), np.array(positions)
     return (np.concatenate([once[bool(k):] + k * once[-1] for k in range(count)]),
-            np.concatenate([places[bool(k):] for k in range(count)]))
+            np.concatenate([angles[bool(k):] for k in range(count)]))
 
 
 def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
