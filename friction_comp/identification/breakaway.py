@@ -25,6 +25,7 @@ from friction_comp.errors import InputError
 from friction_comp.identification.slide_begin import slide_begin
 from friction_comp.model.friction_model import Breakaway
 from friction_comp.samples import smallest_step
+from friction_comp.statistics import noise_level
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -208,7 +209,7 @@ def find_ramps(time: np.ndarray, current: np.ndarray,
     if exact:
         threshold = 1e-9
     else:
-        noise = np.median(np.abs(np.diff(current))) / 0.954
+        noise = noise_level(current)
         width = 1 + 2 * int(np.clip(0.025 / max(np.median(np.diff(time)), 1e-9), 0, 500))
         kernel = np.full(width, 1.0 / width)
         signal = np.convolve(np.pad(current, width // 2, mode='edge'), kernel, 'valid')

@@ -23,6 +23,7 @@ import math
 import numpy as np
 
 from friction_comp.identification.local_parabola import local_parabolas
+from friction_comp.statistics import noise_level
 
 # rad/s above which a joint has left presliding; later samples are not breakaway.
 SLIDING_SPEED = 0.02
@@ -132,7 +133,7 @@ def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> 
     allowed = _NOISE * max(float(np.max(driven)), 1e-9)
     # Variance of a parabola's second derivative over a window T: 720·σ²·step/T⁵.
     counts = (60.0 * resolution ** 2 * step / (allowed * rate) ** 2) ** 0.2
-    noise = float(np.median(np.abs(np.diff(driven)))) / 0.954
+    noise = noise_level(driven)
     width = max(counts, step * (noise / allowed) ** 2, _SHORTEST)
     return max(round(min(width, _LONGEST) / step), 5) | 1
 

@@ -152,9 +152,9 @@ def _subsample(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def steps_figure(result: RefineResult) -> Figure:
     """Draw the error as effects are added."""
     figure, axes = new_figure(height=2.6)
-    labels = [f'+ {name.replace("_", " ")}' if k else name
-              for k, (name, _) in enumerate(result.trail)]
-    errors = [error for _, error in result.trail]
+    effects = result.report['effects']
+    labels = ['before', *(f'+ {effect["name"].replace("_", " ")}' for effect in effects)]
+    errors = [step['held_out_rmse'] for step in (result.report['before'], *effects)]
     axes.plot(range(len(errors)), errors, 'o-', color=COLOURS['blue'])
     axes.axhline(result.report['noise_floor'], color=COLOURS['grey'], linestyle='--')
     axes.set_xticks(range(len(errors)), labels, rotation=20, ha='right')

@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.thresholds import LEAST_SHARE
-from friction_comp.refinement.units import in_unit
+from friction_comp.refinement.verdict import in_unit
 from friction_comp.reports.html import number, quantity, Report
 from friction_comp.reports.refinement_figures import (
     DrawnFigure,
@@ -197,7 +197,7 @@ def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
 
 def change_rows(result: RefineResult) -> list[list[Any]]:
     """Return a row for each number of the given model that was fitted again: before and after."""
-    if not result.report['before']['model'].startswith('the given model'):
+    if not result.given:
         return []
     unit = result.report['unit']
     old, new = result.start.sigmoid, result.model.sigmoid

@@ -17,7 +17,7 @@ from friction_comp.files import write_yaml
 from friction_comp.model.arm_document import arm_document
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
-from friction_comp.recordings.arm_reader import read_arm
+from friction_comp.recordings import read_arm
 from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.reports.arm_scene_report import arm_scene_report, peaks_of
 from friction_comp.reports.evaluation_words import compared_peaks

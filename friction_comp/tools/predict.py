@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings.reader import RecordingInfo
+    from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
 # Share of the top speed below which a joint is considered at rest.

@@ -24,7 +24,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
     a folder for each with these files, and above them ``report.json`` with the arm and all joints,
     ``report.html``, and ``model.yaml`` with all joints' models. Returns 0.
     """
-    from friction_comp.recordings.arm_reader import read_arm
+    from friction_comp.recordings import read_arm
     from friction_comp.refinement.whole_arm import refine_arm
 
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None

@@ -162,12 +162,13 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
     """Read a recording for the page."""
     from friction_comp.recordings import (
         find_recording,
-        inspect_recording,
         read_recording_with_info,
+        recorded_joints,
     )
 
     with progress('reading') as report:
-        wanted = joints or inspect_recording(path).joints
+        path = find_recording(path)
+        wanted = joints or recorded_joints(path)
         if models and len(models) != len(wanted):
             raise InputError(f'--model: one file per joint is needed, {len(wanted)} for '
                              f'{", ".join(wanted)}')
@@ -176,7 +177,7 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
         for index, joint in enumerate(wanted):
             drive = chosen[joint].drive if joint in chosen else Drive(1.0, 1.0)
             (samples[joint], info), = read_recording_with_info(
-                find_recording(path), joint, drive.torque_constant, drive.gear_ratio)
+                path, joint, drive.torque_constant, drive.gear_ratio)
             notes += [note for note in info.notes if note not in notes]
             model = None if joint in chosen else model_used(info, joint, notes)
             if model is not None:
