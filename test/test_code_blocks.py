@@ -27,8 +27,8 @@ PAGES = [path for path in (
     *sorted((ROOT / 'msg_docs').glob('*.md'))) if path.exists()]
 # Tools that are run as the page has them; the others take minutes, and their arguments are read.
 RUN = ('convert', 'evaluate', 'refine', 'predict')
-# But for an arm, which is made and refined with its URDF in test_whole_arm, and for a cluster.
-READ = {'--urdf', '--scheduler'}
+# But for an arm, which is made and refined with its URDF in test_whole_arm.
+READ = {'--urdf'}
 # Tools with their options that were run already: with other files the arguments are read.
 TRIED = set()
 
@@ -166,8 +166,6 @@ def test_commands(command, workplace, monkeypatch):
         if kind not in TRIED or name == 'convert':
             TRIED.add(kind)
             write_what_is_read(workplace, arguments, output)
-            if '--jobs' in arguments:
-                pytest.importorskip('distributed', reason='Dask is not in this environment')
             assert main([name, *arguments]) == 0
             assert (workplace / output).exists()
             return

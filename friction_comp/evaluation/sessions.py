@@ -10,10 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_comp.attempts import Failure, in_turn, Runner
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import Evaluation, Measured, repetitions_of
+from friction_comp.parallel import Failure, run_each, Runner
 from friction_comp.recordings import (
     find_recordings,
     recorded_joints,
@@ -87,7 +87,7 @@ def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
 def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
                     friction: FrictionModel | None = None, seconds: float = _STRETCH,
                     progress: Callable[[float], None] | None = None,
-                    run: Runner = in_turn) -> list[Evaluation]:
+                    run: Runner = run_each) -> list[Evaluation]:
     """Evaluate pieces; the result does not depend on their order.
 
     Parameters

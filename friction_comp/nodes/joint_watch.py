@@ -174,7 +174,7 @@ class JointWatch:
         """
         if self.trial is None:
             return None
-        previous, old, new = self.trial.file, self.trial.residual.watch, self.residual.watch
+        previous, old, new = self.trial.file, self.trial.residual.monitor, self.residual.monitor
         blocks = min(old.blocks, new.blocks)
         if blocks < _FEWEST_BLOCKS:
             return None

@@ -16,13 +16,7 @@ from friction_comp.tools.recorded_drive import layout_of
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the recording in the other form; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read, or the output cannot be written or is there already.
-    """
+    """Write the recording in the other form; returns 0."""
     parser = Arguments('convert', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --output output/with_direction.csv',
         'output/with_direction.csv --output output/with_direction')).add_recordings(several=False)
