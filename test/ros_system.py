@@ -3,7 +3,10 @@
 """Nodes in processes of their own, and a node in the test that watches and feeds them."""
 
 from array import array
+import atexit
 from contextlib import contextmanager, ExitStack
+import functools
+import json
 import os
 from pathlib import Path
 import random
@@ -27,7 +30,6 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.nodes.compile_nodes import compile_nodes
 from friction_comp.nodes.joint_io import UNASKED
 from friction_comp.tools.ros_domain import leased_domain
 
@@ -48,8 +50,6 @@ BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 PATIENCE = 60.0
 
 
-# As an installation does: no test waits for it.
-compile_nodes()
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # Each process that runs tests has a domain that nobody else has, for as long as it lives.
 _SESSION = ExitStack()
@@ -85,22 +85,88 @@ def ros_arguments(parameters=None, remappings=None):
     return arguments
 
 
-class Process:
-    """A node in a process of its own; ended with the ``with`` block."""
+class Host:
+    """Starts nodes by forking a process that has imported what they need."""
 
-    def __init__(self, folder, name, parameters=None, remappings=None, arguments=()):
+    def __init__(self, *arguments):
+        self._process = subprocess.Popen(
+            [sys.executable, str(ROOT / 'test' / 'node_host.py'), *arguments], text=True, bufsize=1,
+            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert self._process.stdout.readline() == 'ready\n'
+        # Its input ends, and it does.
+        atexit.register(self._process.communicate)
+
+    def ask(self, request):
+        self._process.stdin.write(json.dumps(request) + '\n')
+        return json.loads(self._process.stdout.readline())
+
+
+@functools.cache
+def compiled_host():
+    """The host of all nodes but the compensator, whose kernels are compiled when they start."""
+    return Host()
+
+
+@functools.cache
+def plain_host():
+    """The compensator's host: it starts in plain Python, and finds compiled kernels on the disk."""
+    compiled_host()
+    return Host('plain')
+
+
+def environment(**changes):
+    """Return the environment of a process that imports the package from here."""
+    return dict(os.environ, PYTHONPATH=os.pathsep.join(
+        [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]), **changes)
+
+
+class Forked:
+    """A node forked by a host, with what the tests use of `subprocess.Popen`."""
+
+    def __init__(self, host, name, arguments, folder, output, env):
+        self._host, self.returncode = host, None
+        self.pid = host.ask([name, arguments, str(folder), str(output), env])
+
+    def poll(self):
+        if self.returncode is None:
+            self.returncode = self._host.ask(self.pid)
+        return self.returncode
+
+    def wait(self, timeout=PATIENCE):
+        end = time.monotonic() + timeout
+        while self.poll() is None:
+            if time.monotonic() > end:
+                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout)
+            time.sleep(0.01)
+        return self.returncode
+
+    def send_signal(self, number):
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+
+class Process:
+    """A node in a process of its own; ended with the ``with`` block.
+
+    With `fresh`, in an interpreter of its own, too, as it is started from a command line.
+    """
+
+    def __init__(self, folder, name, parameters=None, remappings=None, arguments=(), fresh=False):
         self.name = name
         folder.mkdir(exist_ok=True, parents=True)
         number = len(list(folder.iterdir()))
         self._error = folder / f'{number}_{name}.err'
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(
-            [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
-            ROS_LOG_DIR=str(folder / 'log'))
-        with self._error.open('w') as error:
-            self._process = subprocess.Popen(
-                [sys.executable, '-m', 'friction_comp', name, *arguments,
-                 *ros_arguments(parameters, remappings)],
-                env=environment, stdout=error, stderr=error, cwd=folder)
+        self._error.touch()
+        arguments = [*arguments, *ros_arguments(parameters, remappings)]
+        env = environment(ROS_LOG_DIR=str(folder / 'log'))
+        if fresh:
+            with self._error.open('w') as error:
+                self._process = subprocess.Popen(
+                    [sys.executable, '-m', 'friction_comp', name, *arguments],
+                    env=env, stdout=error, stderr=error, cwd=folder)
+        else:
+            host = plain_host() if name == 'compensator' else compiled_host()
+            self._process = Forked(host, name, arguments, folder, self._error, env)
 
     def send(self, number=signal.SIGINT):
         self._process.send_signal(number)
@@ -125,7 +191,7 @@ class Process:
             try:
                 self.wait(30.0)
             except subprocess.TimeoutExpired:
-                self._process.kill()
+                self.send(signal.SIGKILL)
                 self._process.wait()
 
 

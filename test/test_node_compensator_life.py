@@ -79,7 +79,7 @@ def test_signals_leave_zero_current(room, number):
             room, 'compensator', {'joints': JOINTS, 'model_files': MODELS[:2], 'law': 'paper'},
             {'__node': f'compensator_{number}', 'joint_states': f's{number}/joint_states',
              'direction': f's{number}/direction',
-             'current_command': f's{number}/current_command'}) as process:
+             'current_command': f's{number}/current_command'}, fresh=True) as process:
         driver = FakeDriver(probe, JOINTS, BEST_EFFORT, f's{number}/')
         driver.find(direction=[1, 1])
         process.send(number)
@@ -237,7 +237,7 @@ def test_other_signals_leave_zero_current_too(room, number):
 
 def test_an_interrupt_while_it_is_being_imported_is_no_error(room):
     for delay in (0.3, 0.6, 1.0):
-        with own_domain(), Process(room, 'compensator', START) as process:
+        with own_domain(), Process(room, 'compensator', START, fresh=True) as process:
             time.sleep(delay)
             process.send(signal.SIGINT)
             # On a busy machine Python itself may not be up by then, and says so.
