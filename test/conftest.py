@@ -4,6 +4,7 @@
 
 import signal
 
+from hypothesis import HealthCheck, settings
 import pytest
 
 from friction_comp.package_files import name_this_environment
@@ -14,6 +15,10 @@ name_this_environment()
 # would never end.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# No test fails because the machine is busy.
+settings.register_profile('shared', max_examples=30, deadline=None, suppress_health_check=[
+    HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
+settings.load_profile('shared')
 
 
 def pytest_collection_modifyitems(items):

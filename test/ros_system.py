@@ -47,7 +47,7 @@ ZERO = [0.0, 0.0]
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Discovery alone may take seconds on a busy machine.
-PATIENCE = 60.0
+PATIENCE = 120.0
 
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'

@@ -37,7 +37,6 @@ def maxwell_slip(path, shares, distances):
     return force
 
 
-@settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10 ** 6), factor=st.floats(0.7, 1.1), share=st.floats(0.05, 1.0),
        longest=st.floats(1e-4, 3e-4), size=st.floats(0.2, 20.0), speed=st.floats(0.01, 0.3),
        std=st.sampled_from([None, 1e-5]))
@@ -68,7 +67,7 @@ def test_over_closed_paths_it_gives_less_than_the_gear_takes(
         taken[-1] - taken[-loop - 1]) + 2.0 * LEVEL * speed * 1e-3
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10 ** 6), distance=st.floats(5e-3, 3e-2), error=st.floats(0.7, 1.4),
        size=st.floats(0.1, 5.0), speed=st.floats(0.1, 0.4))
 def test_what_turns_round_slowly_is_given_no_sooner(seed, distance, error, size, speed):

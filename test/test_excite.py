@@ -4,7 +4,7 @@
 
 import json
 
-from hypothesis import example, given, settings, strategies as st
+from hypothesis import example, given, strategies as st
 import numpy as np
 import pytest
 from report_pages import assert_documented
@@ -38,7 +38,6 @@ PLAIN = ['--joint', 'elbow', '--position', '-1.2', '1.0', '--velocity', '1.5', '
          '6']
 
 
-@settings(max_examples=40, deadline=None)
 # A last move that ends between the last sample and the end.
 @example(seed=6813, bends=(0.25, 0.7890625, 0.007039780636904249, 0.47629448692292786, 0.0),
          lowest=0.0, span=5.212890625, velocity=3.435546875, acceleration=0.11,

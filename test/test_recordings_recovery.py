@@ -11,7 +11,7 @@ import sqlite3
 import subprocess
 import sys
 
-from hypothesis import given, HealthCheck, settings, strategies as st
+from hypothesis import given, settings, strategies as st
 from mcap.reader import make_reader
 import numpy as np
 import pytest
@@ -60,8 +60,6 @@ def whole(tmp_path_factory):
     return (folder / 'trial_0.mcap').read_bytes(), ends
 
 
-@settings(max_examples=80, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.floats(0.0, 1.0, exclude_max=True))
 def test_a_file_cut_anywhere_gives_every_whole_chunk(whole, tmp_path, share):
     content, ends = whole
@@ -318,8 +316,7 @@ def test_joints_are_read_together(tmp_path):
     np.testing.assert_allclose(second.arm.position[:, 0], -second.arm.position[:, 1], atol=1e-9)
 
 
-@settings(max_examples=15, deadline=None,
-          suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15)
 @given(st.floats(0.5, 30.0), st.integers(1, 3))
 def test_a_stream_is_the_recording_in_stretches(long_recording, seconds, files):
     folder = long_recording[files]
