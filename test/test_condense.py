@@ -11,7 +11,7 @@ from friction_comp.recordings.condense import read_condensed
 from friction_comp.refinement import refine
 from friction_comp.samples import JointStates, Samples
 
-RATE, NOISE = 500.0, 0.01
+RATE, NOISE = 250.0, 0.01
 
 
 def recorded(seconds, seed=0, joint='elbow'):
@@ -42,7 +42,7 @@ def test_what_is_short_is_read_as_it_was_recorded(folder):
 
 
 def test_averages_are_of_the_same_samples_and_it_is_said(folder):
-    found = read_condensed(folder, limit=40_000)
+    found = read_condensed(folder, limit=20_000)
     assert '4 samples at a time were averaged' in found[0][1].notes[-1]
     whole, _ = read_recording(folder)
     kept, _ = found[0]
@@ -55,16 +55,16 @@ def test_averages_are_of_the_same_samples_and_it_is_said(folder):
 
 
 def test_pieces_from_everywhere_are_kept_where_averages_are_too_many(folder):
-    found = read_condensed(folder, limit=10_000)
+    found = read_condensed(folder, limit=5_000)
     kept = sum(len(samples) for samples, _ in found)
-    assert 5_000 <= kept <= 15_000
+    assert 2_500 <= kept <= 7_500
     for samples, _ in found:
         assert samples.time[0] < 50.0
         assert samples.time[-1] > 100.0
 
 
 def test_a_ripple_is_found_in_averages(folder):
-    found = [samples for samples, _ in read_condensed(folder, limit=20_000)]
+    found = [samples for samples, _ in read_condensed(folder, limit=10_000)]
     report = refine(found, drive=Drive(1.0, 1.0)).report
     assert [effect['name'] for effect in report['effects']] == ['cogging']
     # The noise of averages is that much smaller.
