@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Breakaway currents from ramps, and what their scatter depends on."""
 
-import os
 from pathlib import Path
 
 from numba import njit
@@ -14,35 +13,23 @@ from friction_comp.identification.breakaway import breakaway_currents, Breakaway
 from friction_comp.identification.excitation import current_ramp
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.joint_kernel import joint_sample
 
 ROOT = Path(__file__).resolve().parents[1]
-DATA = Path(os.environ.get('FRICTION_COMP_DATA', ROOT.parent / 'shared' / 'data'))
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 PERIOD = 10.0
 
 
-@njit
-def _play(parameters, states, random, table, memory, command, out):
-    """Step the simulated joint; return position and current."""
-    seen = np.empty((2, command.size))
-    for k in range(command.size):
-        seen[0, k], seen[1, k] = out.position, out.current
-        joint_sample(parameters, states, random, table, memory, 1e-3, command[k], 0.0, 0.0, False,
-                     out)
-    return seen
-
-
-def ramp_recording(number, cycles, seed=1):
-    """Return model, time, command, position and current of the simulated joint."""
-    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
-    plant = Plant([model], seed=seed)
+def ramp_recording(number, cycles, seed=1, share=1.0):
+    """Return time, command, position and current of ramps on a simulated joint."""
+    plant = Plant([FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')],
+                  seed=seed)
     time = np.arange(round(cycles * PERIOD * 1000)) * 1e-3
-    command = current_ramp(np.mod(time, PERIOD), SLOPES[number], PERIOD)
-    position, current = _play(
-        plant._parameters[0], plant._states[0], plant._random[0], plant._tables[0],
-        plant._memories[0], command, plant._out[0])
-    return model, time, command, position, current
+    command = share * current_ramp(np.mod(time, PERIOD), SLOPES[number], PERIOD)
+    state, seen = plant.state, []
+    for current in command:
+        seen.append((state.position[0], state.current[0]))
+        state = plant.step([current])
+    return time, command, *np.array(seen).T
 
 
 @njit
@@ -118,20 +105,13 @@ def test_known_levels_are_measured_ramp_by_ramp(number, knows_command):
 
 
 @pytest.mark.slow
-def test_two_hundred_cycles_meet_the_note():
-    """The drive whose breakaway scatters most; `test_reproduce` has all three."""
-    model, time, command, position, current = ramp_recording(3, 200, seed=3)
+def test_every_ramp_is_resolved_in_turn_and_read_within_its_rise():
+    """On the drive whose breakaway scatters most; `test_reproduce` has the statistics of all."""
+    time, command, position, current = ramp_recording(3, 12, seed=3)
     records = breakaway_currents(time, position, current, command=command)
-    # Every ramp is resolved, in turn, and read within the ramp's own rise.
     assert records.unresolved == []
-    assert records.direction.tolist() == [1, -1] * 200
+    assert records.direction.tolist() == [1, -1] * 12
     assert np.all(np.mod(records.time, PERIOD / 2.0) < 0.4 * PERIOD)
-    statistics = records.statistics()
-    expected = model.breakaway
-    assert statistics.positive_mean == pytest.approx(expected.positive_mean, rel=0.01)
-    assert statistics.negative_mean == pytest.approx(expected.negative_mean, rel=0.01)
-    assert statistics.positive_std == pytest.approx(expected.positive_std, rel=0.2)
-    assert statistics.negative_std == pytest.approx(expected.negative_std, rel=0.2)
 
 
 def test_presliding_creep_is_not_taken_for_motion():
@@ -179,13 +159,8 @@ def test_progressive_creep_before_the_slide():
 
 
 def test_ramps_that_stay_below_the_level_are_reported():
-    model, time, command, position, current = ramp_recording(1, 3)
-    low = command * 0.3
-    plant = Plant([model], seed=1)
-    position, current = _play(
-        plant._parameters[0], plant._states[0], plant._random[0], plant._tables[0],
-        plant._memories[0], low, plant._out[0])
-    records = breakaway_currents(time, position, current, command=low)
+    time, command, position, current = ramp_recording(1, 3, share=0.3)
+    records = breakaway_currents(time, position, current, command=command)
     assert len(records) == 0
     assert [side for _, side, _ in records.unresolved] == [1, -1] * 3
     assert records.unresolved[0][2] == pytest.approx(0.06, abs=0.01)
@@ -194,7 +169,7 @@ def test_ramps_that_stay_below_the_level_are_reported():
 
 
 def test_rest_time_position_and_temperature_are_kept():
-    _, time, command, position, current = ramp_recording(1, 6)
+    time, command, position, current = ramp_recording(1, 4)
     warmth = 20.0 + time / 10.0
     records = breakaway_currents(time, position, current, command=command, temperature=warmth)
     np.testing.assert_allclose(records.temperature, 20.0 + records.time / 10.0, atol=0.01)
@@ -203,9 +178,9 @@ def test_rest_time_position_and_temperature_are_kept():
     index = np.searchsorted(time, records.time)
     np.testing.assert_allclose(records.position, position[index])
     table = records.to_dict()
-    assert len(table['current']) == 12
+    assert len(table['current']) == 8
     joined = BreakawayRecords.join([records, records])
-    assert len(joined) == 24
+    assert len(joined) == 16
 
 
 @pytest.mark.parametrize(('change', 'word'), [

@@ -11,6 +11,7 @@ from recording_maker import (
     header,
     joint_state,
     make_samples,
+    needs_data,
     record,
     states,
     STORE,
@@ -238,7 +239,7 @@ def test_writer_makes_what_rosbag2_reads(tmp_path):
         assert stamp == 1_000_000_000
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason='the measured recordings are not here')
+@needs_data
 @pytest.mark.parametrize(('name', 'joint', 'count', 'step', 'velocity'), [
     ('ur10e_joint1', 'shoulder_pan_joint', 2427, 0.01, True),
     ('emps', 'carriage', 24841, 0.001, False),

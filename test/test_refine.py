@@ -5,12 +5,11 @@
 import csv
 from dataclasses import replace
 import json
-import os
-from pathlib import Path
 import re
 
 import numpy as np
 import pytest
+from recording_maker import DATA, needs_data
 from scipy.signal import butter, sosfiltfilt
 
 from friction_comp.drive import Drive
@@ -23,11 +22,6 @@ from friction_comp.samples import Samples
 from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
-
-DATA = Path(os.environ.get(
-    'FRICTION_COMP_DATA', Path(__file__).parents[2] / 'shared' / 'data'))
-needs_data = pytest.mark.skipif(
-    not DATA.is_dir(), reason='measured recordings are not here (FRICTION_COMP_DATA)')
 
 RATE = 125.0  # Hz
 
