@@ -33,13 +33,13 @@ class Bench:
     """A simulated joint whose sensors, or whose surroundings, may be wrong."""
 
     def __init__(self, alter=lambda run, sample: sample, torque=lambda run, state: 0.0, seed=3,
-                 late=0):
+                 late=0, step=STEP):
         self.model = model()
         self.alter, self.torque = alter, torque
         load = Undeclared.from_dict({
             'format': 'friction_comp_undeclared', 'version': 1,
             'effects': [{'name': 'gravity', 'parameters': {'amplitude': 0.0, 'phase': 0.0}}]})
-        self.plant = Plant([self.model], seed=seed, sample_time=STEP, undeclared=[load])
+        self.plant = Plant([self.model], seed=seed, sample_time=step, undeclared=[load])
         self.run = IdentificationRun(IdentificationGoal(**GOAL), self.model.drive)
         self.largest = self.fastest = 0.0
         # Commands on their way to the drive.
@@ -230,7 +230,7 @@ def test_noise_that_hides_the_current_is_said_to_do_so():
     def alter(run, sample):
         sample[3] += 1.0 * random.normal()
         return sample
-    bench = Bench(alter)
+    bench = Bench(alter, step=1e-3)
     with pytest.raises(IdentificationError, match='too noisy'):
         bench.finish()
     assert bench.largest <= bench.run.goal.ramp_peak
