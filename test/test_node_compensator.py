@@ -12,6 +12,7 @@ from sensor_msgs.msg import Temperature
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from node_process import Process
 from ros_system import (
     FakeDriver,
     joint_state,
@@ -19,7 +20,6 @@ from ros_system import (
     MODELS,
     own_domain,
     probe_node,
-    Process,
     RELIABLE,
     START,
     ZERO,

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from node_process import Process, refuses
 from ros_system import (
     BEST_EFFORT,
     FakeDriver,
@@ -19,8 +20,6 @@ from ros_system import (
     MODELS,
     own_domain,
     probe_node,
-    Process,
-    refuses,
     RELIABLE,
     START,
     unasked,

@@ -12,7 +12,8 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from ros_system import FakeDriver, joint_state, JOINTS, probe_node, Process, RELIABLE, START, ZERO
+from node_process import Process
+from ros_system import FakeDriver, joint_state, JOINTS, probe_node, RELIABLE, START, ZERO
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray
 

@@ -13,14 +13,13 @@ import yaml
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from node_process import Process, refuses
 from ros_system import (
     FakeDriver,
     joint_state,
     JOINTS,
     MODELS,
     probe_node,
-    Process,
-    refuses,
     RELIABLE,
     START,
     value_of,

@@ -10,8 +10,9 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from node_process import Process
 from rclpy.serialization import serialize_message
-from ros_system import joint_state, MODELS, probe_node, Process
+from ros_system import joint_state, MODELS, probe_node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
