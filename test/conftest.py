@@ -3,6 +3,7 @@
 """What all tests share: the environment they run in, and the mark of those that start nodes."""
 
 import signal
+import sys
 
 from hypothesis import HealthCheck, settings
 import pytest
@@ -26,3 +27,12 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.path.stem.startswith('test_node_'):
             item.add_marker(pytest.mark.processes)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def plain_pages(request):
+    """Write pages without Bokeh, in half of the time, where a module has no ``LIVE_PAGES``."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not getattr(request.module, 'LIVE_PAGES', False):
+            patch.setitem(sys.modules, 'bokeh', None)
+        yield

@@ -47,13 +47,13 @@ def trial(name, direction):
     """
     model = FrictionModel.load(ROOT / 'config' / 'armin_configuration_2.yaml')
     model.effects = [Inertia({'coefficients': [0.02]})]
-    step, velocity = 4e-3, []
+    step, velocity = 8e-3, []
     for speed in (0.3, 0.6, 0.2, 0.9, 0.45, 0.75):
         for sign in (1.0, -1.0):
             ramp = np.arange(0.0, 1.0, step / 0.3)
-            velocity += [np.zeros(250), sign * speed * np.concatenate(
+            velocity += [np.zeros(125), sign * speed * np.concatenate(
                 [ramp, np.ones(round(0.8 / speed / step)), ramp[::-1]])]
-    velocity = np.concatenate([*velocity, np.zeros(250)])
+    velocity = np.concatenate([*velocity, np.zeros(125)])
     random = np.random.default_rng(len(name))
     position = np.cumsum(velocity) * step
     write_samples(name, Samples(

@@ -23,6 +23,7 @@ from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
+LIVE_PAGES = True
 RATE = 125.0  # Hz
 
 
