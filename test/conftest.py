@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share: the environment they run in, and the mark of those that start nodes."""
 
+import os
 import signal
 import sys
+from unittest.mock import patch
 
 from hypothesis import HealthCheck, settings
 import pytest
@@ -32,7 +34,14 @@ def pytest_collection_modifyitems(items):
 @pytest.fixture(scope='module', autouse=True)
 def plain_pages(request):
     """Write pages without Bokeh, in half of the time, where a module has no ``LIVE_PAGES``."""
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as monkeypatch:
         if not getattr(request.module, 'LIVE_PAGES', False):
-            patch.setitem(sys.modules, 'bokeh', None)
+            monkeypatch.setitem(sys.modules, 'bokeh', None)
+        yield
+
+
+@pytest.fixture
+def own_environment():
+    """Take back what a tool in this process sets: the ROS domain that it had for a while."""
+    with patch.dict(os.environ):
         yield

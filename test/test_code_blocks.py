@@ -24,8 +24,9 @@ from friction_comp.tools.common import Arguments
 
 # Tools that are run as the page has them; the others take minutes, and their arguments are read.
 RUN = ('convert', 'evaluate', 'refine', 'predict')
-# But for an arm, which is made and refined with its URDF in test_whole_arm, and for a cluster.
-READ = {'--urdf', '--scheduler'}
+# But for an arm, which is refined with its URDF in test_whole_arm, and for what
+# test_many_recordings does with each of many, in processes and on a cluster.
+READ = {'--urdf', '--each', '--jobs', '--scheduler'}
 # Tools with their options that were run already: with other files the arguments are read.
 TRIED = set()
 
@@ -154,8 +155,6 @@ def test_commands(command, workplace, monkeypatch):
         if kind not in TRIED or name == 'convert':
             TRIED.add(kind)
             write_what_is_read(workplace, arguments, output)
-            if '--jobs' in arguments:
-                pytest.importorskip('distributed', reason='Dask is not in this environment')
             assert main([name, *arguments]) == 0
             assert (workplace / output).exists()
             return
