@@ -10,7 +10,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
-from node_process import PATIENCE, ROOT
+from node_process import PATIENCE, Process, ROOT
 import numpy as np
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -285,6 +285,17 @@ class FakeDriver:
         self.states.publish(joint_state(stamp, names or self.joints, position, velocity))
         self.probe.until(lambda: self._answers_from(before), 'a command for the joint state')
         return list(self._answers_from(before)[0].data)
+
+
+@contextmanager
+def compensator(folder, direction=None, **parameters):
+    """Begin a compensator of two joints, and yield what stands in for its driver."""
+    with own_domain(), probe_node() as probe, Process(
+            folder, 'compensator', {**START, **parameters}) as process:
+        driver = FakeDriver(probe, JOINTS)
+        driver.process = process
+        driver.find(direction=direction)
+        yield driver
 
 
 def value_of(status, key):

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compensator's beginning and end, and what it does when something is wrong, over DDS."""
 
-from contextlib import contextmanager
 import signal
 import time
 
@@ -14,6 +13,7 @@ pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 from node_process import Process, refuses
 from ros_system import (
     BEST_EFFORT,
+    compensator,
     FakeDriver,
     joint_state,
     JOINTS,
@@ -39,21 +39,10 @@ def room(tmp_path_factory):
     return tmp_path_factory.mktemp('compensator')
 
 
-@contextmanager
-def compensator(room, **parameters):
-    """A compensator that drives both joints."""
-    with own_domain(), probe_node() as probe, Process(
-            room, 'compensator', {**START, **parameters}) as process:
-        driver = FakeDriver(probe, JOINTS)
-        driver.process = process
-        driver.find(direction=[1, 1])
-        yield driver
-
-
 @pytest.fixture(scope='module')
 def shared(room):
     """One compensator for all tests that let it live."""
-    with compensator(room) as driver:
+    with compensator(room, [1, 1]) as driver:
         yield driver
 
 
@@ -67,7 +56,7 @@ def driver(shared):
 @pytest.fixture(scope='module')
 def hasty(room):
     """One that soon takes silence for a fault."""
-    with compensator(room, joint_state_timeout=0.5) as driver:
+    with compensator(room, [1, 1], joint_state_timeout=0.5) as driver:
         yield driver
 
 
@@ -228,7 +217,7 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
 
 @pytest.mark.parametrize('number', [signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT, signal.SIGUSR1])
 def test_other_signals_leave_zero_current_too(room, number):
-    with compensator(room) as driver:
+    with compensator(room, [1, 1]) as driver:
         driver.process.send(number)
         driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
         assert driver.process.wait() == 0
