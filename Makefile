@@ -61,7 +61,10 @@ lint: setup
 # Two processes share two cores: more threads for small matrices only get in each other's way.
 check test: export OPENBLAS_NUM_THREADS = 1
 check test: export OMP_NUM_THREADS = 1
-pytest := $(BIN)/python -m pytest -n 2 --dist loadfile
+# Tests start a hundred interpreters: what these import is kept as bytecode, even where Python is
+# told to write none beside its sources.
+check test: export PYTHONPYCACHEPREFIX = $(CURDIR)/build/bytecode
+pytest := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: setup
 	@$(BIN)/python -m ruff check .

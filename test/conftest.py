@@ -2,8 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all tests share: the environment they run in, and the mark of those that start nodes."""
 
+import os
 import signal
+import sys
+from unittest.mock import patch
 
+from hypothesis import HealthCheck, settings
 import pytest
 
 from friction_comp.package_files import name_this_environment
@@ -14,6 +18,10 @@ name_this_environment()
 # would never end.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# No test fails because the machine is busy.
+settings.register_profile('shared', max_examples=30, deadline=None, suppress_health_check=[
+    HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
+settings.load_profile('shared')
 
 
 def pytest_collection_modifyitems(items):
@@ -21,3 +29,19 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.path.stem.startswith('test_node_'):
             item.add_marker(pytest.mark.processes)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def plain_pages(request):
+    """Write pages without Bokeh, in half of the time, where a module has no ``LIVE_PAGES``."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        if not getattr(request.module, 'LIVE_PAGES', False):
+            monkeypatch.setitem(sys.modules, 'bokeh', None)
+        yield
+
+
+@pytest.fixture
+def own_environment():
+    """Take back what a tool in this process sets: the ROS domain that it had for a while."""
+    with patch.dict(os.environ):
+        yield

@@ -6,18 +6,20 @@ import os
 from pathlib import Path
 
 import numpy as np
+import pytest
 from rosbags.rosbag2 import CompressionFormat, StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
-from friction_comp.recordings import (
-    cdr,
-)
+from friction_comp.recordings import cdr
 from friction_comp.samples import Samples
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 T = STORE.types
+KIND, BATCH = 'sensor_msgs/msg/JointState', 20
 DATA = Path(os.environ.get(
     'FRICTION_COMP_DATA', Path(__file__).resolve().parents[2] / 'shared' / 'data'))
+needs_data = pytest.mark.skipif(
+    not DATA.is_dir(), reason='measured recordings are not here (FRICTION_COMP_DATA)')
 
 
 def make_samples(count=200, joint='elbow', seed=0, **changes):
@@ -78,3 +80,13 @@ def states(count=50, names=('elbow',), stamp=lambda k: 1_000_000_000 + k * 1_000
         values = [k + 100.0 * j for j in range(len(names))]
         yield '/joint_states', 5_000_000_000 + k * 1_000_000, joint_state(
             stamp(k), names, values, values if velocity else [], [2.0 * v for v in values])
+
+
+def write_states(recording, numbers):
+    """Write states of their numbers, on the disk after every `BATCH` of them."""
+    for k in numbers:
+        stamp = 1_000_000_000 + k * 1_000_000
+        _, message = joint_state(stamp, ['elbow'], [1e-3 * k], [], [float(k)])
+        recording.write('joint_states', KIND, stamp, bytes(STORE.serialize_cdr(message, KIND)))
+        if k % BATCH == BATCH - 1:
+            recording.flush(wait=True)

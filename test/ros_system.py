@@ -1,19 +1,16 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes in processes of their own, and a node in the test that watches and feeds them."""
+"""A node in the test that watches nodes in processes of their own, and feeds them."""
 
 from array import array
 from contextlib import contextmanager, ExitStack
 import os
-from pathlib import Path
 import random
-import signal
-import subprocess
-import sys
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
+from node_process import PATIENCE, Process, ROOT
 import numpy as np
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -27,11 +24,9 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
-from friction_comp.nodes.compile_nodes import compile_nodes
 from friction_comp.nodes.joint_io import UNASKED
 from friction_comp.tools.ros_domain import leased_domain
 
-ROOT = Path(__file__).resolve().parent.parent
 CONFIG = ROOT / 'config'
 MODELS = [str(CONFIG / f'armin_configuration_{k}.yaml') for k in (1, 2, 3)]
 # Two joints under a compensator. What is not about time is not to fail for want of it.
@@ -44,12 +39,7 @@ CHANGED = {'breakaway_gain': 0.9, 'current_limit': 1000.0,
 ZERO = [0.0, 0.0]
 RELIABLE = QoSProfile(depth=10_000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Discovery alone may take seconds on a busy machine.
-PATIENCE = 60.0
 
-
-# As an installation does: no test waits for it.
-compile_nodes()
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # Each process that runs tests has a domain that nobody else has, for as long as it lives.
 _SESSION = ExitStack()
@@ -66,77 +56,6 @@ def own_domain():
             yield
         finally:
             os.environ['ROS_DOMAIN_ID'] = before
-
-
-def ros_arguments(parameters=None, remappings=None):
-    """Return command-line arguments; values are written as YAML reads them."""
-    arguments = ['--ros-args', '--log-level', 'warn']
-    for name, value in (parameters or {}).items():
-        if isinstance(value, bool):
-            value = str(value).lower()
-        elif isinstance(value, (list, tuple)):
-            value = '[' + ', '.join(f"'{v}'" if isinstance(v, str) else repr(v)
-                                    for v in value) + ']'
-        elif isinstance(value, str):
-            value = f"'{value}'"
-        arguments += ['-p', f'{name}:={value}']
-    for old, new in (remappings or {}).items():
-        arguments += ['-r', f'{old}:={new}']
-    return arguments
-
-
-class Process:
-    """A node in a process of its own; ended with the ``with`` block."""
-
-    def __init__(self, folder, name, parameters=None, remappings=None, arguments=()):
-        self.name = name
-        folder.mkdir(exist_ok=True, parents=True)
-        number = len(list(folder.iterdir()))
-        self._error = folder / f'{number}_{name}.err'
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(
-            [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
-            ROS_LOG_DIR=str(folder / 'log'))
-        with self._error.open('w') as error:
-            self._process = subprocess.Popen(
-                [sys.executable, '-m', 'friction_comp', name, *arguments,
-                 *ros_arguments(parameters, remappings)],
-                env=environment, stdout=error, stderr=error, cwd=folder)
-
-    def send(self, number=signal.SIGINT):
-        self._process.send_signal(number)
-
-    def wait(self, timeout=PATIENCE):
-        return self._process.wait(timeout)
-
-    @property
-    def running(self):
-        return self._process.poll() is None
-
-    @property
-    def text(self):
-        return self._error.read_text()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self.running:
-            self.send()
-            try:
-                self.wait(30.0)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
-
-
-def refuses(folder, name, parameters, words):
-    """Check that a node does not start, and says why in one line."""
-    with Process(folder, name, parameters) as process:
-        assert process.wait() == 2
-        lines = [line for line in process.text.splitlines() if line.startswith(f'{name}: ')]
-        assert len(lines) == 1
-        assert words in lines[0]
-        assert 'Traceback' not in process.text
 
 
 class Probe(Node):
@@ -366,6 +285,17 @@ class FakeDriver:
         self.states.publish(joint_state(stamp, names or self.joints, position, velocity))
         self.probe.until(lambda: self._answers_from(before), 'a command for the joint state')
         return list(self._answers_from(before)[0].data)
+
+
+@contextmanager
+def compensator(folder, direction=None, **parameters):
+    """Begin a compensator of two joints, and yield what stands in for its driver."""
+    with own_domain(), probe_node() as probe, Process(
+            folder, 'compensator', {**START, **parameters}) as process:
+        driver = FakeDriver(probe, JOINTS)
+        driver.process = process
+        driver.find(direction=direction)
+        yield driver
 
 
 def value_of(status, key):

@@ -4,13 +4,12 @@
 
 from dataclasses import replace
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
 from friction_comp.refinement.sums import BlockSums, sums_of
 
-FEW = settings(max_examples=30, deadline=None)
 SEED, BLOCKS, COLUMNS = st.integers(0, 2 ** 31), st.integers(2, 9), st.integers(1, 6)
 
 
@@ -23,7 +22,6 @@ def made(seed, blocks, columns):
     return matrix, target + rng.standard_normal(len(target)), np.repeat(np.arange(blocks), rows)
 
 
-@FEW
 @given(SEED, BLOCKS, COLUMNS)
 def test_a_block_left_out_is_predicted_as_by_a_fit_to_the_others(seed, blocks, columns):
     matrix, target, block = made(seed, blocks, columns)
@@ -34,7 +32,6 @@ def test_a_block_left_out_is_predicted_as_by_a_fit_to_the_others(seed, blocks, c
         assert found[k] == pytest.approx(expected, rel=1e-3, abs=1e-6)
 
 
-@FEW
 @given(SEED, BLOCKS, st.integers(1, 5), st.data())
 def test_a_coefficient_never_has_the_sign_that_physics_rules_out(seed, blocks, columns, data):
     matrix, target, block = made(seed, blocks, columns)

@@ -3,10 +3,11 @@
 """Every block of code in the documentation runs, or is read by what would run it."""
 
 import json
-from pathlib import Path
 import re
 import shlex
 
+import doc_pages
+from doc_pages import PAGES, ROOT
 import numpy as np
 import pytest
 from report_pages import assert_documented, promised
@@ -21,41 +22,22 @@ from friction_comp.refinement import refine
 from friction_comp.samples import Samples
 from friction_comp.tools.common import Arguments
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGES = [path for path in (
-    ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md')),
-    *sorted((ROOT / 'msg_docs').glob('*.md'))) if path.exists()]
 # Tools that are run as the page has them; the others take minutes, and their arguments are read.
 RUN = ('convert', 'evaluate', 'refine', 'predict')
-# But for an arm, which is made and refined with its URDF in test_whole_arm.
-READ = {'--urdf'}
+# But for an arm, which is refined with its URDF in test_whole_arm, and for what
+# test_many_recordings does with each of many and in processes.
+READ = {'--urdf', '--each', '--jobs'}
 # Tools with their options that were run already: with other files the arguments are read.
 TRIED = set()
 
 
-def blocks(language):
-    """Give the blocks of a language with page and line; indented ones belong to lists."""
-    found = []
-    for page in PAGES:
-        text = page.read_text(encoding='utf-8')
-        for match in re.finditer(r'^( *)```(\w*)\n(.*?)^\1```', text, re.DOTALL | re.MULTILINE):
-            if match[2] == language:
-                lines = [line[len(match[1]):] for line in match[3].splitlines()]
-                number = text[:match.start()].count('\n') + 1
-                found.append(pytest.param('\n'.join(lines), id=f'{page.name}:{number}'))
-    return found
-
-
 def commands():
-    """Give every command once, with the first place where it stands."""
-    found = {}
-    for block in blocks('sh'):
-        for line in block.values[0].replace('\\\n', ' ').splitlines():
-            command = line.split('#')[0].strip()
-            if command:
-                found.setdefault(command, pytest.param(
-                    line.strip(), id=f'{block.id} {command[:60]}'))
-    return found.values()
+    """Give every command of the documentation as a parameter of a test."""
+    return [pytest.param(line, id=f'{place} {line[:60]}') for line, place in doc_pages.commands()]
+
+
+def blocks(language):
+    return [pytest.param(text, id=place) for text, place in doc_pages.blocks(language)]
 
 
 def trial(name, direction):
@@ -66,13 +48,13 @@ def trial(name, direction):
     """
     model = FrictionModel.load(ROOT / 'config' / 'armin_configuration_2.yaml')
     model.effects = [Inertia({'coefficients': [0.02]})]
-    step, velocity = 4e-3, []
+    step, velocity = 8e-3, []
     for speed in (0.3, 0.6, 0.2, 0.9, 0.45, 0.75):
         for sign in (1.0, -1.0):
             ramp = np.arange(0.0, 1.0, step / 0.3)
-            velocity += [np.zeros(250), sign * speed * np.concatenate(
+            velocity += [np.zeros(125), sign * speed * np.concatenate(
                 [ramp, np.ones(round(0.8 / speed / step)), ramp[::-1]])]
-    velocity = np.concatenate([*velocity, np.zeros(250)])
+    velocity = np.concatenate([*velocity, np.zeros(125)])
     random = np.random.default_rng(len(name))
     position = np.cumsum(velocity) * step
     write_samples(name, Samples(
@@ -130,13 +112,20 @@ def check_other(words):
 
 def check_node(arguments):
     assert arguments[0] == '--ros-args'
+    sources = ''.join(path.read_text(encoding='utf-8') for path in (
+        ROOT / 'friction_comp' / 'nodes').glob('*.py'))
     for flag, value in zip(arguments[1::2], arguments[2::2]):
         if flag == '--params-file':
             assert yaml.safe_load((ROOT / value).read_text(encoding='utf-8'))
             continue
         left, right = value.split(':=')
         assert left
-        assert flag == '-r' or (flag == '-p' and yaml.safe_load(right) is not None)
+        if flag == '-p':
+            assert re.search(rf"declare\w*\(\s*(?:self|node), '{left}'", sources) or (
+                left == 'joints' and 'declare_joints' in sources), left
+            assert yaml.safe_load(right) is not None
+        else:
+            assert flag == '-r'
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda path: path.name)
@@ -184,8 +173,8 @@ def test_commands(command, workplace, monkeypatch):
 
 def write_what_is_read(workplace, arguments, output):
     """Run the commands of the documentation that write what one reads, where it is not there."""
-    for block in commands():
-        words = shlex.split(block.values[0], comments=True)
+    for line, _ in doc_pages.commands():
+        words = shlex.split(line, comments=True)
         if '--output' not in words or words[:3] != ['python3', '-m', 'friction_comp']:
             continue
         written = words[words.index('--output') + 1]
@@ -197,7 +186,7 @@ def write_what_is_read(workplace, arguments, output):
 
 def report_of(workplace, start):
     """Return what README's first line that starts so has written; run it where it has not."""
-    line = next(block.values[0] for block in commands() if block.values[0].startswith(
+    line = next(line for line, _ in doc_pages.commands() if line.startswith(
         f'python3 -m friction_comp {start}'))
     words = shlex.split(line)
     folder = workplace / words[words.index('--output') + 1]

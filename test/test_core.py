@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drive, samples, sigmoid, statistics and atomic files."""
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -105,7 +105,6 @@ def test_a_signal_that_one_part_lacks_is_dropped():
     assert joined.load is None
 
 
-@settings(max_examples=25)
 @given(mask=st.lists(st.booleans(), min_size=12, max_size=12))
 def test_take_keeps_signals_together(mask):
     samples = stretch(0, 12, velocity=np.arange(12.0))

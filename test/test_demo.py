@@ -117,7 +117,6 @@ def scene(name, folder, *more):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_two_joints_turn_round_with_their_directions_announced(tmp_path):
     found, told = scene('two_joints', tmp_path / 'out')
     assert [one['joint'] for one in found['joints']] == ['shoulder', 'elbow']
@@ -135,7 +134,6 @@ def test_two_joints_turn_round_with_their_directions_announced(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_a_drive_that_changes_is_told_refined_and_helped_without_a_restart(tmp_path):
     found, _ = scene('wear', tmp_path / 'out')
     assert 'no longer fits' in found['warning']

@@ -11,7 +11,6 @@ import sys
 import pytest
 import yaml
 
-from friction_comp.__main__ import NODES, run
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.effects.scene import VARIABLES
 from friction_comp.model.friction_model import FrictionModel
@@ -67,51 +66,6 @@ def test_the_yaml_of_the_own_robot_loads():
     assert named['current_controller']['type'].startswith('forward_command_controller/')
     assert controllers['current_controller']['ros__parameters']['joints'] == [model['joint']]
     assert FrictionModel.from_dict(model).drive.current_limit == 0.5
-
-
-def commands():
-    """Return page and line of every command on a page."""
-    return [(page, line.strip()) for page in (*DOCS.glob('*.md'), DOCS.parent / 'README.md')
-            for block in re.findall(r'```sh\n(.*?)```', page.read_text(encoding='utf-8'), re.DOTALL)
-            for line in block.replace('\\\n', ' ').splitlines()]
-
-
-def test_commands_name_parameters_and_options_that_there_are(capsys):
-    nodes = ''.join(path.read_text(encoding='utf-8') for path in (
-        DOCS.parent / 'friction_comp' / 'nodes').glob('*.py'))
-    helps = {}
-    checked = 0
-    for page, line in commands():
-        found = re.search(r'(?:-m|ros2 run) friction_comp (\w+)(.*)', line)
-        if not found:
-            continue
-        name, arguments = found[1], found[2].partition('--ros-args')
-        if name in NODES:
-            for parameter in re.findall(r'-p (\w+):=', arguments[2]):
-                assert re.search(rf"'{parameter}'", nodes), f'{page.name}: {line}'
-                checked += 1
-            continue
-        if name not in helps:
-            with pytest.raises(SystemExit):
-                run(name, ['--help'])
-            helps[name] = capsys.readouterr().out
-        for option in re.findall(r'--[a-z-]+', arguments[0]):
-            assert option in helps[name], f'{page.name}: {line}'
-            checked += 1
-    assert checked > 50
-
-
-def test_goals_have_the_fields_of_their_action():
-    sent = 0
-    for page, line in commands():
-        found = re.search(r'action/(\w+)\s+"(\{.*\})"', line)
-        if found:
-            goal = (DOCS.parent / 'friction_comp_interfaces' / 'action' / f'{found[1]}.action'
-                    ).read_text(encoding='utf-8').partition('---')[0]
-            for name in yaml.safe_load(found[2]):
-                assert re.search(rf'^\S+ {name}\b', goal, re.MULTILINE), f'{page.name}: {line}'
-            sent += 1
-    assert sent > 3
 
 
 def test_prose_fits_into_a_window_of_120_columns():

@@ -4,7 +4,7 @@
 
 import math
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -241,7 +241,6 @@ def test_a_wrong_number_of_coefficients_is_told(name):
 
 @pytest.mark.parametrize('name', EFFECTS)
 @given(data=st.data())
-@settings(max_examples=25, deadline=None)
 def test_any_motion_gives_a_finite_current_linear_in_the_coefficients(name, data):
     parameters = data.draw(parameters_of(name))
     factor = data.draw(st.floats(-3.0, 3.0))
@@ -266,7 +265,6 @@ def test_any_motion_gives_a_finite_current_linear_in_the_coefficients(name, data
 
 @pytest.mark.parametrize('name', LIVE)
 @given(data=st.data())
-@settings(max_examples=25, deadline=None)
 def test_live_no_friction_at_standstill_and_nothing_infinite_anywhere(name, data):
     parameters = data.draw(parameters_of(name))
     term = EFFECTS[name](parameters).live()

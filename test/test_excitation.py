@@ -4,7 +4,7 @@
 
 import math
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -30,7 +30,6 @@ def test_profile_of_equation_3(time, velocity):
     assert velocity_reference(time, 0.5, 10.0) == pytest.approx(velocity, abs=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
 @given(speed=speeds, width=ranges)
 def test_cycle_uses_the_range_exactly_and_returns(speed, width):
     duration = 2.5 * width / abs(speed)
@@ -43,7 +42,6 @@ def test_cycle_uses_the_range_exactly_and_returns(speed, width):
     assert np.min(position * math.copysign(1.0, speed)) >= -1e-9
 
 
-@settings(max_examples=60, deadline=None)
 @given(speed=speeds, width=ranges)
 def test_profile_is_continuous_and_position_is_its_integral(speed, width):
     duration = 2.5 * width / abs(speed)
@@ -57,7 +55,6 @@ def test_profile_is_continuous_and_position_is_its_integral(speed, width):
     assert np.max(np.abs(velocity)) <= abs(speed) * (1.0 + 1e-12)
 
 
-@settings(max_examples=60, deadline=None)
 @given(slope=st.floats(0.001, 5.0), period=st.floats(1.0, 100.0))
 def test_ramps_of_equation_8(slope, period):
     time = np.linspace(0.0, period, 10001)

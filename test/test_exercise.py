@@ -4,7 +4,7 @@
 
 import copy
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 import yaml
@@ -61,7 +61,6 @@ def test_a_node_with_more_joints_holds_the_others():
         load_exercise(EXAMPLE).of(['elbow'])
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.floats(-90, 90), st.floats(0.3, 5.0), st.booleans()),
                 min_size=1, max_size=8), st.floats(0.0, 3.0))
 def test_any_way_is_announced_only_in_the_way_it_goes(points, announcement):

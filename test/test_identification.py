@@ -21,6 +21,9 @@ from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
 ROOT = Path(__file__).resolve().parents[1]
+# s; the note's experiments, in test_reproduce.py, are at a thousand samples a second
+STEP = 2e-3
+RAMPS = 6
 SLOPES = {1: 0.05, 2: 0.06, 3: 0.12}
 QUICK = {'speeds': np.radians([10.0, 40.0, 100.0]).tolist(), 'breakaway_cycles': 2,
          'longest_cycle': 4.0, 'ramp_period': 8.0, 'ramp_slope': 0.06}
@@ -34,7 +37,7 @@ def note_model(number, **simulation):
 
 def identify(model, goal, plant=None, alter=None, seed=1):
     """Run to the end; return the run, the commands and the positions."""
-    plant = plant or Plant([model], seed=seed)
+    plant = plant or Plant([model], seed=seed, sample_time=STEP)
     run = IdentificationRun(goal, model.drive)
     commands, positions = [], []
     state = plant.state
@@ -63,17 +66,16 @@ def test_drives_of_the_note_are_identified(number):
     model = note_model(number)
     goal = IdentificationGoal(
         speeds=np.radians([5.0, 10.0, 30.0, 100.0]), ramp_slope=SLOPES[number],
-        breakaway_cycles=12, longest_cycle=6.0)
+        breakaway_cycles=RAMPS, longest_cycle=6.0)
     run, commands, positions = identify(model, goal)
     result = run.result()
     assert np.max(np.abs(positions)) <= 0.5 * goal.motion_range
     assert commands[-1] == 0.0
     expected = model.breakaway
-    # The mean of twelve ramps scatters by a third of one ramp's scatter.
     for found, mean, std in (
             (result.breakaway.positive_mean, expected.positive_mean, expected.positive_std),
             (result.breakaway.negative_mean, expected.negative_mean, expected.negative_std)):
-        assert abs(found - mean) < 0.02 * abs(mean) + 3.0 * std / math.sqrt(12.0)
+        assert abs(found - mean) < 0.02 * abs(mean) + 3.0 * std / math.sqrt(RAMPS)
     fast = np.abs(result.speeds) > np.radians(20.0)
     truth = model.sigmoid(result.speeds[fast])
     np.testing.assert_allclose(result.currents[fast], truth, rtol=0.02)
@@ -255,14 +257,14 @@ def test_speed_that_needs_too_much_current_is_named():
 
 def test_cancelling_gives_zero_current():
     model = note_model(1)
-    plant = Plant([model], seed=1)
+    plant = Plant([model], seed=1, sample_time=STEP)
     run = IdentificationRun(IdentificationGoal(**QUICK), model.drive)
     state = plant.state
     while run.phase != 'velocity' or abs(state.position[0]) < 0.1:
         state = plant.step([run.update(state.time, state.position[0], None, state.current[0])])
     run.abort()
     assert run.error == 'cancelled'
-    assert run.update(state.time + 1e-3, state.position[0], None, 0.0) == 0.0
+    assert run.update(state.time + STEP, state.position[0], None, 0.0) == 0.0
     assert run.phase == 'failed'
 
 
@@ -270,7 +272,7 @@ def test_command_never_exceeds_the_limit():
     model = note_model(1)
     drive = Drive(torque_constant=0.119, gear_ratio=100.0, encoder_counts=4000, current_limit=0.24)
     model.drive = drive
-    plant, commands = Plant([model], seed=1), []
+    plant, commands = Plant([model], seed=1, sample_time=STEP), []
     step = plant.step
 
     def watched(command):

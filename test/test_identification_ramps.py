@@ -4,7 +4,7 @@
 
 import math
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -87,7 +87,6 @@ def test_stiffness_is_the_slope_of_the_first_third():
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 1.0), st.floats(1e-4, 1e-3)), min_size=1, max_size=6))
-@settings(max_examples=50, deadline=None)
 def test_both_ways_of_a_contact_with_memory_make_its_distance(elements):
     """Maxwell-slip elements after a slide either way: by Masing's rule the mean is the farthest."""
     share = np.array([s for s, _ in elements]) / sum(s for s, _ in elements)

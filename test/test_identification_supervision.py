@@ -19,6 +19,7 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.joint import Plant
 from friction_comp.simulation.undeclared import Undeclared
 
+STEP = 2e-3  # s
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 GOAL = {'speeds': np.radians([20.0, 60.0, 100.0]).tolist(), 'breakaway_cycles': 2,
         'longest_cycle': 3.0, 'ramp_period': 6.0, 'ramp_slope': 0.08, 'motion_range': 0.8}
@@ -32,13 +33,13 @@ class Bench:
     """A simulated joint whose sensors, or whose surroundings, may be wrong."""
 
     def __init__(self, alter=lambda run, sample: sample, torque=lambda run, state: 0.0, seed=3,
-                 late=0):
+                 late=0, step=STEP):
         self.model = model()
         self.alter, self.torque = alter, torque
         load = Undeclared.from_dict({
             'format': 'friction_comp_undeclared', 'version': 1,
             'effects': [{'name': 'gravity', 'parameters': {'amplitude': 0.0, 'phase': 0.0}}]})
-        self.plant = Plant([self.model], seed=seed, undeclared=[load])
+        self.plant = Plant([self.model], seed=seed, sample_time=step, undeclared=[load])
         self.run = IdentificationRun(IdentificationGoal(**GOAL), self.model.drive)
         self.largest = self.fastest = 0.0
         # Commands on their way to the drive.
@@ -150,7 +151,7 @@ def filtered(time_constant):
     seen = [0.0]
 
     def alter(run, sample):
-        seen[0] += (sample[2] - seen[0]) * 1e-3 / time_constant
+        seen[0] += (sample[2] - seen[0]) * STEP / time_constant
         sample[2] = seen[0]
         return sample
     return alter
@@ -177,7 +178,7 @@ def trembling(way):
     return alter
 
 
-@pytest.mark.parametrize('alter', [filtered(0.01), late(3)])
+@pytest.mark.parametrize('alter', [filtered(0.01), late(2)])
 def test_a_filtered_velocity_and_a_delay_are_no_faults(alter):
     result = Bench(alter).finish()
     truth = model().sigmoid(result.speeds)
@@ -194,7 +195,7 @@ def test_a_rotor_that_trembles_by_many_counts_stands():
     assert result.breakaway.positive_mean == pytest.approx(0.0995, rel=0.1)
 
 
-@pytest.mark.parametrize('noise', [0.0, 0.001, 0.02])
+@pytest.mark.parametrize('noise', [0.001, 0.02])
 @pytest.mark.parametrize('factor', [
     side * factor for side in (1, -1)
     for factor in (0.01, 0.1, 0.4, 3.0, 10.0, 100.0, 300.0, 1000.0, 10_000.0)] + [-1.0])
@@ -229,7 +230,7 @@ def test_noise_that_hides_the_current_is_said_to_do_so():
     def alter(run, sample):
         sample[3] += 1.0 * random.normal()
         return sample
-    bench = Bench(alter)
+    bench = Bench(alter, step=1e-3)
     with pytest.raises(IdentificationError, match='too noisy'):
         bench.finish()
     assert bench.largest <= bench.run.goal.ramp_peak
@@ -248,7 +249,7 @@ def test_no_measured_current_changes_what_is_commanded(monkeypatch):
         with suppress(IdentificationError):
             bench.finish()
         commands.append(heard)
-    assert len(commands[0]) > 10_000
+    assert len(commands[0]) > 5_000
     assert commands[0] == commands[1]
 
 
@@ -267,21 +268,21 @@ def test_a_controller_that_rattles_is_no_wrong_unit():
         look_at_rattle(0.2)
 
 
-@pytest.mark.parametrize('samples', [20, 80, 250])
+@pytest.mark.parametrize('samples', [10, 40, 125])
 def test_a_drive_that_answers_late_is_not_told_to_have_another_unit(samples):
     """As on a machine that is busy with something else; not even the first current was right."""
     bench = Bench(late=samples)
     with pytest.raises(IdentificationError, match='right size') as caught:
         bench.finish()
     said = float(re.search(r'one (\S+) s late', str(caught.value))[1])
-    assert said == pytest.approx(1e-3 * samples, rel=0.1, abs=0.005)
+    assert said == pytest.approx(STEP * samples, rel=0.1, abs=0.005)
     assert bench.largest < 0.4
 
 
 @pytest.mark.parametrize(('factor', 'words'), [
     (10.0, 'another unit'), (-1.0, 'wrong sign'), (0.0, 'not measured')])
 def test_a_wrong_unit_is_told_from_delay(factor, words):
-    bench = Bench(scaled(factor, 3), late=120)
+    bench = Bench(scaled(factor, 3), late=60)
     with pytest.raises(IdentificationError, match=words):
         bench.finish()
     assert bench.largest <= bench.run.goal.ramp_peak

@@ -71,7 +71,7 @@ def test_a_drive_that_changes_between_rounds_is_not_trusted():
         samples = played(plan)
         worse.append(1.0 + 0.25 * len(worse))
         return samples.with_(current=samples.current * worse[-1])
-    result = improve(play, LIMITS, drive.model.drive, schedule=Schedule(20.0, 60.0, 3))
+    result = improve(play, LIMITS, drive.model.drive, schedule=Schedule(20.0, 40.0, 3))
     assert result.verdict != 'trust'
     assert result.rounds[-1].predicted > 2.0 * drive.noise_floor
 
@@ -106,8 +106,10 @@ def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
 
 @pytest.mark.slow
 @pytest.mark.processes
-def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, capsys):
+def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, own_environment):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+    # A state twice as seldom as otherwise.
+    monkeypatch.setattr('friction_comp.tools.improve._SAMPLE_TIME', 8e-3)
     output = tmp_path / 'improved'
     assert run('improve', [
         '--simulate', 'config/armin_configuration_1.yaml', '--position', '-1', '1', '--velocity',

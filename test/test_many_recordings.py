@@ -40,7 +40,7 @@ def folder(tmp_path_factory):
     return room
 
 
-def trials(room, count=10):
+def trials(room, count):
     for k in range(count):
         samples = trial([1.0 + 0.1 * k] * 4, directions=[1, -1] * 2)
         # Two hundred a second are enough for what is not about their number.
@@ -96,7 +96,7 @@ def test_many_processes_are_for_many_models(folder, tmp_path, capsys):
 
 
 def test_the_order_in_which_recordings_end_does_not_matter(tmp_path):
-    pieces, failures = pieces_of([trials(tmp_path, 4)])
+    pieces, failures = pieces_of([trials(tmp_path, 3)])
 
     def backwards(work, things):
         return iter([(k, attempt(work, things[k])) for k in reversed(range(len(things)))])
@@ -174,14 +174,14 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
         [sys.executable, '-m', 'friction_comp', 'refine', str(room), '--each', '--jobs', '2',
          '--output', str(out)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         text=True, start_new_session=True)
-    end = time.monotonic() + 120.0
+    end = time.monotonic() + 300.0
     while not list(out.glob('*/model.yaml')):
         assert time.monotonic() < end
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.05)
     # As from a terminal: to all processes.
     os.killpg(process.pid, signal.SIGINT)
-    told, errors = process.communicate(timeout=60.0)
+    told, errors = process.communicate(timeout=300.0)
     assert process.returncode == 130
     assert errors == ''
     content = json.loads((out / 'report.json').read_text())
@@ -189,7 +189,7 @@ def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
     assert content['not_done'] > 0
     assert 'Interrupted' in told
     assert np.isfinite(content['recordings'][0]['after'])
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 60.0
     while subprocess.run(['pgrep', '-s', str(process.pid)], stdout=subprocess.DEVNULL,
                          check=False).returncode == 0:
         assert time.monotonic() < end, 'processes are left behind'

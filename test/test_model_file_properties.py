@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 import tempfile
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 import yaml
@@ -69,7 +69,6 @@ def motion():
 
 
 @given(model=models())
-@settings(max_examples=80, deadline=None)
 def test_a_model_predicts_the_same_after_a_round_trip(model):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'model.yaml'

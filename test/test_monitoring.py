@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -118,7 +118,6 @@ def test_a_signal_that_the_model_needs_and_nobody_measures_is_said():
     assert not residual.verdict().known
 
 
-@settings(max_examples=25, deadline=None)
 # Of 30 numbers chance explains a third now and then.
 @given(st.integers(0, 2**31), st.integers(100, 3000))
 def test_a_variable_that_has_nothing_to_do_with_it_explains_nearly_nothing(seed, size):
@@ -126,7 +125,6 @@ def test_a_variable_that_has_nothing_to_do_with_it_explains_nearly_nothing(seed,
     assert _explained(rng.standard_normal(size), rng.standard_normal(size)) < 0.3
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=12), st.integers(0, 1000))
 def test_how_measurements_are_dealt_out_makes_no_difference(sizes, seed):
     data = rows(40.0, lambda t, q, heat, v: 1.2, seed=seed)

@@ -4,7 +4,6 @@
 
 import os
 from pathlib import Path
-import time
 
 from hypothesis import given, settings, strategies as st
 import pytest
@@ -100,10 +99,8 @@ def test_what_is_no_file_to_read_is_refused_at_once(tmp_path):
         f'{b}: &{b} [{", ".join([f"*{a}"] * 9)}]\n' for a, b in zip('abcdef', 'bcdefg')))
     for path, words in ((pipe, 'no ordinary file'), (long, 'more than'), (deep, 'not allowed'),
                         (tmp_path, 'directory'), (Path('/dev/zero'), 'no ordinary file')):
-        begin = time.process_time()
         with pytest.raises(InputError, match=words):
             read_yaml(path)
-        assert time.process_time() - begin < 5.0, 'not to fill the memory'
 
 
 @pytest.mark.parametrize(('text', 'value'), [
@@ -124,7 +121,7 @@ VALUES = st.recursive(
         st.sampled_from(['mean', 'std', 'coefficients', 'x']), inner, max_size=3), max_leaves=4)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=100)
 @given(st.data())
 def test_whatever_stands_in_a_document_it_is_taken_or_refused(data):
     """Never anything but InputError; and what is taken gives finite currents."""

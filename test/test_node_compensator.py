@@ -12,14 +12,15 @@ from sensor_msgs.msg import Temperature
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from node_process import Process
 from ros_system import (
+    compensator,
     FakeDriver,
     joint_state,
     JOINTS,
     MODELS,
     own_domain,
     probe_node,
-    Process,
     RELIABLE,
     START,
     ZERO,
@@ -37,17 +38,9 @@ def room(tmp_path_factory):
 
 
 @pytest.fixture(scope='module')
-def probe():
-    with probe_node() as node:
-        yield node
-
-
-@pytest.fixture(scope='module')
-def shared(room, probe):
+def shared(room):
     """One compensator for all tests that leave it as they found it."""
-    with Process(room, 'compensator', START):
-        driver = FakeDriver(probe, JOINTS)
-        driver.find()
+    with compensator(room) as driver:
         yield driver
 
 

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The compensator's beginning and end, and what it does when something is wrong, over DDS."""
 
-from contextlib import contextmanager
 import signal
 import time
 
@@ -11,16 +10,16 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from node_process import Process, refuses
 from ros_system import (
     BEST_EFFORT,
+    compensator,
     FakeDriver,
     joint_state,
     JOINTS,
     MODELS,
     own_domain,
     probe_node,
-    Process,
-    refuses,
     RELIABLE,
     START,
     unasked,
@@ -40,21 +39,10 @@ def room(tmp_path_factory):
     return tmp_path_factory.mktemp('compensator')
 
 
-@contextmanager
-def compensator(room, **parameters):
-    """A compensator that drives both joints."""
-    with own_domain(), probe_node() as probe, Process(
-            room, 'compensator', {**START, **parameters}) as process:
-        driver = FakeDriver(probe, JOINTS)
-        driver.process = process
-        driver.find(direction=[1, 1])
-        yield driver
-
-
 @pytest.fixture(scope='module')
 def shared(room):
     """One compensator for all tests that let it live."""
-    with compensator(room) as driver:
+    with compensator(room, [1, 1]) as driver:
         yield driver
 
 
@@ -68,7 +56,7 @@ def driver(shared):
 @pytest.fixture(scope='module')
 def hasty(room):
     """One that soon takes silence for a fault."""
-    with compensator(room, joint_state_timeout=0.5) as driver:
+    with compensator(room, [1, 1], joint_state_timeout=0.5) as driver:
         yield driver
 
 
@@ -79,7 +67,7 @@ def test_signals_leave_zero_current(room, number):
             room, 'compensator', {'joints': JOINTS, 'model_files': MODELS[:2], 'law': 'paper'},
             {'__node': f'compensator_{number}', 'joint_states': f's{number}/joint_states',
              'direction': f's{number}/direction',
-             'current_command': f's{number}/current_command'}) as process:
+             'current_command': f's{number}/current_command'}, fresh=True) as process:
         driver = FakeDriver(probe, JOINTS, BEST_EFFORT, f's{number}/')
         driver.find(direction=[1, 1])
         process.send(number)
@@ -229,7 +217,7 @@ def test_another_commander_is_a_fault_that_stays_until_it_is_reset(driver):
 
 @pytest.mark.parametrize('number', [signal.SIGHUP, signal.SIGQUIT, signal.SIGABRT, signal.SIGUSR1])
 def test_other_signals_leave_zero_current_too(room, number):
-    with compensator(room) as driver:
+    with compensator(room, [1, 1]) as driver:
         driver.process.send(number)
         driver.probe.until(lambda: list(driver.commands[-1].data) == ZERO, 'zero current')
         assert driver.process.wait() == 0
@@ -237,7 +225,7 @@ def test_other_signals_leave_zero_current_too(room, number):
 
 def test_an_interrupt_while_it_is_being_imported_is_no_error(room):
     for delay in (0.3, 0.6, 1.0):
-        with own_domain(), Process(room, 'compensator', START) as process:
+        with own_domain(), Process(room, 'compensator', START, fresh=True) as process:
             time.sleep(delay)
             process.send(signal.SIGINT)
             # On a busy machine Python itself may not be up by then, and says so.

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from diagnostic_msgs.msg import DiagnosticArray
-from ros_system import FakeDriver, joint_state, JOINTS, probe_node, Process, RELIABLE, START, ZERO
+from ros_system import compensator, joint_state, JOINTS, probe_node, RELIABLE, ZERO
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray
 
@@ -22,11 +22,8 @@ TIMEOUT = 0.4
 
 @pytest.fixture(scope='module')
 def shared(tmp_path_factory):
-    room = tmp_path_factory.mktemp('contradictions')
-    with probe_node() as probe, Process(
-            room, 'compensator', {**START, 'direction_timeout': TIMEOUT}):
-        driver = FakeDriver(probe, JOINTS)
-        driver.find()
+    with compensator(tmp_path_factory.mktemp('contradictions'),
+                     direction_timeout=TIMEOUT) as driver:
         yield driver
 
 

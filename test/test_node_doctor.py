@@ -13,7 +13,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import BEST_EFFORT, joint_state, probe_node, RELIABLE, ROOT
+from node_process import ROOT
+from ros_system import BEST_EFFORT, joint_state, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
 pytestmark = pytest.mark.slow

@@ -13,14 +13,14 @@ import yaml
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from node_process import Process, refuses
 from ros_system import (
+    compensator,
     FakeDriver,
     joint_state,
     JOINTS,
     MODELS,
     probe_node,
-    Process,
-    refuses,
     RELIABLE,
     START,
     value_of,
@@ -50,10 +50,7 @@ def test_torques_are_the_currents_of_the_law_times_the_torque_constants(tmp_path
     models = [FrictionModel.load(model) for model in MODELS[:2]]
     gains = np.array([model.drive.torque_per_current for model in models])
     law = CompensationLaw(models, 'continuous')
-    with probe_node() as probe, Process(tmp_path, 'compensator', {
-            **START, 'law': 'continuous', 'command_interface': 'effort'}):
-        driver = FakeDriver(probe, JOINTS)
-        driver.find()
+    with compensator(tmp_path, law='continuous', command_interface='effort') as driver:
         driver.begin_anew()
         driver.announce([1, -1])
         base = time.time_ns()

@@ -8,10 +8,11 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
+from node_process import PATIENCE
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from ros_system import own_domain, PATIENCE, probe_node, RELIABLE
+from ros_system import own_domain, probe_node, RELIABLE
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 

@@ -14,8 +14,9 @@ pytest.importorskip('friction_comp_interfaces', reason='the action type is not b
 
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import IdentifyFriction
+from node_process import PATIENCE, Process
 from rclpy.action import ActionClient
-from ros_system import BEST_EFFORT, FakeDriver, joint_state, MODELS, PATIENCE, probe_node, Process
+from ros_system import BEST_EFFORT, FakeDriver, joint_state, MODELS, probe_node
 from std_msgs.msg import Float64MultiArray
 
 from friction_comp.model.friction_model import FrictionModel

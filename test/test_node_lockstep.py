@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""All nodes together in lockstep: the same numbers in every run, and as in the plain loop."""
+"""All nodes together in lockstep, on a busy machine: the numbers of the plain loop."""
 
 import random
 import signal
@@ -11,7 +11,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import MODELS, own_domain, probe_node, Process, value_of
+from node_process import Process
+from ros_system import MODELS, own_domain, probe_node, value_of
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.exercise.reference_movement import ReferenceMovement
@@ -41,8 +42,8 @@ def hold_up(processes):
         time.sleep(rng.uniform(0.0, 0.1))
 
 
-def run(folder, disturbed=False):
-    """Run one exercise and return the recording's samples and info."""
+def run(folder):
+    """Run one exercise, its nodes held up, and return the recording's samples and info."""
     models = {'joints': [JOINT], 'model_files': MODELS[:1]}
     follower = {'use_sim_time': True, 'input_reliability': 'reliable'}
     with own_domain(), probe_node() as probe, Process(folder, 'plant', {
@@ -60,8 +61,7 @@ def run(folder, disturbed=False):
         with Process(folder, 'exercise', {
                 'joints': [JOINT], **follower, **MOVEMENT, 'clock': 'ticks',
                 'wait_for_listeners': 2, 'when_done': 'exit'}) as exercise:
-            if disturbed:
-                hold_up([plant, compensator, recorder, exercise])
+            hold_up([plant, compensator, recorder, exercise])
             assert exercise.wait(180.0) == 0
         # The last reference still lets the joint run to the next tick.
         times = [None]
@@ -84,10 +84,8 @@ def run(folder, disturbed=False):
 
 
 @pytest.fixture(scope='module')
-def runs(tmp_path_factory):
-    folder = tmp_path_factory.mktemp('lockstep')
-    return [run(folder / 'quiet'),
-            run(folder / 'disturbed', disturbed=True)]
+def recorded(tmp_path_factory):
+    return run(tmp_path_factory.mktemp('lockstep'))
 
 
 class Later:
@@ -109,15 +107,9 @@ def expected(count):
 SIGNALS = ('time', 'position', 'velocity', 'current', 'load', 'command')
 
 
-def test_two_runs_give_the_same_numbers_whatever_the_load(runs):
-    (first, _), (second, _) = runs
-    assert len(first) == len(second) > 1000 * ReferenceMovement(**MOVEMENT).duration
-    for name in SIGNALS:
-        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), name)
-
-
-def test_the_nodes_give_the_numbers_of_the_plain_loop(runs):
-    samples, _ = runs[0]
+def test_the_nodes_give_the_numbers_of_the_plain_loop_whatever_the_load(recorded):
+    samples, _ = recorded
+    assert len(samples) > 1000 * ReferenceMovement(**MOVEMENT).duration
     log = expected(len(samples))
     for name in SIGNALS:
         signal = log['interaction_torque' if name == 'load' else name]
@@ -128,8 +120,8 @@ def test_the_nodes_give_the_numbers_of_the_plain_loop(runs):
     assert np.abs(samples.command).max() > 0.05
 
 
-def test_the_recording_is_whole(runs):
-    samples, info = runs[0]
+def test_the_recording_is_whole(recorded):
+    samples, info = recorded
     assert np.allclose(np.diff(samples.time), 1e-3)
     counts = {topic.lstrip('/'): count for topic, (_, count) in info.topics.items()}
     # A state is sent again where its answer takes long.

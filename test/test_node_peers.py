@@ -10,7 +10,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import own_domain, probe_node, ROOT
+from node_process import ROOT
+from ros_system import own_domain, probe_node
 
 from friction_comp.monitoring.network import alone, loopback_fault
 from friction_comp.tools import doctor

@@ -12,16 +12,8 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from geometry_msgs.msg import WrenchStamped
-from ros_system import (
-    joint_state,
-    MODELS,
-    PATIENCE,
-    probe_node,
-    Process,
-    refuses,
-    RELIABLE,
-    value_of,
-)
+from node_process import PATIENCE, Process, refuses
+from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray, MultiArrayDimension

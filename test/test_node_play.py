@@ -14,8 +14,9 @@ pytest.importorskip('friction_comp_interfaces', reason='the action type is not b
 
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import PlayTrajectory
+from node_process import Process
 from rclpy.action import ActionClient
-from ros_system import joint_state, MODELS, probe_node, Process, RELIABLE
+from ros_system import joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 

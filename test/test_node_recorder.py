@@ -12,10 +12,11 @@ from types import SimpleNamespace
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from hypothesis import given, strategies as st
+from node_process import Process
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from ros_system import joint_state, own_domain, probe_node, Process
+from ros_system import joint_state, own_domain, probe_node
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 import yaml

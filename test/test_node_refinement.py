@@ -14,10 +14,11 @@ pytest.importorskip('friction_comp_interfaces', reason='the action type is not b
 from action_msgs.msg import GoalStatus
 from friction_comp_interfaces.action import RefineModel
 from geometry_msgs.msg import WrenchStamped
+from node_process import Process
 from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rclpy.serialization import serialize_message
-from ros_system import joint_state, MODELS, probe_node, Process, RELIABLE
+from ros_system import joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
 from friction_comp.model.friction_model import FrictionModel

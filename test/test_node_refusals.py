@@ -9,7 +9,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import joint_state, MODELS, own_domain, probe_node, Process
+from node_process import Process
+from ros_system import joint_state, MODELS, own_domain, probe_node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray
 

@@ -96,7 +96,8 @@ def test_few_may_command_a_current_or_announce_a_direction():
 def test_the_nodes_use_what_they_may_and_nothing_else(tmp_path):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     pytest.importorskip('friction_comp_interfaces', reason='the action type is not built')
-    from ros_system import MODELS, own_domain, probe_node, Process
+    from node_process import Process
+    from ros_system import MODELS, own_domain, probe_node
 
     from friction_comp.nodes.live_feed import LiveFeed
     one = {'joints': ['elbow'], 'model_files': MODELS[:1]}

@@ -7,7 +7,8 @@ import pytest
 
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
-from ros_system import CONFIG, MODELS, own_domain, probe_node, Process, value_of
+from node_process import Process
+from ros_system import CONFIG, MODELS, own_domain, probe_node, value_of
 from rosbags.highlevel import AnyReader
 
 from friction_comp.compensation.law import CompensationLaw

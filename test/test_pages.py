@@ -20,6 +20,7 @@ from friction_comp.reports.html import Report
 from friction_comp.reports.interactive import thin_extremes
 from friction_comp.reports.moving_joint import moving_joint, MovingScene, still_joint
 
+LIVE_PAGES = True
 ROOT = Path(__file__).resolve().parent.parent
 
 

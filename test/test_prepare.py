@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From recordings to rows: what counts as motion, blocks of time, lag, limits, the load."""
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
@@ -88,7 +88,6 @@ def test_standstill_is_not_fitted():
     assert settings['source'] == 'position'
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.integers(1, 12), st.integers(0, 1000))
 def test_blocks_are_long_pieces_of_time_one_after_the_other(recordings, seed):
     rng = np.random.default_rng(seed)

@@ -4,10 +4,10 @@
 
 import importlib.util
 import json
-from pathlib import Path
 import re
 from xml.dom import minidom
 
+from doc_pages import commands, ROOT
 import pytest
 
 from friction_comp import __version__
@@ -15,13 +15,9 @@ from friction_comp.__main__ import NODES, TOOLS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.undeclared import Undeclared
 
-ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
-PAGES = [README, *((ROOT / 'docs' / f'{name}.md').read_text(encoding='utf-8')
-                   for name in ('nodes', 'tools'))]
-COMMANDS = [line.strip() for page in PAGES
-            for block in re.findall(r'```sh\n(.*?)```', page, re.DOTALL)
-            for line in block.replace('\\\n', ' ').splitlines()]
+COMMANDS = [line for line, _ in commands([ROOT / 'README.md', *(
+    ROOT / 'docs' / f'{name}.md' for name in ('nodes', 'tools'))])]
 
 
 def started(line):
@@ -32,15 +28,6 @@ def started(line):
 def test_every_node_and_tool_has_a_line_to_run_it():
     names = {started(line) for line in COMMANDS} - {None}
     assert names == set(NODES) | set(TOOLS)
-
-
-@pytest.mark.parametrize('line', [line for line in COMMANDS if started(line) in NODES])
-def test_parameters_are_those_of_the_node(line):
-    room = ROOT / 'friction_comp' / 'nodes'
-    declared = ''.join(path.read_text(encoding='utf-8') for path in room.glob('*.py'))
-    for name in re.findall(r'-p (\w+):=', line):
-        assert re.search(rf"declare\w*\(\s*(?:self|node), '{name}'", declared) \
-            or (name == 'joints' and 'declare_joints' in declared), name
 
 
 def test_lines_are_in_the_order_in_which_they_run():
@@ -61,7 +48,7 @@ def test_lines_are_in_the_order_in_which_they_run():
             assert FrictionModel.load(ROOT / path).joint == ''
 
 
-def test_files_and_targets_that_are_named_exist():
+def test_files_that_are_linked_or_read_are_there():
     for target in re.findall(r'\]\((?!http)([^)#]+)\)', README):
         assert (ROOT / target).exists(), target
     for option, path in re.findall(r'(\S+) (config/\w+\.yaml)', README):
@@ -69,11 +56,6 @@ def test_files_and_targets_that_are_named_exist():
             Undeclared.from_file(ROOT / path)
         else:
             FrictionModel.load(ROOT / path)
-    for path in re.findall(r'`(launch/[\w.]+|friction_comp/\w+/)`', README):
-        assert (ROOT / path).exists(), path
-    makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
-    for target in re.findall(r'make (demo|test|setup)\b', README):
-        assert re.search(rf'^{target}:', makefile, re.MULTILINE)
 
 
 @pytest.mark.parametrize('name', ['demo', 'reproduce'])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recording_maker import DATA
+from recording_maker import DATA, needs_data
 
 from friction_comp.__main__ import run
 from friction_comp.errors import InputError
@@ -118,7 +118,7 @@ def test_noise_alone_is_no_contradiction():
                                 command=draw.normal(size=10_000)), 'trial')
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason='the measured recordings are not here')
+@needs_data
 def test_measured_recordings_pass_and_most_are_refused_reversed():
     refused = passed = 0
     for path in find_recordings(DATA):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings that cannot be used get a plain word; what is written is whole or not there."""
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from recording_maker import (
@@ -11,6 +11,7 @@ from recording_maker import (
     header,
     joint_state,
     make_samples,
+    needs_data,
     record,
     states,
     STORE,
@@ -95,7 +96,6 @@ def test_damaged_bytes_never_end_in_a_traceback(tmp_path):
     assert not any('\n' in text for text in refusals)
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(
     st.lists(st.text('abc_é', max_size=9), max_size=3), st.booleans(), st.booleans(),
     st.integers(0, 2**31 - 1), st.integers(0, 999_999_999), st.text('xy', max_size=5)),
@@ -147,7 +147,6 @@ def test_each_command_is_taken_in_the_unit_that_it_names(tmp_path):
     np.testing.assert_allclose(samples.command, 0.5)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.lists(st.lists(st.integers(-128, 127), max_size=5), min_size=1, max_size=6),
        st.lists(st.text('abc', max_size=6), max_size=2))
 def test_arrays_and_sensors_decode_like_the_library(rows, labels):
@@ -240,7 +239,7 @@ def test_writer_makes_what_rosbag2_reads(tmp_path):
         assert stamp == 1_000_000_000
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason='the measured recordings are not here')
+@needs_data
 @pytest.mark.parametrize(('name', 'joint', 'count', 'step', 'velocity'), [
     ('ur10e_joint1', 'shoulder_pan_joint', 2427, 0.01, True),
     ('emps', 'carriage', 24841, 0.001, False),

@@ -5,12 +5,11 @@
 import csv
 from dataclasses import replace
 import json
-import os
-from pathlib import Path
 import re
 
 import numpy as np
 import pytest
+from recording_maker import DATA, needs_data
 from scipy.signal import butter, sosfiltfilt
 
 from friction_comp.drive import Drive
@@ -24,10 +23,8 @@ from friction_comp.tools.predict import main as run_predict
 from friction_comp.tools.refine import main as run_refine
 from simulated_recordings.drives import excitation_for, random_drive, record
 
-DATA = Path(os.environ.get(
-    'FRICTION_COMP_DATA', Path(__file__).parents[2] / 'shared' / 'data'))
-needs_data = pytest.mark.skipif(
-    not DATA.is_dir(), reason='measured recordings are not here (FRICTION_COMP_DATA)')
+LIVE_PAGES = True
+RATE = 125.0  # Hz
 
 
 @pytest.fixture(scope='module')
@@ -39,7 +36,7 @@ def drive():
 def folder(drive, tmp_path_factory):
     """Return a folder with a recording to fit, one to score, and what refine made of the first."""
     room = tmp_path_factory.mktemp('refine')
-    excitation = excitation_for(('cogging',), duration=60.0, rate=250.0)
+    excitation = excitation_for(('cogging',), duration=60.0, rate=RATE)
     for name, seed in (('fit', 5), ('score', 6)):
         samples = record(drive, seed, excitation)[0].samples.with_(joint='elbow')
         write_samples(room / name, samples,
@@ -62,7 +59,7 @@ def test_report_has_what_is_promised(folder, drive):
     report = json.loads((folder / 'out' / 'report.json').read_text())
     assert report['unit'] == 'A'
     assert report['joint'] == 'elbow'
-    assert report['samples'] == 15000
+    assert report['samples'] == 60.0 * RATE
     assert report['held_out']
     for side in ('before', 'after'):
         assert set(report[side]) == {
@@ -101,7 +98,7 @@ def test_predict_writes_a_row_for_every_joint_state(folder, drive):
                         '--output', str(path)]) == 0
     columns = table(path)
     assert list(columns) == ['time', 'measured', 'predicted']
-    assert len(columns['time']) == 15000
+    assert len(columns['time']) == 60.0 * RATE
     assert np.isfinite(columns['predicted']).all()
     assert np.all(np.diff(columns['time']) > 0)
     error = columns['measured'] - columns['predicted']
@@ -157,7 +154,7 @@ def test_bad_input_is_named_and_nothing_is_left(folder, tmp_path):
 
 
 def test_a_joint_that_stands_still_cannot_be_refined(drive):
-    still = record(drive, 5, excitation_for((), duration=20.0, rate=250.0))[0].samples
+    still = record(drive, 5, excitation_for((), duration=20.0, rate=RATE))[0].samples
     still = still.with_(position=np.full(len(still), 0.3))
     with pytest.raises(InputError, match='never moves'):
         refine([still])
@@ -166,7 +163,7 @@ def test_a_joint_that_stands_still_cannot_be_refined(drive):
 
 
 def test_several_recordings_give_one_model(drive):
-    excitation = excitation_for(('cogging',), duration=30.0, rate=250.0, recordings=3)
+    excitation = excitation_for(('cogging',), duration=30.0, rate=RATE, recordings=3)
     parts = [trial.samples for trial in record(drive, 8, excitation)]
     result = refine(parts, drive=drive.model.drive)
     assert result.report['samples'] == sum(map(len, parts))
@@ -174,16 +171,16 @@ def test_several_recordings_give_one_model(drive):
 
 
 def test_outliers_and_gaps_do_no_harm(drive):
-    excitation = excitation_for(('cogging',), duration=60.0, rate=250.0)
+    excitation = excitation_for(('cogging',), duration=60.0, rate=RATE)
     samples = record(drive, 5, excitation)[0].samples
     rng = np.random.default_rng(0)
     current = samples.current.copy()
-    wild = rng.choice(len(samples), 60, replace=False)
-    current[wild] += rng.uniform(-5, 5, 60)
-    current[rng.choice(len(samples), 20, replace=False)] = np.nan
+    wild = rng.choice(len(samples), 30, replace=False)
+    current[wild] += rng.uniform(-5, 5, 30)
+    current[rng.choice(len(samples), 10, replace=False)] = np.nan
     samples = samples.with_(current=current)
     keep = np.ones(len(samples), dtype=bool)
-    keep[4000:5000] = False
+    keep[2000:2500] = False
     result = refine([samples.take(keep)], drive=drive.model.drive)
     assert [effect['variable'] for effect in result.report['effects']] == ['position']
     fresh = record(drive, 6, excitation)[0].samples

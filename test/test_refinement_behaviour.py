@@ -65,9 +65,8 @@ def recordings(declared, name, parameters, seed):
     drive = SimulatedDrive(
         model=declared, effects=[{'name': name, 'parameters': parameters}], noise=0.002,
         presliding=2e-4, thermal=THERMAL)
-    servo = name in UNDER_SERVO
-    excitation = excitation_for((CASE.get(name, name),), rate=250.0 if servo else 125.0,
-                                servo=servo, duration=ENOUGH)
+    excitation = excitation_for((CASE.get(name, name),), rate=125.0, servo=name in UNDER_SERVO,
+                                duration=ENOUGH)
     return [trial.samples for trial in record(drive, seed, excitation)]
 
 

@@ -18,13 +18,13 @@ DRIVE = Drive(0.1, 100.0)
 NOISE = 0.003
 
 
-def strokes(seed, duration=100.0, rate=200.0):
+def strokes(seed, duration=100.0, rate=100.0):
     """Return time, position, velocity and acceleration of minimum-jerk strokes."""
     rng = np.random.default_rng(seed)
     parts, place = [], 0.0
     while sum(map(len, parts)) < duration * rate:
         goal = rng.uniform(-0.8, 0.8)
-        length = max(40, int(rate * 1.875 * abs(goal - place) / rng.uniform(0.15, 0.9)))
+        length = max(20, int(rate * 1.875 * abs(goal - place) / rng.uniform(0.15, 0.9)))
         s = np.arange(length) / length
         parts.append(place + (goal - place) * (10 * s ** 3 - 15 * s ** 4 + 6 * s ** 5))
         place = goal

@@ -18,24 +18,10 @@ from report_pages import assert_documented, promised
 from friction_comp.__main__ import run
 from friction_comp.note import experiment_set
 from friction_comp.note.condition_runs import run_trial
-from friction_comp.note.identify import identify_breakaway
 from friction_comp.note.published import EXPERIMENTS
 
 QUOTED = json.loads((Path(__file__).resolve().parent.parent / 'docs' / 'figures'
                      / 'reproduce.json').read_text(encoding='utf-8'))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize('experiment', EXPERIMENTS, ids=lambda e: f'configuration {e.number}')
-def test_breakaway_agrees_with_the_note(experiment):
-    """Mean within 1 %, standard deviation within 20 %, both directions, 200 cycles."""
-    records = identify_breakaway(experiment, 200, seed=2).records
-    assert len(records) == 400
-    both = records.statistics()
-    for mean, std in ((both.positive_mean, both.positive_std),
-                      (-both.negative_mean, both.negative_std)):
-        assert mean == pytest.approx(experiment.breakaway, rel=0.01)
-        assert std == pytest.approx(experiment.breakaway_std, rel=0.2)
 
 
 @pytest.mark.slow
@@ -49,13 +35,12 @@ def test_the_same_seed_gives_the_same_trial():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
 def test_whole_tool(tmp_path, monkeypatch):
     """Every floor holds, and the page and the numbers are there."""
     # The curves over the gain and the speed are drawn and not tested here: of two points each.
     monkeypatch.setattr(experiment_set, 'GAINS', (0.8, 1.2))
     monkeypatch.setattr(experiment_set, 'DEAD_SPEEDS', (0.0, 3.0))
-    assert run('reproduce', ['--cycles', '50', '--output', str(tmp_path / 'out')]) == 0
+    assert run('reproduce', ['--cycles', '100', '--output', str(tmp_path / 'out')]) == 0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert page.count('<figure') == 5
     results = json.loads((tmp_path / 'out' / 'results.json').read_text(encoding='utf-8'))
@@ -64,7 +49,12 @@ def test_whole_tool(tmp_path, monkeypatch):
         found = results['configurations'][str(experiment.number)]
         peaks, reductions = found['peak_torque'], found['peak_reduction']
         assert set(found) <= promised('reproduce')
-        assert found['breakaway']['cycles'] == 50
+        breakaway = found['breakaway']
+        assert breakaway['cycles'] == 100
+        for side, sign in (('positive', 1.0), ('negative', -1.0)):
+            assert sign * breakaway[f'{side}_mean'] == pytest.approx(
+                experiment.breakaway, rel=0.01)
+            assert breakaway[f'{side}_std'] == pytest.approx(experiment.breakaway_std, rel=0.2)
         assert len(found['sigmoid']) == 6
         assert len(found['speeds']) == len(found['currents']) == 2 * len(experiment.speeds)
         assert peaks['kinetic'] == pytest.approx(experiment.peak_kinetic, rel=0.05)

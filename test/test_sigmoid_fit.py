@@ -79,7 +79,7 @@ def brute_force(speeds, currents):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize('seed', range(2))
 def test_fit_is_as_good_as_a_brute_force_global_search(seed):
     speeds, currents = random_drive(seed)
     _, error = fit_sigmoid(speeds, currents)
@@ -87,8 +87,8 @@ def test_fit_is_as_good_as_a_brute_force_global_search(seed):
 
 
 @pytest.mark.slow
-def test_many_drives_are_fitted_below_the_truth():
-    for seed in range(100, 106):
+def test_random_drives_are_fitted_below_the_truth():
+    for seed in (100, 101):
         speeds, currents = random_drive(seed)
         sigmoid, error = fit_sigmoid(speeds, currents)
         assert error == pytest.approx(sigmoid_error(sigmoid, speeds, currents))

@@ -30,6 +30,7 @@ from friction_comp.samples import Samples
 from friction_comp.tools import watch
 from friction_comp.topics import TOPICS
 
+LIVE_PAGES = True
 FILE = package_file('config', 'armin_configuration_1.yaml')
 MODEL = FrictionModel.load(FILE)
 GAIN = MODEL.drive.torque_per_current

@@ -4,11 +4,11 @@
 
 import csv
 import json
-from pathlib import Path
 
 from arm_maker import PLANE, recorded, small_arm, waves
 import numpy as np
 import pytest
+from recording_maker import DATA, needs_data
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
@@ -17,7 +17,6 @@ from friction_comp.recordings import read_arm, write_samples
 from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.tools import predict, refine as refine_tool
 
-DATA = Path(__file__).resolve().parent.parent.parent / 'shared' / 'data' / 'ur10e_all_joints'
 SCALES = (0.4, 0.25, 0.5)
 FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.02))
 # The URDF says 4, 3 and 2 kg.
@@ -214,15 +213,16 @@ def test_other_joints_are_named_where_no_urdf_says_more(refined, tmp_path):
 # A real arm.
 
 
+@needs_data
 @pytest.mark.slow
 def test_ur10e_is_predicted_better_than_by_plain_least_squares():
     """UR10e, all joints moving (shamilmamedov/dynamic_calibration, Mamedov and Mikhel 2020)."""
     pytest.importorskip('pinocchio', reason='Pinocchio is not installed')
-    if not DATA.is_dir():
-        pytest.skip(f'{DATA} is not there')
-    fit, score = ({name: [samples for samples, _ in parts]
-                   for name, parts in read_arm(DATA / which).items()} for which in ('fit', 'score'))
-    results = refine_arm(fit, DATA / 'ur10e.urdf').results
+    folder = DATA / 'ur10e_all_joints'
+    fit, score = (
+        {name: [samples for samples, _ in parts]
+         for name, parts in read_arm(folder / which).items()} for which in ('fit', 'score'))
+    results = refine_arm(fit, folder / 'ur10e.urdf').results
     floors = (0.29, 0.80, 0.22, 0.056, 0.094, 0.066)
     found = [np.sqrt(np.mean((part.current - results[name].model.predict(part)) ** 2))
              for name, (part, *_) in score.items()]

@@ -1,0 +1,33 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The documentation's pages, and what stands in their blocks of code."""
+
+from pathlib import Path
+import re
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [path for path in (
+    ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md')),
+    *sorted((ROOT / 'msg_docs').glob('*.md'))) if path.exists()]
+
+
+def blocks(language, pages=PAGES):
+    """Give the blocks of a language with page and line; indented ones belong to lists."""
+    for page in pages:
+        text = page.read_text(encoding='utf-8')
+        for match in re.finditer(r'^( *)```(\w*)\n(.*?)^\1```', text, re.DOTALL | re.MULTILINE):
+            if match[2] == language:
+                lines = [line[len(match[1]):] for line in match[3].splitlines()]
+                number = text[:match.start()].count('\n') + 1
+                yield '\n'.join(lines), f'{page.name}:{number}'
+
+
+def commands(pages=PAGES):
+    """Give every command once, with the first place where it stands."""
+    found = {}
+    for block, place in blocks('sh', pages):
+        for line in block.replace('\\\n', ' ').splitlines():
+            command = line.split('#')[0].strip()
+            if command:
+                found.setdefault(command, (line.strip(), place))
+    return list(found.values())

@@ -1,0 +1,62 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A process that has imported what nodes need, and forks into one for each that a test starts.
+
+Importing takes longer than most tests of nodes. What a node does from its `main` on is as in an
+interpreter of its own.
+"""
+
+import gc
+import json
+import os
+import signal
+import sys
+
+from friction_comp.__main__ import run
+from friction_comp.compiling import begin_plain
+
+
+def become(name, arguments, folder, output, environment):
+    """Turn this process into a node whose output goes to a file."""
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    for path, mode, ends in ((os.devnull, os.O_RDONLY, (0,)), (output, os.O_WRONLY, (1, 2))):
+        opened = os.open(path, mode)
+        for end in ends:
+            os.dup2(opened, end)
+        os.close(opened)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.exit(run(name, arguments))
+
+
+def main(plain):
+    # The test ends what it has started.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if plain:
+        begin_plain()
+        import friction_comp.nodes.compensator
+    else:
+        from friction_comp.nodes.compile_nodes import compile_nodes
+        compile_nodes()
+        import friction_comp.nodes.exercise
+        import friction_comp.nodes.identification
+        import friction_comp.nodes.plant
+        import friction_comp.nodes.recorder
+        import friction_comp.nodes.refinement  # noqa: F401
+    gc.freeze()
+    print('ready', flush=True)
+    for line in sys.stdin:
+        request = json.loads(line)
+        if isinstance(request, list):
+            answer = os.fork()
+            if not answer:
+                become(*request)
+        else:
+            ended, status = os.waitpid(request, os.WNOHANG)
+            answer = os.waitstatus_to_exitcode(status) if ended else None
+        print(json.dumps(answer), flush=True)
+
+
+if __name__ == '__main__':
+    main(plain=sys.argv[1:] == ['plain'])

@@ -1,0 +1,154 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes in processes of their own."""
+
+import atexit
+import functools
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+ROOT = Path(__file__).resolve().parent.parent
+# s; discovery alone may take seconds on a busy machine.
+PATIENCE = 120.0
+
+
+def ros_arguments(parameters=None, remappings=None):
+    """Return command-line arguments; values are written as YAML reads them."""
+    arguments = ['--ros-args', '--log-level', 'warn']
+    for name, value in (parameters or {}).items():
+        if isinstance(value, bool):
+            value = str(value).lower()
+        elif isinstance(value, (list, tuple)):
+            value = '[' + ', '.join(f"'{v}'" if isinstance(v, str) else repr(v)
+                                    for v in value) + ']'
+        elif isinstance(value, str):
+            value = f"'{value}'"
+        arguments += ['-p', f'{name}:={value}']
+    for old, new in (remappings or {}).items():
+        arguments += ['-r', f'{old}:={new}']
+    return arguments
+
+
+class Host:
+    """Starts nodes by forking a process that has imported what they need."""
+
+    def __init__(self, *arguments):
+        self._process = subprocess.Popen(
+            [sys.executable, str(ROOT / 'test' / 'node_host.py'), *arguments], text=True, bufsize=1,
+            env=environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert self._process.stdout.readline() == 'ready\n'
+        # Its input ends, and it does.
+        atexit.register(self._process.communicate)
+
+    def ask(self, request):
+        self._process.stdin.write(json.dumps(request) + '\n')
+        return json.loads(self._process.stdout.readline())
+
+
+@functools.cache
+def compiled_host():
+    """The host of all nodes but the compensator, whose kernels are compiled when they start."""
+    return Host()
+
+
+@functools.cache
+def plain_host():
+    """The compensator's host: it starts in plain Python, and finds compiled kernels on the disk."""
+    compiled_host()
+    return Host('plain')
+
+
+def environment(**changes):
+    """Return the environment of a process that imports the package from here."""
+    return dict(os.environ, PYTHONPATH=os.pathsep.join(
+        [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]), **changes)
+
+
+class Forked:
+    """A node forked by a host, with what the tests use of `subprocess.Popen`."""
+
+    def __init__(self, host, name, arguments, folder, output, env):
+        self._host, self.returncode = host, None
+        self.pid = host.ask([name, arguments, str(folder), str(output), env])
+
+    def poll(self):
+        if self.returncode is None:
+            self.returncode = self._host.ask(self.pid)
+        return self.returncode
+
+    def wait(self, timeout=PATIENCE):
+        end = time.monotonic() + timeout
+        while self.poll() is None:
+            if time.monotonic() > end:
+                raise subprocess.TimeoutExpired(f'process {self.pid}', timeout)
+            time.sleep(0.01)
+        return self.returncode
+
+    def send_signal(self, number):
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+
+class Process:
+    """A node in a process of its own; ended with the ``with`` block.
+
+    With `fresh`, in an interpreter of its own, too, as it is started from a command line.
+    """
+
+    def __init__(self, folder, name, parameters=None, remappings=None, arguments=(), fresh=False):
+        self.name = name
+        folder.mkdir(exist_ok=True, parents=True)
+        number = len(list(folder.iterdir()))
+        self._error = folder / f'{number}_{name}.err'
+        self._error.touch()
+        arguments = [*arguments, *ros_arguments(parameters, remappings)]
+        env = environment(ROS_LOG_DIR=str(folder / 'log'))
+        if fresh:
+            with self._error.open('w') as error:
+                self._process = subprocess.Popen(
+                    [sys.executable, '-m', 'friction_comp', name, *arguments],
+                    env=env, stdout=error, stderr=error, cwd=folder)
+        else:
+            host = plain_host() if name == 'compensator' else compiled_host()
+            self._process = Forked(host, name, arguments, folder, self._error, env)
+
+    def send(self, number=signal.SIGINT):
+        self._process.send_signal(number)
+
+    def wait(self, timeout=PATIENCE):
+        return self._process.wait(timeout)
+
+    @property
+    def running(self):
+        return self._process.poll() is None
+
+    @property
+    def text(self):
+        return self._error.read_text()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.running:
+            self.send()
+            try:
+                self.wait(30.0)
+            except subprocess.TimeoutExpired:
+                self.send(signal.SIGKILL)
+                self._process.wait()
+
+
+def refuses(folder, name, parameters, words):
+    """Check that a node does not start, and says why in one line."""
+    with Process(folder, name, parameters) as process:
+        assert process.wait() == 2
+        lines = [line for line in process.text.splitlines() if line.startswith(f'{name}: ')]
+        assert len(lines) == 1
+        assert words in lines[0]
+        assert 'Traceback' not in process.text
