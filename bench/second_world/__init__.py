@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A second world of test recordings that shares nothing with the package's simulation.
+"""Simulated test recordings that share nothing with the package's simulation.
 
 Its physics is written from the literature, its drives are under controllers, its recordings are
 coarse, late, short or broken, and what is behind each is known: `families.draw(family, seed)`
