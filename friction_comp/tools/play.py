@@ -29,9 +29,9 @@ def main(argv: list[str] | None = None) -> int:
         'output/excite/trajectory.yaml --controller joint_trajectory_controller'))
     parser.add_argument('trajectory', metavar='FILE', type=Path,
                         help='trajectory_msgs/JointTrajectory as YAML')
-    parser.add_argument('--joint', metavar='NAME', help='move this joint only')
+    parser.add_argument('--joint', metavar='NAME', help='this joint alone')
     parser.add_argument('--controller', metavar='NAME',
-                        help='trajectory controller with the action NAME/follow_joint_trajectory')
+                        help='of ros2_control; its action is NAME/follow_joint_trajectory')
     parser.add_argument('--ramp-slope', metavar='A/S', type=positive, default=0.0,
                         help='of the current ramp that breaks a joint free first '
                         "(the node's own; not with --controller)")
