@@ -1,18 +1,13 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Identifies, explains and compensates the friction of geared robot drives.
+"""Identification and compensation of friction in geared robot drives.
 
-A drive's current is a sum of effects, and the same sum predicts, explains and compensates. What
-programs need stands here by name and is imported when it is first used, so that ``import
-friction_comp`` costs nothing::
+A drive's current is modelled as a sum of effects that predicts, explains and compensates. The
+public names are imported when they are first used::
 
     from friction_comp import FrictionModel, read_recording, refine
 
-The rooms from the ground up: :mod:`friction_comp.drive` and :mod:`friction_comp.samples`;
-:mod:`friction_comp.model`; :mod:`friction_comp.identification`, :mod:`friction_comp.compensation`,
-:mod:`friction_comp.refinement` and :mod:`friction_comp.recordings`, none of which knows another;
-:mod:`friction_comp.simulation`; :mod:`friction_comp.evaluation`, :mod:`friction_comp.reports` and
-:mod:`friction_comp.note`; at the edges :mod:`friction_comp.nodes` and :mod:`friction_comp.tools`.
+docs/architecture.md describes the packages.
 """
 
 from __future__ import annotations

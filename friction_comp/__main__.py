@@ -23,26 +23,26 @@ from friction_comp.terminal import patient_output
 
 NODES = {
     'plant': 'simulates geared joints and the person who moves them',
-    'identification': 'measures the friction of a joint, as an action server',
+    'identification': 'measures the friction of a joint (action server)',
     'compensator': 'feeds the friction forward to the motor',
     'exercise': 'publishes the reference movement and its direction',
     'recorder': 'records topics into a rosbag2 folder',
-    'refinement': 'tells when a model no longer fits, and refines it, as an action server',
+    'refinement': 'warns when a model no longer fits, and refines it (action server)',
 }
 TOOLS = {
     'demo': 'runs the whole loop on this machine, with a report at the end',
     'reproduce': "repeats the technical note's experiments in simulation",
-    'evaluate': 'measures the backdriving torque in recordings',
-    'refine': 'finds the effects that a model misses in recordings',
-    'watch': 'shows what runs, or a recording, as a live page on this machine',
-    'doctor': 'tells what is installed and running, what is wrong with it, and what to do',
-    'convert': 'turns a recording into a CSV, Parquet or npz table, and back',
+    'evaluate': 'computes the back-driving torque of recorded movements',
+    'refine': 'finds in recordings the effects that a model lacks',
+    'watch': 'serves a live page of the running system, or of a recording',
+    'doctor': 'checks what is installed and running, and says what to do',
+    'convert': 'converts a recording into a CSV, Parquet or npz table, and back',
     'export': "writes a model's friction for MuJoCo, URDF or SDF, or as a table",
-    'excite': 'plans a motion that tells effects apart, within limits, as a JointTrajectory',
-    'play': 'moves joints along a trajectory, with currents or by a trajectory controller',
-    'improve': 'refines, asks what is open, moves and records, until the model predicts',
-    'history': "shows a drive's friction over all recordings kept beside its model",
-    'predict': "writes a model's current for a recording beside the measured one",
+    'excite': 'plans a motion within limits that distinguishes effects (JointTrajectory)',
+    'play': 'moves joints along a trajectory, with currents or a trajectory controller',
+    'improve': 'refines, plans motion, moves and records until the model predicts new motion',
+    'history': "shows a drive's friction over all its recordings",
+    'predict': 'writes measured and predicted current of a recording',
 }
 USAGE = '\n'.join([
     'usage: python3 -m friction_comp [--help] [--version] [--completion] NAME [ARGUMENT ...]',
@@ -50,7 +50,7 @@ USAGE = '\n'.join([
     'nodes (they take ROS arguments after --ros-args):',
     *(f'  {name:<15} {text}' for name, text in NODES.items()),
     '',
-    'tools (each tells its arguments with --help):',
+    'tools (--help lists the arguments of each):',
     *(f'  {name:<15} {text}' for name, text in TOOLS.items()),
 ])
 COMPLETION = f"""_friction_comp() {{

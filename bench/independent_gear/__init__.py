@@ -1,10 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A world of geared joints for judging the compensation law, written apart from the package's own.
+"""Simulated geared joints to evaluate the compensation law, independent of the package.
 
-Nothing here uses the package's simulation or the law's code; `law_judge` brings them together.
-
-Draws with an even seed are for tuning on, draws with an odd seed are kept for judging.
+Nothing here uses the package's simulation or the law's code; `law_judge` brings them together. Even
+seeds are for tuning, odd seeds for evaluation.
 """
 
 from pathlib import Path

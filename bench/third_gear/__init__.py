@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""A third kind of geared joint for judging law and identification; bench/third_table.py uses it.
+"""A third kind of geared joint to evaluate law and identification (bench/third_table.py).
 
 It shares nothing with the package's simulation nor with `independent_gear`, and no constant was
 chosen on it. `plant` is the physics, `joints` draws gears and persons and gives the model that a

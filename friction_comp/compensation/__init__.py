@@ -1,3 +1,3 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The laws that feed friction forward in directions known beforehand."""
+"""Compensation laws that feed friction forward in announced directions."""

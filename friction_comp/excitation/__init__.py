@@ -1,3 +1,3 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plans motion that tells the effects of a drive apart, before anything is recorded."""
+"""Plans motion that distinguishes the effects of a drive, within limits."""

@@ -78,14 +78,14 @@ class Arguments(argparse.ArgumentParser):
             type=Path, nargs='+' if several else None,
             help='rosbag2 folder, .mcap file, table (.csv, .parquet, .npz)' + (
                 ', or folder of recordings' if several else ''))
-        self.add_argument('--joint', help='name of the joint, where a recording has several')
+        self.add_argument('--joint', help='name of the joint, if a recording has several')
         self.add_argument(
             '--columns', metavar='SIGNAL=COLUMN,…',
             help='columns of a table, for instance time=t,position=q_2,velocity=dq_2,effort=tau_2; '
-            'guessed from their names where they are left out')
+            'guessed from their names by default')
         self.add_argument(
             '--unit', metavar='SIGNAL=UNIT,…',
-            help="units of a table's columns where they are not SI, for instance "
+            help="units of a table's columns if they are not SI, for instance "
             'time=ms,position=deg,effort=A, or position=counts/4096' + unit_help)
         return self
 
@@ -102,14 +102,14 @@ class Arguments(argparse.ArgumentParser):
         """Add --jobs; None where it is not given."""
         self.add_argument(
             '--jobs', metavar='N', type=whole_number(),
-            help='recordings that are worked on at once, each in a process of its own (by '
-            'default, where that saves time, as many as there are processors)')
+            help='number of processes, one recording each (by default, if that saves time, as '
+            'many as there are processors)')
         return self
 
     def add_json(self) -> Arguments:
         """Add --json."""
         self.add_argument('--json', action='store_true',
-                          help='print the content of report.json instead of words')
+                          help='print the content of report.json instead of text')
         return self
 
     def add_output_file(self, what: str) -> Arguments:
@@ -121,7 +121,7 @@ class Arguments(argparse.ArgumentParser):
     def add_output(self) -> Arguments:
         """Add --output, a folder."""
         self.add_argument('--output', metavar='DIR', type=Path, required=True,
-                          help='folder for the results, made where it is missing')
+                          help='folder for the results, created if missing')
         self._check_output = check_folder
         return self
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``convert``: turns a recording into a table, and a table into a recording.
+"""The tool ``convert``: converts a recording into a table, and a table into a recording.
 
-The name of the output says which: .csv, .parquet and .npz are tables of one row an instant, in SI
-units; any other name is the folder of a rosbag2 recording.
+An output named .csv, .parquet or .npz is a table with one row per time, in SI units; any other
+name is the folder of a rosbag2 recording.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def main(argv: list[str] | None = None) -> int:
         'examples/elbow/with_direction.mcap.zstd --output output/with_direction.csv',
         'output/with_direction.csv --output output/with_direction')).add_recordings(several=False)
     parser.add_argument('--output', metavar='FILE|DIR', type=Path, required=True,
-                        help='.csv, .parquet or .npz file, or a folder that is not there yet')
+                        help='.csv, .parquet or .npz file, or a new folder')
     arguments = parser.parse(argv)
     from friction_comp.recordings import read_joints, write_samples
     from friction_comp.recordings.table_writer import write_table

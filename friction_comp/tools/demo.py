@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``demo``: the whole loop over ROS 2 on this machine, in simulated time.
 
-Identify, compensate, evaluate, find what the model lacks, load the refined model, compare.
+Identify, compensate, evaluate, refine, load the refined model, compare.
 """
 
 from __future__ import annotations
@@ -18,10 +18,11 @@ from friction_comp.tools.ros_domain import private_domain
 
 SCENES = {
     'loop': 'identify, compensate, evaluate, refine, compensate again',
-    'two_joints': 'an exercise of two joints that turn round on the way, from YAML',
-    'arm': 'a person guides an arm of three joints, its weight and friction taken (MuJoCo)',
-    'improve': 'a drive that asks for its own motion, from nothing to a model that predicts',
-    'wear': 'a drive that changes while it runs: told, refined, loaded and judged live'}
+    'two_joints': 'an exercise of two joints that reverse, from YAML',
+    'arm': 'a person guides an arm of three joints, with weight and friction '
+           'compensated (MuJoCo)',
+    'improve': 'motion is planned and recorded until the model predicts new motion',
+    'wear': 'a drive that changes while it runs and is refined live'}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -30,10 +31,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
                         help='folder for models, recordings and the report (%(default)s)')
     parser.add_argument('--repetitions', metavar='N', type=whole_number(), default=3,
-                        help='movements each way in a trial, repetitions of the exercise '
+                        help='movements in each direction, or repetitions of the exercise '
                         '(%(default)s)')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=1,
-                        help="of the simulated joint's noise and scatter (%(default)s)")
+                        help="seed of the simulated joint's noise and scatter (%(default)s)")
     parser.add_argument('--scene', choices=SCENES, default='loop',
                         help='; '.join(f'{name}: {words}' for name, words in SCENES.items())
                         + ' (%(default)s)')

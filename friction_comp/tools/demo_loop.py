@@ -73,7 +73,7 @@ def play_loop(stage: Stage) -> None:
 
 def _identify(stage: Stage) -> Path:
     """Return the model file that identification writes."""
-    stage.say('starts a simulated joint that hides an effect, and identification')
+    stage.say('starts a simulated joint with effects that its model lacks, and identification')
     # Identification and the recorder listen from the first state on.
     stage.start_plant([JOINT], [TRUE_MODEL], UNDECLARED, wait_for_reference=False,
                       wait_for_listeners=2)
@@ -114,7 +114,7 @@ def _load_refined(stage: Stage, refining: Future[RefineResult]) -> RefineResult:
     effects = ', '.join(f"{effect['name']} ({effect['variable']})"
                         for effect in result.report['effects']) or 'nothing'
     before, after = residuals(result)
-    stage.say(f'found meanwhile: {effects}; residual {1e3 * before:.1f} → {1e3 * after:.1f} mA')
+    stage.say(f'refined: {effects}; error {1e3 * before:.1f} → {1e3 * after:.1f} mA')
     stage.say(f'loads {path.relative_to(stage.output.parent)} into the running compensator')
     stage.ros.set_parameter('compensator', 'model_files', [str(path)])
     return result
@@ -124,7 +124,7 @@ def _conclude(stage: Stage, trials: list[EvaluatedTrial], result: RefineResult, 
               ) -> None:
     before, after = residuals(result)
     effects = result.report['effects']
-    table = Table(title='What it takes to move the joint')
+    table = Table(title='Torque needed to move the joint')
     for index, name in enumerate(('', 'peak (N·m)', 'RMS (N·m)', 'error (mA)')):
         table.add_column(name, justify='right' if index else 'left')
     for row in table_rows(trials, result):

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``doctor``: checks what is installed and running, and says what to do.
 
-Ends with 0 when nothing is wrong (warnings included), 1 when there is a problem, 2 when an
-argument cannot be used. It only looks: it publishes, calls and changes nothing that moves.
+The exit code is 0 if nothing is wrong (warnings included), 1 if there is a problem, 2 if an
+argument cannot be used. It publishes and changes nothing.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ def main(argv: list[str] | None = None) -> int:
         '', '--installed', '--seconds 10 --model config/armin_configuration_2.yaml',
         '--ros-args -r current_command:=/current_controller/commands'))
     parser.add_argument('--seconds', type=positive, default=5.0,
-                        help='how long to look at what runs (%(default)s)')
+                        help='how long to observe the running system (%(default)s)')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
-                        help="model files to compare with live data; the compensator's without")
+                        help="model files to compare with live data; the compensator's by default")
     parser.add_argument('--installed', action='store_true',
-                        help='look at this machine only, not at what runs')
+                        help='check this machine only, not the running system')
     parser.add_argument('--json', action='store_true', help='print findings as JSON')
     arguments = parser.parse(given)
     findings = list(check_machine())

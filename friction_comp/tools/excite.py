@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``excite``: plans a motion that tells effects of a drive apart, within limits.
+"""The tool ``excite``: plans a motion within limits that distinguishes effects of a drive.
 
 Writes trajectory.yaml, a trajectory_msgs/JointTrajectory, report.html that shows what the motion
 covers, and report.json. The robot must stand at the first point before it is played.
@@ -39,20 +39,20 @@ def main(argv: list[str] | None = None) -> int:
         '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --output output/excite',
         '--urdf arm.urdf --acceleration 4 --seconds 90 --output output/excite')).add_output()
     parser.add_argument('--joint', metavar='NAME', action='append', default=[],
-                        help='joint; may come several times with --limits or --urdf, where all '
-                        'are planned without it')
+                        help='joint; may be repeated with --limits or --urdf, where the default is '
+                        'all joints')
     add_limits(parser)
     parser.add_argument('--effort', metavar='N·M', type=positive,
                         help='with --position and --model')
     parser.add_argument('--model', metavar='FILE', type=Path,
-                        help='model file of one joint, by which the effort limit is kept')
+                        help='model file of one joint, to keep the effort limit')
     asked = parser.add_mutually_exclusive_group()
-    asked.add_argument('--effects', metavar='NAME,…', help='effects to tell from each other')
+    asked.add_argument('--effects', metavar='NAME,…', help='effects to distinguish')
     asked.add_argument('--ambiguous', metavar='FILE', type=Path,
-                       help='report.json of refine: what it could not tell apart')
-    parser.add_argument('--seconds', metavar='S', type=positive, default=60.0, help='(60)')
+                       help='report.json of refine: effects that it could not distinguish')
+    parser.add_argument('--seconds', metavar='S', type=positive, default=60.0, help='duration (60)')
     parser.add_argument('--rate', metavar='HZ', type=positive, default=50.0,
-                        help='points of the trajectory a second (50)')
+                        help='points of the trajectory per second (50)')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=0,
                         help='the same seed gives the same plan (0)')
     arguments = parser.parse(argv)

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``export``: writes a model's friction in a form that simulators read.
 
-Simulators know Coulomb and viscous friction, an inertia and a spring of a joint. What that poorer
-form misses of the model is computed, printed and written into the file.
+Simulators know Coulomb and viscous friction, an inertia and a spring of a joint. The error of that
+simplified form is computed, printed and written into the file.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='speed up to which the form is fitted; by default the largest that '
                         'identification measured, else 1')
     parser.add_argument('--load', metavar='N·M', type=positive, default=10.0,
-                        help='largest load of the table, where friction depends on it (10)')
+                        help='largest load of the table, if friction depends on it (10)')
     parser.add_output_file('the file to write')
     arguments = parser.parse(argv)
     import numpy as np

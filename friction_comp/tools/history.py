@@ -1,9 +1,8 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``history``: a drive's friction over all recordings kept beside its model file.
+"""The tool ``history``: a drive's friction over all recordings kept next to its model file.
 
-``refine --history`` keeps them, in MODEL.history.npz: averages, some 200 kB a recording. Deleting
-the file loses nothing else.
+``refine --history`` keeps averages of them in MODEL.history.npz, about 200 kB per recording.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ def main(argv: list[str] | None = None) -> int:
         'output/next/model.yaml --output output/history',
         "output/next/model.yaml --note 'new grease' --output output/history")).add_output()
     parser.add_argument('model', metavar='MODEL', type=Path,
-                        help='model file, with its history beside it')
+                        help='model file with a history next to it')
     parser.add_argument('--note', metavar='TEXT',
-                        help='what was done to the drive today; kept in the history')
+                        help='remark on maintenance, stored with the date')
     arguments = parser.parse(argv)
     from friction_comp.evaluation.drive_history import recorded_friction
     from friction_comp.model.friction_model import FrictionModel

@@ -4,7 +4,7 @@
 
 Each round refines what was recorded so far, plans a motion for what that leaves open, has the node
 `identification` play it, and records it. Robot (or plant) and identification must be running, and
-no compensator; with --simulate they are started here. What was found is written after each round.
+no compensator; with --simulate they are started here. Results are written after each round.
 """
 
 from __future__ import annotations
@@ -50,23 +50,23 @@ def main(argv: list[str] | None = None) -> int:
         '--position -1 1 --velocity 1.5 --acceleration 6 --output output/improved',
     )).add_drive().add_output()
     parser.add_argument('--joint', metavar='NAME', action='append', default=[],
-                        help='the joint to move; that of --simulate where it is left out')
+                        help='the joint to move; that of --simulate by default')
     add_limits(parser)
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help='model to start from, and the drive; without it the sigmoid of the '
                         'note is fitted, and --torque-constant and --gear-ratio are needed')
     parser.add_argument('--recorded', metavar='RECORDING', type=Path, nargs='+', default=[],
-                        help='what was recorded before')
+                        help='earlier recordings')
     parser.add_argument('--seconds', metavar='S', type=positive, default=30.0,
-                        help='of motion in each round (30)')
+                        help='duration of motion in each round (30)')
     parser.add_argument('--budget', metavar='S', type=positive, default=300.0,
-                        help='of motion in all rounds (300)')
+                        help='duration of motion in all rounds (300)')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=0,
-                        help='of the plans, and of --simulate (0)')
+                        help='seed of the plans and of --simulate (0)')
     parser.add_argument('--simulate', metavar='FILE', type=Path,
                         help='start a simulated joint of this model file, in lockstep')
     parser.add_argument('--undeclared', metavar='FILE', type=Path,
-                        help='what the simulated joint hides')
+                        help='effects of the simulated joint that its model does not contain')
     arguments = parser.parse(argv)
     if arguments.undeclared and not arguments.simulate:
         raise InputError('--undeclared goes with --simulate')

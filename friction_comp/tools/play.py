@@ -23,9 +23,9 @@ def main(argv: list[str] | None = None) -> int:
         'output/excite/trajectory.yaml --controller joint_trajectory_controller'))
     parser.add_argument('trajectory', metavar='FILE', type=Path,
                         help='trajectory_msgs/JointTrajectory as YAML')
-    parser.add_argument('--joint', metavar='NAME', help='this joint alone')
+    parser.add_argument('--joint', metavar='NAME', help='move this joint only')
     parser.add_argument('--controller', metavar='NAME',
-                        help='of ros2_control; its action is NAME/follow_joint_trajectory')
+                        help='trajectory controller with the action NAME/follow_joint_trajectory')
     arguments = parser.parse(argv)
     from friction_comp.trajectory import Trajectory
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool ``predict``: the current that a model expects for a recording.
 
-It is compared with the measured current: that of the motor and, where the load was recorded, the
+It is written next to the measured current: that of the motor and, if the load was recorded, the
 person's share, unless the model has an effect of the load.
 """
 
@@ -39,8 +39,8 @@ def main(argv: list[str] | None = None) -> int:
                         help='model file that refine or identification wrote')
     parser.add_output_file('CSV file with the columns time, measured, predicted')
     parser.add_argument('--with-time-effects', action='store_true',
-                        help='apply what drifted with the time since the start as well: for the '
-                             'recording that the model was refined on, or one begun as cold')
+                        help='also apply effects of time since the start: for the recording that '
+                             'was refined, or one that began as cold')
     arguments = parser.parse(argv)
     import numpy as np
 

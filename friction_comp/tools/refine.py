@@ -36,16 +36,16 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help="model to start from; without it the note's sigmoid is fitted first")
     parser.add_argument('--urdf', metavar='FILE', type=Path,
-                        help='description of the arm: all joints of the recording are refined, '
-                        'beside its weight and inertia (needs Pinocchio)')
+                        help='description of the arm: fit its links, and refine all joints (needs '
+                        'Pinocchio)')
     parser.add_argument('--each', action='store_true',
-                        help='refine each joint of each recording by itself, in parallel, with '
-                        'one page on all; without it, all recordings together give one model')
+                        help='refine each joint of each recording separately, with one page for '
+                        'all; by default all recordings together give one model')
     parser.add_argument('--history', action='store_true',
-                        help='fit what is kept of earlier recordings too, in .history.npz beside '
-                        '--model, and write it on beside the new model')
+                        help='also fit averages of earlier recordings, from .history.npz next to '
+                        '--model, and write them next to the new model')
     parser.add_argument('--current-limit', metavar='A', type=positive,
-                        help='largest motor current that may ever be commanded, for the model '
+                        help='largest motor current that may be commanded, for the model '
                              'file; by default that of --model, else the largest recorded one')
     arguments = parser.parse(argv)
     if arguments.history and (arguments.model is None or arguments.each or arguments.urdf):

@@ -20,7 +20,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--cycles', metavar='N', type=whole_number(2), default=200,
                         help='current ramps per direction and configuration (200)')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=2,
-                        help='of noise, scatter and the persons (2)')
+                        help='seed of noise, scatter and persons (2)')
     arguments = parser.parse(argv)
     from friction_comp.note.experiment_set import run_experiments
     from friction_comp.note.note_report import reproduction_report

@@ -3,7 +3,7 @@
 """The tool ``watch``: shows a running system or a recording as a live page.
 
 Torque, current, velocity, direction and residual of each joint, with state and faults. The page
-only reads: it publishes nothing, and is served to this machine alone.
+publishes nothing, and is served on this machine only.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ def main(argv: list[str] | None = None) -> int:
     parser = Arguments('watch', __doc__, (
         '', 'examples/elbow/with_direction.mcap.zstd'))
     parser.add_argument('recording', metavar='RECORDING', type=Path, nargs='?',
-                        help='recording to play; what runs without')
+                        help='recording to play; by default the running system is shown')
     parser.add_argument('--model', metavar='FILE', type=Path, nargs='+', default=[],
-                        help='model file of each joint, for current and residual; those that '
-                        'the compensator uses, or used, where this is left out')
+                        help='model file of each joint, for current and residual; by default '
+                        'those that the compensator uses or used')
     parser.add_argument('--joint', metavar='NAME', nargs='+', default=[],
-                        help='joints to show; all without')
+                        help='joints to show; all by default')
     parser.add_argument('--port', type=whole_number(0), default=5006,
-                        help='on localhost; 0 takes any that is free (%(default)s)')
+                        help='on localhost; 0 chooses a free one (%(default)s)')
     arguments = parser.parse(given)
     try:
         from bokeh.server.server import Server
