@@ -80,12 +80,10 @@ setup(
     # ROS 2 itself is not listed: it is sourced, or its wheels are in requirements/ros.txt.
     install_requires=interfaces.listed(ROOT / 'requirements' / 'run.txt'),
     # colcon runs the tests with pytest where it finds it asked for here.
-    # Pinocchio reads URDF files for `refine --urdf`, Bokeh makes the page of `watch`, Dask works on
-    # many recordings at once.
-    # pyarrow reads Parquet files.
+    # Pinocchio reads URDF files for `refine --urdf`, Bokeh makes the page of `watch`, pyarrow reads
+    # Parquet files.
     extras_require={'parquet': ['pyarrow>=12'], 'arm': ['pin>=2.7'], 'mujoco': ['mujoco>=3.1'],
-                    'watch': ['bokeh>=3.1'], 'parallel': ['distributed>=2022.12'],
-                    'test': ['pytest']},
+                    'watch': ['bokeh>=3.1'], 'test': ['pytest']},
     zip_safe=False,
     author='The friction_comp authors',
     maintainer='The friction_comp authors',

@@ -74,7 +74,7 @@ def publish(seconds, joints):
 
 def record(folder, seconds, joints, domain):
     """Return what was published and recorded of each topic, losses counted, and CPU in s."""
-    from friction_comp.recordings import inspect_recording
+    from friction_comp.recordings import read_recording_with_info
 
     environment = dict(os.environ, PYTHONPATH=str(ROOT), ROS_LOG_DIR=str(folder / 'log'),
                        ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST', ROS_DOMAIN_ID=str(domain))
@@ -90,7 +90,7 @@ def record(folder, seconds, joints, domain):
         published = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
         recorder.send_signal(signal.SIGINT)
         recorder.wait(120)
-    info = inspect_recording(folder / 'load')
+    (_, info), = read_recording_with_info(folder / 'load', 'joint_0', others=False)
     recorded = {topic: info.topics[f'/{topic}'][1] for topic in TOPICS}
     cpu = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before - published
     return {'published of each': round(seconds * RATE), 'recorded': recorded,

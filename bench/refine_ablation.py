@@ -72,11 +72,6 @@ def without_bandwidth(before):
                                     if one['bandwidth'] == found.settings['bandwidth']]
 
 
-def one_candidate(shortlist):
-    """Compare one candidate only, the one that explains most where it is fitted."""
-    return lambda self, keys, count=1: shortlist(self, keys, 1)
-
-
 def offer_all(attempt, keys):
     """Offer effects of time together with all others."""
     from friction_comp.refinement.effect_columns import proposals
@@ -85,8 +80,8 @@ def offer_all(attempt, keys):
     wanted = proposals(table, keys)
     attempt._retained.update(keys)
     table.keep(attempt._retained.union(term.key for term in wanted))
-    kinds = {key[0] for key in attempt.given if table.terms[key].kind.most == 1}
-    attempt.search.candidates = [key for key in table.add(wanted) if key[0] not in kinds]
+    kinds = {key.effect for key in attempt.fixed if table.terms[key].kind.most == 1}
+    attempt.candidates = [key for key in table.add(wanted) if key.effect not in kinds]
 
 
 def from_nothing(attempt):
@@ -99,13 +94,6 @@ def other_settings(without):
     from friction_comp.refinement import attempt
 
     everywhere('_other_settings', without(attempt._other_settings))
-
-
-def short_list_of_one():
-    """Compare one candidate only."""
-    from friction_comp.refinement.search import Search
-
-    method('search', 'Search', 'shortlist', one_candidate(Search.shortlist))
 
 
 def constants_of_the_grid():
@@ -132,19 +120,20 @@ RULES = {
     'bandwidth again': lambda: other_settings(without_bandwidth),
     'repeated searches': lambda: everywhere('NAMED_SHARE', 0.0),
     'thirds not fitted': lambda: method(
-        'elsewhere', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys)),
+        'naming', 'Elsewhere', 'helpful', lambda self, keys, given: list(keys)),
     'interval without zero': lambda: method(
-        'stability', 'Intervals', 'excludes_zero', lambda self, places, signs: True),
-    'constant at its limit': lambda: everywhere('at_limit', lambda term, table: False),
+        'naming', 'Intervals', 'excludes_zero', lambda self, table, key: True),
+    'constant at its limit': lambda: everywhere('at_limit', lambda term, scene: False),
     'time last': lambda: method('attempt', 'Attempt', 'update_candidates', offer_all),
     'transition of all samples': lambda: everywhere(
-        '_fit_transition_to_all_samples', lambda table, keys: table),
+        '_fit_transition_to_all_samples', lambda table, keys: None),
     'constants adjusted': constants_of_the_grid,
-    'beside standstill': lambda: everywhere('dilate', lambda mark, width: np.zeros_like(mark)),
+    'beside standstill': lambda: everywhere(
+        'maximum_filter1d', lambda mask, size: np.zeros_like(mask)),
     'load by mechanics': lambda: everywhere(
         'load_by_mechanics', lambda samples, unusable, drive: 0.0),
     'fast samples choose motion': lambda: everywhere('TRANSITIONS', (0.3, 0.0, 0.03, 0.01, 0.003)),
-    'six of a kind compared': short_list_of_one,
+    'six of a kind compared': lambda: everywhere('SHORTLIST', 1.0),
     'at most 14': lambda: everywhere('MOST_EFFECTS', 99.0)}
 
 

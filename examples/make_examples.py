@@ -34,29 +34,21 @@ RESOLUTION = {'position': 1e-5, 'current': 5e-3}
 
 def record_elbow(folder: Path) -> None:
     """Record the elbow without and with its direction announced."""
-    from friction_comp.tools.ros_domain import leased_domain
+    from friction_comp.tools.ros_domain import private_domain
 
-    with leased_domain() as domain:
-        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+    with private_domain():
         from friction_comp.nodes.demo_client import DemoClient
-        from friction_comp.tools.demo_stage import Stage, tell
+        from friction_comp.tools.demo_stage import open_stage
 
-        class Elbow(Stage):
-            def run(self) -> None:
-                self._start_plant([DRIVE], [HIDDEN], SAMPLE_TIME, wait_for_reference=True,
-                                  wait_for_listeners=3)
-                self._nodes.start('compensator', self._common(DRIVE))
-                for name in ('without_direction', 'with_direction'):
-                    self._record(name)
-                    self._nodes.start('exercise', {
-                        'joints': self._joints, 'clock': 'ticks', 'when_done': 'exit',
-                        'use_sim_time': True, 'input_reliability': 'reliable',
-                        'announce_direction': name == 'with_direction',
-                        'wait_for_listeners': 2, **MOVEMENT})
-                    self._follow(name)
-                    self._nodes.stop('recorder')
-        tell(Namespace(output=folder, seed=1, watch=False), DemoClient,
-             lambda *given: Elbow(*given, joints=['elbow']))
+        with open_stage(Namespace(output=folder, seed=1, watch=False), DemoClient) as stage:
+            stage.start_plant(['elbow'], [DRIVE], HIDDEN, SAMPLE_TIME)
+            stage.start('compensator', DRIVE)
+            for name in ('without_direction', 'with_direction'):
+                stage.start_recorder(name)
+                stage.wait_for_recorder()
+                stage.start_exercise(announce_direction=name == 'with_direction', **MOVEMENT)
+                stage.follow(name)
+                stage.nodes.stop('recorder')
     for name in ('without_direction', 'with_direction'):
         compress(folder / 'recordings' / name, HERE / 'elbow' / f'{name}.mcap.zstd')
 
@@ -69,7 +61,7 @@ def compress(source: Path, target: Path) -> None:
     from rosbags.rosbag2 import Reader
     import zstandard
 
-    from friction_comp.nodes.recorder import stamp_of
+    from friction_comp.nodes.dated_topics import stamp_of
     from friction_comp.recordings import RecordingWriter
 
     now = 0

@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 import importlib
+import itertools
 import os
 import re
 import signal
@@ -73,14 +75,7 @@ _OF_ROS = re.compile(r'rclpy|\w+_(msgs|srvs|interfaces)')
 
 
 def run(name: str, argv: list[str] | None = None) -> int:
-    """Run a node or tool and turn the ways in which it may end into an exit code.
-
-    Parameters
-    ----------
-    name : str
-        A key of NODES or TOOLS.
-    argv : list of str, optional
-        Its arguments; those of the process by default.
+    """Run a node or tool with its arguments, by default those of the process.
 
     Returns
     -------
@@ -90,7 +85,8 @@ def run(name: str, argv: list[str] | None = None) -> int:
     """
     argv = sys.argv[1:] if argv is None else argv
     room = 'nodes' if name in NODES else 'tools'
-    if name in NODES and {'-h', '--help'} & set(argv[:_first_ros_argument(argv)]):
+    own = itertools.takewhile(lambda word: word != '--ros-args', argv)
+    if name in NODES and {'-h', '--help'} & set(own):
         # Handled here, since importing ROS 2 alone takes a second.
         print(NODE_USAGE.format(name=name, text=NODES[name]))
         return 0
@@ -139,66 +135,30 @@ def _interrupt(*_: object) -> NoReturn:
     raise KeyboardInterrupt
 
 
-def _first_ros_argument(argv: list[str]) -> int:
-    return argv.index('--ros-args') if '--ros-args' in argv else len(argv)
-
-
 def main(argv: list[str] | None = None) -> int:
-    """Read the name and hand its arguments on.
-
-    Parameters
-    ----------
-    argv : list of str, optional
-        The name and its arguments; those of the process by default.
-
-    Returns
-    -------
-    int
-        The exit code: that of :func:`run`, or 2 without a known name.
-    """
-    with patient_output():
-        return _main(sys.argv[1:] if argv is None else argv)
-
-
-def _main(argv: list[str]) -> int:
+    """Run the node or tool that the first argument names, with the others; return the exit code."""
+    argv = sys.argv[1:] if argv is None else argv
     first = argv[0] if argv else None
-    if first in ('-h', '--help'):
-        print(USAGE)
-        return 0
-    if first == '--completion':
-        print(COMPLETION)
-        return 0
-    if first == '--version':
-        print(f'friction_comp {__version__}')
-        return 0
     if first in NODES or first in TOOLS:
         return run(first, argv[1:])
-    if first is not None:
-        print(f'friction_comp: there is no node or tool named {first!r}', file=sys.stderr)
-    print(USAGE, file=sys.stderr)
-    return 2
+    answers = {'-h': USAGE, '--help': USAGE, '--completion': COMPLETION,
+               '--version': f'friction_comp {__version__}'}
+    with patient_output():
+        if first in answers:
+            print(answers[first])
+            return 0
+        if first is not None:
+            print(f'friction_comp: there is no node or tool named {first!r}', file=sys.stderr)
+        print(USAGE, file=sys.stderr)
+        return 2
 
 
-# Entry points that setup.py installs for `ros2 run`, one function for each name.
-plant = partial(run, 'plant')
-identification = partial(run, 'identification')
-compensator = partial(run, 'compensator')
-exercise = partial(run, 'exercise')
-recorder = partial(run, 'recorder')
-refinement = partial(run, 'refinement')
-demo = partial(run, 'demo')
-reproduce = partial(run, 'reproduce')
-evaluate = partial(run, 'evaluate')
-refine = partial(run, 'refine')
-predict = partial(run, 'predict')
-convert = partial(run, 'convert')
-export = partial(run, 'export')
-excite = partial(run, 'excite')
-history = partial(run, 'history')
-play = partial(run, 'play')
-improve = partial(run, 'improve')
-watch = partial(run, 'watch')
-doctor = partial(run, 'doctor')
+def __getattr__(name: str) -> Callable[[], int]:
+    """Return the entry point of a node or tool, as setup.py installs it for `ros2 run`."""
+    if name in NODES or name in TOOLS:
+        return partial(run, name)
+    raise AttributeError(name)
+
 
 if __name__ == '__main__':
     sys.exit(main())

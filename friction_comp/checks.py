@@ -49,27 +49,14 @@ def check_whole_number(value: Any, name: str, *, least: float = -math.inf,
 def _wanted(kind: str, above: float, least: float, most: float) -> str:
     if above == 0.0 and most == math.inf:
         return f'positive {kind}'
-    words = kind
-    if above > -math.inf:
-        words += f' above {above:g}'
-    if least > -math.inf:
-        words += f' from {least:.15g}'
-    if most < math.inf:
-        words += f' to {most:.15g}' if least > -math.inf else f' of at most {most:.15g}'
-    return words
+    above_words = f' above {above:g}' if above > -math.inf else ''
+    least_words = f' from {least:.15g}' if least > -math.inf else ''
+    most_words = f' {"to" if least_words else "of at most"} {most:.15g}' if most < math.inf else ''
+    return f'{kind}{above_words}{least_words}{most_words}'
 
 
 def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -> dict[str, Any]:
-    """Return a section of a file.
-
-    Parameters
-    ----------
-    value : object
-        Content of the section; None if it is missing.
-    name : str
-        Name used in error messages.
-    known : collection of str, optional
-        The entries that it may have.
+    """Return a section of a file, called `name` in errors, with `known` entries if these are given.
 
     Raises
     ------
@@ -94,16 +81,12 @@ def check_list(value: Any, name: str) -> list[Any]:
 
 def check_document(value: Any, kind: str, format_name: str, version: int,
                    known: Collection[str] | None = None) -> dict[str, Any]:
-    """Return the document of a file that is of a kind and version, with known entries only.
+    """Return the plain values of a file, of which entries `format` and `version` must be these.
 
     Parameters
     ----------
-    value : object
-        The plain values of the file.
     kind : str
         What to call such a file in the error.
-    format_name, version : str, int
-        Its entries `format` and `version`.
     known : collection of str, optional
         The entries that it may have.
 

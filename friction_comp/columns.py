@@ -109,20 +109,11 @@ class Column:
 
 @dataclass
 class Assignment:
-    """The columns of a table that are used.
-
-    Attributes
-    ----------
-    columns : list of Column
-    effort_is_current : bool
-        Whether the effort is the motor current in A already.
-    notes : list of str
-        What was guessed, in plain words.
-    """
+    """The columns of a table that are used."""
 
     columns: list[Column]
-    effort_is_current: bool
-    notes: list[str]
+    effort_is_current: bool     # in A already
+    notes: list[str]            # what was guessed
 
     @property
     def time(self) -> Column:
@@ -184,16 +175,7 @@ def read_pairs(text: str, what: str) -> dict[str, str]:
 
 
 def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignment:
-    """Decide which columns hold what.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the table's columns.
-    layout : Layout, optional
-        What the user says of them.
-    where : str
-        The table, for messages.
+    """Decide which of a table's columns hold what; `where` names the table in messages.
 
     Raises
     ------
@@ -207,23 +189,20 @@ def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignmen
         if name not in names:
             raise InputError(f'{where}: has no column {name!r}, but {listed}')
         used.append(_column(name, signal, '', layout))
+    known = len(used)
     taken = {column.name for column in used}
-    guessed = []
     for column in _guesses([name for name in names if name not in taken], layout):
-        if column.signal in layout.columns or _one_of_two(column, used):
-            continue
         # If the user names the columns of a joint, columns of other joints are ignored.
-        if column.joint and 'position' in layout.columns:
-            continue
-        used.append(column)
-        guessed.append(column)
+        if not (column.signal in layout.columns or _one_of_two(column, used)
+                or (column.joint and 'position' in layout.columns)):
+            used.append(column)
     for wanted in (('time',), ('position',), ('effort', 'current')):
         if not any(column.signal in wanted for column in used):
             raise InputError(f'{where}: which column is the {" or ".join(wanted)}? Name it with '
                              f'--columns {wanted[0]}=NAME; there are {listed}')
     notes = []
     # A column named after its signal is not a guess.
-    guessed = [column for column in guessed if _named(column) != column.name]
+    guessed = [column for column in used[known:] if _named(column) != column.name]
     if guessed:
         notes.append('columns guessed from their names: ' + ', '.join(
             f'{_named(column)}={column.name}{f" in {column.unit}" if column.unit else ""}'
@@ -250,14 +229,10 @@ def _one_of_two(column: Column, used: Iterable[Column]) -> bool:
 
 def _column(name: str, signal: str, joint: str, layout: Layout) -> Column:
     unit = layout.units.get(signal) or _own_unit(name, signal)
-    return Column(name, signal, joint, unit or _default(signal),
-                  factor_of(signal, unit) if unit else 1.0)
-
-
-def _default(signal: str) -> str:
-    return {'time': 's', 'position': 'rad', 'velocity': 'rad/s', 'effort': '', 'current': 'A',
-            'command': 'A', 'load': 'N·m', 'temperature': '°C', 'reference_position': 'rad',
-            'reference_velocity': 'rad/s'}.get(signal, '')
+    if unit or signal == 'effort':
+        return Column(name, signal, joint, unit, factor_of(signal, unit) if unit else 1.0)
+    # The SI unit comes first.
+    return Column(name, signal, joint, next(iter(_UNITS[signal]), ''), 1.0)
 
 
 def _own_unit(name: str, signal: str) -> str:
@@ -271,11 +246,8 @@ def _own_unit(name: str, signal: str) -> str:
 
 def _guesses(names: Sequence[str], layout: Layout) -> list[Column]:
     """Return the columns whose names are common, those called most plainly first."""
-    columns = []
-    for name in names:
-        signal, joint = _signal_and_joint(name)
-        if signal:
-            columns.append(_column(name, signal, joint, layout))
+    columns = [_column(name, signal, joint, layout) for name in names
+               for signal, joint in [_signal_and_joint(name)] if signal]
     # `effort` is preferred to `current` if a table has both.
     columns.sort(key=lambda column: SIGNALS.index(column.signal))
     joints = {column.joint for column in columns if column.signal == 'position'}
@@ -289,11 +261,12 @@ def _signal_and_joint(name: str) -> tuple[str, str]:
         whole = text.lower().strip().replace(' ', '_').replace('-', '_')
         if whole in _SIGNAL_OF:
             return _SIGNAL_OF[whole], ''
-        for part in ('.', '/', '_', ''):
-            # elbow.position, elbow/position; q_2, position_elbow, q2
-            joint, split, signal = text.rpartition(part) if part in ('.', '/') else ('', '', '')
+        # elbow.position, elbow/position
+        for mark in './':
+            joint, split, signal = text.rpartition(mark)
             if split and signal.lower() in _SIGNAL_OF:
                 return _SIGNAL_OF[signal.lower()], joint
+        # q_2, q2
         numbered = re.fullmatch(r'(.*?)_?(\d+)', whole)
         if numbered and numbered[1] in _SIGNAL_OF and _SIGNAL_OF[numbered[1]] != 'time':
             return _SIGNAL_OF[numbered[1]], numbered[2]

@@ -12,6 +12,7 @@ import re
 import stat
 import tempfile
 from typing import Any
+import uuid
 
 import yaml
 
@@ -75,13 +76,7 @@ LARGEST = 1_000_000
 
 
 def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
-    """Return the plain values of a YAML document.
-
-    Parameters
-    ----------
-    path : path-like
-    largest : int
-        Bytes that the file may have.
+    """Return the plain values of a YAML document of no more than `largest` bytes.
 
     Raises
     ------
@@ -134,30 +129,23 @@ def write_atomically(path: str | Path, content: str | bytes) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.exists() and not path.is_file():
-            _write_through(path, data)
-            return
-        handle, temporary = tempfile.mkstemp(prefix=f'.{path.name}.', dir=path.parent)
-        try:
+            # Do not wait for the other end of a pipe, which may never come, but for a slow reader.
+            handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+            os.set_blocking(handle, True)
             with os.fdopen(handle, 'wb') as stream:
+                stream.write(data)
+            return
+        draft = path.with_name(f'.{path.name}.{uuid.uuid4().hex}')
+        try:
+            with draft.open('xb') as stream:
                 stream.write(data)
                 stream.flush()
                 os.fsync(stream.fileno())
-            # mkstemp creates private files; a model or report is meant to be shared as usual.
-            os.chmod(temporary, 0o666 & ~_umask())
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+            draft.replace(path)
+        finally:
+            draft.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f'{path}: cannot be written: {error.strerror or error}') from None
-
-
-def _write_through(path: Path, data: bytes) -> None:
-    # Do not wait for the other end of a pipe, which may never come, but for a slow reader.
-    handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    os.set_blocking(handle, True)
-    with os.fdopen(handle, 'wb') as stream:
-        stream.write(data)
 
 
 def to_yaml(document: Any) -> str:
@@ -167,26 +155,14 @@ def to_yaml(document: Any) -> str:
 
 
 def write_yaml(path: str | Path, document: Any) -> None:
-    """Write plain values as a YAML document.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
-    """
+    """Write plain values as a YAML document; raises InputError if the folder cannot be written."""
     write_atomically(path, to_yaml(document))
 
 
 def plain(value: Any, not_finite: float | None = math.nan) -> Any:
-    """Turn numpy values, tuples and paths into what YAML and JSON can write.
+    """Turn numpy values, tuples and paths, nested as they are, into what YAML and JSON can write.
 
-    Parameters
-    ----------
-    value : object
-        Mappings, sequences, arrays and scalars, nested as they may be.
-    not_finite : float or None
-        What NaN and infinity become. NaN leaves them as they are; JSON has no word for them and
-        takes None.
+    JSON has no NaN and no infinity: they become None where `not_finite` is None.
     """
     if isinstance(value, dict):
         return {str(key): plain(item, not_finite) for key, item in value.items()}
@@ -203,13 +179,7 @@ def plain(value: Any, not_finite: float | None = math.nan) -> Any:
 
 
 def check_folder(path: str | Path) -> None:
-    """Make sure that files can be written into a folder, which is not made yet if it is missing.
-
-    Raises
-    ------
-    InputError
-        If they cannot.
-    """
+    """Raise InputError if files cannot be written into a folder, which is not made if missing."""
     folder = Path(path).absolute()
     try:
         while not folder.exists() and folder != folder.parent:
@@ -224,13 +194,7 @@ def check_folder(path: str | Path) -> None:
 
 
 def check_file(path: str | Path) -> None:
-    """Make sure that a file can be written, or a device that is there already.
-
-    Raises
-    ------
-    InputError
-        If it cannot.
-    """
+    """Raise InputError if a file, or a device that is there already, cannot be written."""
     path = Path(path)
     try:
         if path.is_dir():
@@ -240,9 +204,3 @@ def check_file(path: str | Path) -> None:
     except OSError as error:
         raise InputError(f'{path}: cannot be written to: {error.strerror or error}') from None
     check_folder(path.parent)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

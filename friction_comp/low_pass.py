@@ -11,11 +11,5 @@ from friction_comp.compiling import njit
 
 @njit(cache=True)
 def low_pass_weight(step: float, time_constant: float) -> float:
-    """Return the weight of the input in one step of a first-order low-pass.
-
-    Parameters
-    ----------
-    step, time_constant : float
-        s; without a time constant it goes all the way.
-    """
+    """Return the weight of the input in a step of a first-order low-pass, both times in s."""
     return 1.0 - math.exp(-step / time_constant) if time_constant > 0.0 else 1.0

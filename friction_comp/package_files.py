@@ -22,20 +22,14 @@ def package_file(*parts: str) -> Path:
     *parts : str
         The path below ``share/friction_comp``, such as ``'config', 'armin_configuration_1.yaml'``.
 
-    Returns
-    -------
-    pathlib.Path
-        The path, which exists.
-
     Raises
     ------
     InputError
         When there is no such file.
     """
     root = Path(__file__).resolve().parent.parent
-    prefixes = [*os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep), sys.prefix]
     folders = [root] if (root / 'package.xml').is_file() else []
-    folders += [Path(p, 'share', 'friction_comp') for p in prefixes if p]
+    folders += [Path(p, 'share', 'friction_comp') for p in (*_sourced(), sys.prefix)]
     for folder in folders:
         path = folder.joinpath(*parts)
         if path.exists():
@@ -45,8 +39,7 @@ def package_file(*parts: str) -> Path:
 
 def middlewares() -> list[str]:
     """Return the names of the middlewares that ROS 2 finds on this machine."""
-    prefixes = [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
-    installed = {path.name for prefix in (*prefixes, sys.prefix) for path in Path(
+    installed = {path.name for prefix in (*_sourced(), sys.prefix) for path in Path(
         prefix, 'share', 'ament_index', 'resource_index', 'rmw_typesupport').glob('rmw_*')}
     # Variables that select another implementation at run time.
     return sorted(installed - {'rmw_implementation'})
@@ -61,6 +54,10 @@ def name_this_environment() -> None:
     """
     if not Path(sys.prefix, 'share', 'ament_index').is_dir():
         return
-    prefixes = [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
-    if sys.prefix not in prefixes:
-        os.environ['AMENT_PREFIX_PATH'] = os.pathsep.join([*prefixes, sys.prefix])
+    if sys.prefix not in _sourced():
+        os.environ['AMENT_PREFIX_PATH'] = os.pathsep.join([*_sourced(), sys.prefix])
+
+
+def _sourced() -> list[str]:
+    """Return the prefixes of the sourced workspaces."""
+    return [p for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]

@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ _OPTIONAL = (
     'velocity', 'acceleration', 'load', 'temperature', 'command', 'direction',
     'reference_position', 'reference_velocity', 'rigid_body', 'coupling',
 )
+_SIGNALS = ('time', 'position', 'current', *_OPTIONAL)
 
 
 @dataclass(frozen=True)
@@ -49,34 +51,32 @@ class JointStates:
 
     def take(self, index: slice | np.ndarray) -> JointStates:
         """Return what a slice, mask or index array selects of the samples."""
-        return JointStates(self.joints, self.position[index],
-                           None if self.velocity is None else self.velocity[index])
+        return self._change(lambda values: values[index])
 
     def of(self, joints: Sequence[str]) -> JointStates:
-        """Return the states of some joints, in their order.
-
-        Raises
-        ------
-        InputError
-            If one was not recorded.
-        """
+        """Return the states of some joints, in their order; raises InputError if one is missing."""
         for name in joints:
             if name not in self.joints:
                 raise InputError(f'the motion of joint {name!r} is needed, but only that of '
                                  f'{", ".join(map(repr, self.joints))} is recorded')
         columns = [self.joints.index(name) for name in joints]
-        return JointStates(tuple(joints), self.position[:, columns],
-                           None if self.velocity is None else self.velocity[:, columns])
+        return self._change(lambda values: values[:, columns], joints)
+
+    def _change(self, change: Callable[[np.ndarray], np.ndarray],
+                joints: Sequence[str] | None = None) -> JointStates:
+        return JointStates(self.joints if joints is None else tuple(joints),
+                           change(self.position),
+                           None if self.velocity is None else change(self.velocity))
 
     @staticmethod
     def concatenate(parts: Sequence[JointStates]) -> JointStates:
         """Join stretches; joints that not all of them have are dropped, and so is velocity."""
         joints = [name for name in parts[0].joints if all(name in part.joints for part in parts)]
         parts = [part.of(joints) for part in parts]
-        known = all(part.velocity is not None for part in parts)
+        speeds = [part.velocity for part in parts if part.velocity is not None]
         return JointStates(
             tuple(joints), np.concatenate([part.position for part in parts]),
-            np.concatenate([part.velocity for part in parts]) if known else None)
+            np.concatenate(speeds) if len(speeds) == len(parts) else None)
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class Samples:
             raise InputError(f'samples.time must have one axis, not shape {size}')
         if self.recording is None:
             object.__setattr__(self, 'recording', np.zeros(size, dtype=int))
-        for name in ('position', 'current', 'recording') + _OPTIONAL:
+        for name in (*_SIGNALS, 'recording'):
             value = getattr(self, name)
             if value is not None and np.shape(value) != size:
                 raise InputError(
@@ -157,42 +157,33 @@ class Samples:
 
     def take(self, index: slice | np.ndarray) -> Samples:
         """Return the samples that a slice, mask or index array selects."""
-        changes = {}
-        for name in ('time', 'position', 'current', 'recording') + _OPTIONAL:
-            value = getattr(self, name)
-            if value is not None:
-                changes[name] = value[index]
-        if self.arm is not None:
-            changes['arm'] = self.arm.take(index)
-        return replace(self, **changes)
+        return self._change(lambda values: values[index], recording=self.recording[index])
 
     def averaged(self, length: int) -> Samples:
         """Return averages over `length` consecutive samples, segment by segment.
 
         Remaining samples at the end of a segment are dropped. Of values that are not measured
         (direction, recording) the first is kept.
-
-        Parameters
-        ----------
-        length : int
         """
         if length == 1 or not len(self):
             return self
         starts = np.concatenate([np.arange(part.start, part.stop - length + 1, length)
                                  for part in self.segments()])
         rows = starts[:, None] + np.arange(length)
-        changes: dict[str, Any] = {}
-        for name in ('time', 'position', 'current') + _OPTIONAL:
+        first = {'recording': self.recording[starts]}
+        if self.direction is not None:
+            first['direction'] = self.direction[starts]
+        return self._change(lambda values: values[rows].mean(axis=1), **first)
+
+    def _change(self, change: Callable[[np.ndarray], np.ndarray], **others: Any) -> Samples:
+        """Return a copy with every signal changed by a function, except for some others."""
+        for name in _SIGNALS:
             value = getattr(self, name)
-            if value is not None:
-                changes[name] = (value[starts] if name == 'direction'
-                                 else value[rows].mean(axis=1))
+            if value is not None and name not in others:
+                others[name] = change(value)
         if self.arm is not None:
-            speed = self.arm.velocity
-            changes['arm'] = JointStates(
-                self.arm.joints, self.arm.position[rows].mean(axis=1),
-                None if speed is None else speed[rows].mean(axis=1))
-        return replace(self, recording=self.recording[starts], **changes)
+            others['arm'] = self.arm._change(change)
+        return replace(self, **others)
 
     def with_(self, **changes: Any) -> Samples:
         """Return a copy with some signals replaced."""
@@ -239,9 +230,8 @@ class Samples:
             raise InputError('samples need either effort or current')
         for name, value in (('torque constant', torque_constant), ('gear ratio', gear_ratio)):
             check_number(value, name, above=0.0)
-        measured = current if effort is None else effort
-        given = {'time': time, 'position': position, 'current': measured, 'velocity': velocity,
-                 **signals}
+        given = {'time': time, 'position': position, 'velocity': velocity,
+                 'current': current if effort is None else effort, **signals}
         unknown = sorted(set(signals) - set(_OPTIONAL))
         if unknown:
             raise InputError(f'samples have no signal {unknown[0]!r}, but {", ".join(_OPTIONAL)}')
@@ -336,6 +326,10 @@ class Samples:
         """Smallest step in rad that the position makes, 0 where it never moves: the encoder's."""
         return smallest_step(self.position)
 
+    @cached_property
+    def _segments(self) -> dict[float, list[slice]]:
+        return {}
+
     def segments(self, largest_gap: float = 5.0) -> list[slice]:
         """Return slices of unbroken data.
 
@@ -344,27 +338,15 @@ class Samples:
         largest_gap : float
             A step longer than this many median steps, a step backwards, or the start of another
             recording begins a new segment.
-
-        Returns
-        -------
-        list of slice
         """
-        if largest_gap not in self._cuts:
-            self._cuts[largest_gap] = self._cut(largest_gap)
-        return list(self._cuts[largest_gap])
-
-    @cached_property
-    def _cuts(self) -> dict[float, list[slice]]:
-        return {}
-
-    def _cut(self, largest_gap: float) -> list[slice]:
-        if len(self) == 0:
-            return []
-        step = np.diff(self.time)
-        broken = (step > largest_gap * max(self.sample_time, 1e-9)) | (step < 0)
-        broken |= np.diff(self.recording) != 0
-        edges = np.concatenate(([0], np.nonzero(broken)[0] + 1, [len(self)]))
-        return [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:])]
+        if largest_gap not in self._segments:
+            step = np.diff(self.time)
+            broken = (step > largest_gap * max(self.sample_time, 1e-9)) | (step < 0)
+            broken |= np.diff(self.recording) != 0
+            edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(self)]
+            self._segments[largest_gap] = [
+                slice(begin, end) for begin, end in pairwise(edges) if end > begin]
+        return list(self._segments[largest_gap])
 
     @staticmethod
     def concatenate(parts: Iterable[Samples]) -> Samples:
@@ -376,13 +358,13 @@ class Samples:
         if not parts:
             raise InputError('no samples to join')
         signals: dict[str, Any] = {}
-        for name in ('time', 'position', 'current') + _OPTIONAL:
+        for name in _SIGNALS:
             values = [getattr(part, name) for part in parts]
             if all(value is not None for value in values):
                 signals[name] = np.concatenate(values)
-        if all(part.arm is not None for part in parts):
-            signals['arm'] = JointStates.concatenate(
-                [part.arm for part in parts if part.arm is not None])
+        arms = [part.arm for part in parts if part.arm is not None]
+        if len(arms) == len(parts):
+            signals['arm'] = JointStates.concatenate(arms)
         numbers: list[np.ndarray] = []
         offset = 0
         for part in parts:

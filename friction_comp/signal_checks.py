@@ -77,19 +77,12 @@ _VELOCITY_UNITS = {
 
 
 def beyond(signal: str, values: np.ndarray) -> np.ndarray:
-    """Return which values cannot be, shape of `values`; NaN, which says nothing, can.
-
-    Parameters
-    ----------
-    signal : str
-        A key of `LIMITS`.
-    values : ndarray
-    """
+    """Return which values of a signal in `LIMITS` are impossible, shape of `values`; NaN is not."""
     with np.errstate(invalid='ignore'):
         return np.asarray(np.abs(values) > LIMITS[signal][0])
 
 
-def named(ratio: float, units: Mapping[float, str]) -> str:
+def _name_unit(ratio: float, units: Mapping[float, str]) -> str:
     """Return the words of the unit whose factor a ratio is, either sign; '' where it is none's."""
     nearest = min(units, key=lambda unit: abs(math.log(unit / max(abs(ratio), 1e-300))))
     return units[nearest] if abs(abs(ratio) / nearest - 1.0) < _NAMED else ''
@@ -143,12 +136,7 @@ def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
 def velocity_fault(ratios: np.ndarray, factor: float) -> str:
     """Return in words how velocity contradicts position; '' where it does not.
 
-    Parameters
-    ----------
-    ratios : ndarray, shape (K,)
-        As `velocity_ratios` returns them; their median counts.
-    factor : float
-        By which the ratio may differ from one either way.
+    The median of `velocity_ratios` may differ from one by a factor either way.
     """
     if not len(ratios):
         return ''
@@ -162,7 +150,7 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
     words = f'velocity is {ratio:.3g} times the rate of position: '
     if 1.0 / factor < -ratio < factor:
         return words + 'one of the two has the wrong sign'
-    return words + (named(ratio, _VELOCITY_UNITS) or 'they differ in unit, or one of them is '
+    return words + (_name_unit(ratio, _VELOCITY_UNITS) or 'they differ in unit, or one of them is '
                     'wrong') + (', and one has the wrong sign' if ratio < 0.0 else '')
 
 
@@ -178,8 +166,7 @@ class VelocityCheck:
     resolution : float
         rad of an encoder count, where it is known.
     zeros : bool
-        Whether a velocity that was never another than zero may be one that is not measured, as
-        some drivers fill it in, and then contradicts nothing.
+        Whether a velocity that was always zero contradicts nothing: some drivers do not measure it.
 
     Attributes
     ----------
@@ -227,14 +214,14 @@ class VelocityCheck:
 class Answer(NamedTuple):
     """The measured current as a multiple of the commanded one.
 
-    Parameters
+    Attributes
     ----------
     gain : float
         Measured over commanded current.
     likeness : float
-        Their correlation about zero: 1 or -1 where the one is the other but for its size.
+        Their correlation about zero.
     error : float
-        Standard error of the gain, by what the one does not explain of the other.
+        Standard error of the gain.
     delay : float
         s by which the measured current is late.
     earliest : float
@@ -255,7 +242,7 @@ def current_answer(command: np.ndarray, measured: np.ndarray) -> Answer:
     Parameters
     ----------
     command, measured : ndarray, shape (N,)
-        A, at the same times, all finite.
+        Finite, A.
     """
     power, product = float(command @ command), float(command @ measured)
     likeness = product / math.sqrt(max(power * float(measured @ measured), 1e-300))
@@ -264,12 +251,12 @@ def current_answer(command: np.ndarray, measured: np.ndarray) -> Answer:
 
 
 def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> Answer:
-    """Return how the measured current follows the commanded one at the end of a stretch of time.
+    """Return how the measured current follows the commanded one, late, in the last 0.8 s.
 
     Parameters
     ----------
     time, command, measured : ndarray, shape (N,)
-        s and A; the last 0.8 s count. Both currents are smoothed alike.
+        s and A; both currents are smoothed alike.
     """
     back = np.arange(round(_MEMORY / _GRID)) * _GRID
     answered = np.interp(time[-1] - back, time, measured, left=0.0)
@@ -291,20 +278,13 @@ def _error(gain: float, likeness: float, count: float) -> float:
 
 
 def current_fault(gain: float, drive: Drive) -> str:
-    """Return in words why a measured current is `gain` times the commanded one.
-
-    Parameters
-    ----------
-    gain : float
-    drive : Drive
-        By whose numbers the current was computed from the effort.
-    """
+    """Return in words why a current, computed from effort, is `gain` times the commanded one."""
     if abs(gain) < 1e-6:
         return 'effort is not measured'
     faults = ['effort has the wrong sign'] if gain < 0.0 else []
     if not 0.5 < abs(gain) < 2.0:
         torque = drive.torque_per_current
-        unit = named(gain, {
+        unit = _name_unit(gain, {
             1000.0: 'N·mm', 1.0 / torque: 'the current in A', 1000.0 / torque: 'the current in mA',
             1.0 / drive.gear_ratio: "the motor's torque, without the gears",
             1000.0 / drive.gear_ratio: "the motor's torque in N·mm, without the gears"})

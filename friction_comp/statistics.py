@@ -5,16 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 
 def holm(p_values: Sequence[float]) -> np.ndarray:
-    """Return p-values adjusted for the number of tests by Holm's step-down method, shape (N,).
-
-    Parameters
-    ----------
-    p_values : sequence of float, length N
+    """Return p-values adjusted for their number by Holm's step-down method, shape (N,).
 
     References
     ----------
@@ -28,21 +25,22 @@ def holm(p_values: Sequence[float]) -> np.ndarray:
     return adjusted
 
 
+def robust_std(values: np.ndarray, axis: int | None = None) -> Any:
+    """Return the standard deviation about zero of normal values with the same median magnitude."""
+    return 1.4826 * np.median(np.abs(values), axis=axis)
+
+
+def noise_level(values: np.ndarray) -> float:
+    """Return the standard deviation of white noise that is added to a slow signal, shape (N,)."""
+    # The median step between neighbours is 0.954 standard deviations.
+    return float(np.median(np.abs(np.diff(values)))) / 0.954
+
+
 def quantile_edges(values: np.ndarray, count: int, tails: Sequence[float] = ()) -> np.ndarray:
-    """Return the inner edges of ranges that hold equally many values.
+    """Return the inner edges of ranges that hold equally many values, ascending.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-    count : int
-        Of ranges.
-    tails : sequence of float
-        Shares at which either end is cut once more.
-
-    Returns
-    -------
-    ndarray
-        Ascending and without repetitions: fewer than ``count - 1`` where values stand often.
+    Either end is cut once more at the shares `tails`. Edges are not repeated: where many values
+    are equal, there are fewer than ``count - 1``.
     """
     ends = np.array(tails, dtype=float)
     shares = np.concatenate((ends, np.linspace(0, 1, count + 1)[1:-1], 1.0 - ends))

@@ -48,9 +48,6 @@ class _Patient:
 def patient_output() -> Iterator[None]:
     """Let nothing that is printed within end the work; letters that cannot be shown are escaped."""
     before = sys.stdout, sys.stderr
-    if any(isinstance(stream, _Patient) for stream in before):
-        yield
-        return
     for stream in before:
         if hasattr(stream, 'reconfigure'):
             stream.reconfigure(errors='backslashreplace')

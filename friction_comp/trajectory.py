@@ -38,13 +38,7 @@ class Trajectory:
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
-        """Read a YAML file in the message's own layout.
-
-        Raises
-        ------
-        InputError
-            If it cannot be read, or is no such trajectory.
-        """
+        """Read a YAML file in the message's own layout; raises InputError if it is none."""
         try:
             # The C loader reads a minute of motion in a tenth of the time.
             loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
@@ -71,13 +65,7 @@ class Trajectory:
         return cls(tuple(names), time, *states)
 
     def of(self, joint: str) -> Trajectory:
-        """Return the motion of one joint.
-
-        Raises
-        ------
-        InputError
-            If it has no such joint.
-        """
+        """Return the motion of one joint; raises InputError if it has no such joint."""
         if joint not in self.joints:
             raise InputError(f'the trajectory has no joint {joint!r}; it has '
                              f'{", ".join(self.joints)}')
@@ -90,13 +78,7 @@ class Trajectory:
         return [divmod(round(1e9 * float(time)), 1_000_000_000) for time in self.time]
 
     def to_yaml(self, remark: str) -> str:
-        """Return the message, for ``ros2 topic pub`` or as part of an action's goal.
-
-        Parameters
-        ----------
-        remark : str
-            Written above as a comment.
-        """
+        """Return the message below a remark, for ``ros2 topic pub`` or an action's goal."""
         names = ', '.join(json.dumps(joint, ensure_ascii=False) for joint in self.joints)
         lines = [*(f'# {line}' for line in remark.splitlines()),
                  'header: {stamp: {sec: 0, nanosec: 0}, frame_id: ""}',

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sums over blocks say what fits to the samples would say."""
 
+from dataclasses import replace
+
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 
-from friction_comp.refinement.plain_drive import sums_of
-from friction_comp.refinement.sums import BlockSums
+from friction_comp.refinement.sums import BlockSums, sums_of
 
 SEED, BLOCKS, COLUMNS = st.integers(0, 2 ** 31), st.integers(2, 9), st.integers(1, 6)
 
@@ -31,23 +32,12 @@ def test_a_block_left_out_is_predicted_as_by_a_fit_to_the_others(seed, blocks, c
         assert found[k] == pytest.approx(expected, rel=1e-3, abs=1e-6)
 
 
-@given(SEED, BLOCKS, BLOCKS, COLUMNS)
-def test_sums_of_two_recordings_are_those_of_both_together(seed, one, two, columns):
-    first, second = made(seed, one, columns), made(seed + 1, two, columns)
-    total = sums_of(*first) + sums_of(*second)
-    matrix, target = (np.concatenate((a, b)) for a, b in zip(first[:2], second[:2]))
-    whole = sums_of(matrix, target, np.concatenate((first[2], one + second[2])))
-    assert total.gram == pytest.approx(whole.gram)
-    assert total.fit(range(columns)) == pytest.approx(
-        np.linalg.lstsq(matrix, target, rcond=None)[0], rel=1e-3, abs=1e-6)
-
-
 @given(SEED, BLOCKS, st.integers(1, 5), st.data())
 def test_a_coefficient_never_has_the_sign_that_physics_rules_out(seed, blocks, columns, data):
     matrix, target, block = made(seed, blocks, columns)
     signs = np.array(data.draw(st.lists(
         st.sampled_from([0, 1]), min_size=columns, max_size=columns)))
-    sums = sums_of(matrix, target, block, signs)
+    sums = replace(sums_of(matrix, target, block), signs=signs)
     found = sums.fit(range(columns))
     assert (found[signs > 0] >= 0.0).all()
     # Those that are not at their bound are the least squares fit without the others.

@@ -15,7 +15,7 @@ import yaml
 
 from friction_comp.__main__ import main, NODES, TOOLS
 from friction_comp.model.effects import EFFECTS
-from friction_comp.model.effects.inertia import Inertia
+from friction_comp.model.effects.torque_effects import Inertia
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine
@@ -25,8 +25,8 @@ from friction_comp.tools.common import Arguments
 # Tools that are run as the page has them; the others take minutes, and their arguments are read.
 RUN = ('convert', 'evaluate', 'refine', 'predict')
 # But for an arm, which is refined with its URDF in test_whole_arm, and for what
-# test_many_recordings does with each of many, in processes and on a cluster.
-READ = {'--urdf', '--each', '--jobs', '--scheduler'}
+# test_many_recordings does with each of many, and in processes.
+READ = {'--urdf', '--each', '--jobs'}
 # Tools with their options that were run already: with other files the arguments are read.
 TRIED = set()
 

@@ -15,7 +15,7 @@ from friction_comp.compensation.law_parameters import (
     LONGER,
     RISE_TIME,
 )
-from friction_comp.model.effects.hysteresis import Hysteresis
+from friction_comp.model.effects.history_effects import Hysteresis
 from friction_comp.model.friction_model import Presliding
 from friction_comp.simulation.joint_parameters import GEARS
 from simulated_recordings.gear_batch import push, run_gears

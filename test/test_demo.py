@@ -12,9 +12,10 @@ import time
 
 import pytest
 from report_pages import assert_documented
+import yaml
 
-from friction_comp.beside import interrupts_deferred
 from friction_comp.errors import InputError
+from friction_comp.parallel import interrupts_deferred
 from friction_comp.tools import demo
 from friction_comp.tools.processes import Nodes, ros_arguments
 
@@ -24,20 +25,23 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def test_parameters_are_written_as_yaml_reads_them():
-    assert ros_arguments({'a': True, 'b': [1.5, 'x y'], 'c': "it's"})[3:] == [
-        '-p', 'a:=true', '-p', "b:=[1.5, 'x y']", '-p', "c:='it''s'"]
+    values = {'a': True, 'b': [1.5, 'x y'], 'c': "it's", 'd': Path('größe')}
+    written = dict(word.split(':=') for word in ros_arguments(values)[4::2])
+    assert {name: yaml.safe_load(word) for name, word in written.items()} == {
+        **values, 'd': 'größe'}
 
 
 @pytest.mark.slow
 def test_a_node_that_fails_is_told_with_its_reason(tmp_path):
     with Nodes(tmp_path) as nodes:
         nodes.start('plant', {'joints': ['a'], 'model_files': ['missing.yaml']})
-        end = time.monotonic() + 120.0
-        while nodes.alive('plant'):
-            assert time.monotonic() < end
-            time.sleep(0.05)
+        def run_to_the_end():
+            end = time.monotonic() + 120.0
+            while nodes.running('plant'):
+                assert time.monotonic() < end
+                time.sleep(0.05)
         with pytest.raises(InputError, match=r'plant ended with status 2: .*missing\.yaml'):
-            nodes.check()
+            run_to_the_end()
 
 
 @pytest.mark.parametrize('arguments', [['--repetitions', '0'], ['--nonsense'], ['--seed', '-1']])

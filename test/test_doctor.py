@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.monitoring.check_model import check_joint
-from friction_comp.monitoring.checkup import check_system
+from friction_comp.monitoring.checkup import check_joint, check_system
 from friction_comp.monitoring.observation import (
     Endpoint,
     Observation,

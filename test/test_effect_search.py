@@ -9,10 +9,10 @@ from test_prepare import swings
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.constants import adjust_constants
-from friction_comp.refinement.effect_columns import base_columns, proposals, Table, Term
+from friction_comp.refinement.effect_columns import base_columns, Key, proposals, Table, Term
+from friction_comp.refinement.naming import intervals, repeat_search, Stability
 from friction_comp.refinement.prepare import prepare
-from friction_comp.refinement.search import Search, Split, total
-from friction_comp.refinement.stability import intervals, repeat_search, Stability
+from friction_comp.refinement.search import Search, total
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}
@@ -62,23 +62,23 @@ def test_the_transition_goes_where_friction_changes_its_sign():
 
 
 def test_a_search_names_what_is_there_and_no_more(rippled):
-    search = Search(rippled, Split(rippled), rippled.add(proposals(rippled, [])))
+    search = Search(rippled, rippled.add(proposals(rippled, [])))
     found = search.forward([])
-    assert [key[0] for key in found] == ['cogging']
+    assert [key.effect for key in found] == ['cogging']
     assert rippled.terms[found[0]].constants['frequency'] == pytest.approx(14.0, abs=1.0)
 
 
 @pytest.mark.parametrize('seed', range(4))
 def test_a_search_names_nothing_on_a_plain_drive(seed):
     plain = table_of(swings(20 + seed))
-    search = Search(plain, Split(plain), plain.add(proposals(plain, [])))
+    search = Search(plain, plain.add(proposals(plain, [])))
     assert search.forward([]) == []
 
 
 def test_what_is_not_borne_out_is_taken_away_and_what_is_stays(rippled):
     terms = [Term(EFFECTS['inertia']), Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['gravity'])]
     keys = rippled.add(terms)
-    search = Search(rippled, Split(rippled), [])
+    search = Search(rippled, [])
     assert search.backward(keys) == [terms[1].key]
     search.fixed = keys[:1]
     assert search.backward(keys) == [terms[0].key, terms[1].key]
@@ -87,18 +87,18 @@ def test_what_is_not_borne_out_is_taken_away_and_what_is_stays(rippled):
 def test_a_name_is_exchanged_for_one_that_predicts_better(rippled):
     worse, better = (rippled.add([Term(EFFECTS[name], COGGING)])[0]
                      for name in ('friction_ripple', 'cogging'))
-    search = Search(rippled, Split(rippled), [worse, better])
+    search = Search(rippled, [worse, better])
     assert search.exchange([worse]) == [better]
     assert search.exchange([better]) == [better]
 
 
 def test_a_drawn_part_is_judged_by_the_blocks_that_were_not_drawn(plain):
-    split = Split.resampled(plain, np.random.default_rng(4))
     weights = np.bincount(np.random.default_rng(4).integers(0, 16, 16), minlength=16)
     columns = plain.indices([])
     fit = plain.sums.fits(columns, weights[None].astype(float))
     errors = plain.sums.squares(columns, np.repeat(fit, 16, axis=0))
-    assert total(split.errors(columns)) == pytest.approx(errors[weights == 0].sum())
+    held_out = Search(plain, [], weights=weights).errors([])
+    assert total(held_out) == pytest.approx(errors[weights == 0].sum())
 
 
 @pytest.mark.parametrize(('name', 'constants', 'shape', 'constant', 'first'), [
@@ -125,14 +125,13 @@ def test_a_constant_between_the_points_of_its_grid_is_found(name, constants, sha
 def test_intervals_hold_what_is_true_and_tell_what_is_not_there(rippled):
     keys = rippled.add([Term(EFFECTS['cogging'], COGGING), Term(EFFECTS['inertia'])])
     found = intervals(rippled, keys)
-    (cosine, sine), (inertia,) = (rippled.columns_of(key) for key in keys)
+    (cosine, sine), (inertia,) = (rippled.columns_of[key] for key in keys)
     for place, true in ((1, 0.5), (2, 0.2), (cosine, 0.1), (sine, 0.0), (inertia, 0.0)):
         low, high = found.coefficients[place]
         assert low <= true <= high
         assert high - low < 0.06
-    signs = rippled.sums.signs
-    assert found.excludes_zero([cosine, sine], signs[[cosine, sine]])
-    assert not found.excludes_zero([inertia], signs[[inertia]])
+    assert found.excludes_zero(rippled, keys[0])
+    assert not found.excludes_zero(rippled, keys[1])
 
 
 def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(rippled, plain):
@@ -152,10 +151,10 @@ def test_repeated_searches_choose_what_is_there_and_hardly_ever_what_is_not(ripp
     (0.65, 0.0, True), (0.5, 0.0, False), (0.5, 0.45, False), (0.65, 0.3, True)])
 def test_a_name_is_given_where_most_searches_choose_it_whatever_the_others_have(own, instead,
                                                                                 named):
-    key = ('cogging', None)
+    key, other = (Key(name, (), None) for name in ('cogging', 'other'))
     found = Stability({key: own}, {key: [('bump', instead)]})
     assert found.named(key) is named
-    assert found.renamed({key: ('other', None)}).named(('other', None)) is named
+    assert found.renamed({key: other}).named(other) is named
 
 
 def test_every_threshold_has_a_unit_and_a_reason():

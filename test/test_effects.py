@@ -10,7 +10,7 @@ import pytest
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS, VARIABLES
-from friction_comp.model.effects.hysteresis import Hysteresis
+from friction_comp.model.effects.history_effects import Hysteresis
 from friction_comp.model.effects.live_term import SHARPEST_LIVE
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid

@@ -16,8 +16,8 @@ from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
+from friction_comp.evaluation.movements import log_dimensionless_jerk, spectral_arc_length
 from friction_comp.evaluation.sessions import evaluate_recordings
-from friction_comp.evaluation.smoothness import log_dimensionless_jerk, spectral_arc_length
 from friction_comp.recordings import (
     read_recording_with_info,
     RecordingInfo,

@@ -15,8 +15,8 @@ from friction_comp.errors import InputError
 from friction_comp.evaluation.drive_history import recorded_friction
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.recordings import RecordingInfo
 from friction_comp.recordings.history import History, KEPT
-from friction_comp.recordings.reader import RecordingInfo
 from friction_comp.samples import Samples
 
 MODEL = FrictionModel(drive=Drive(0.1, 100.0, 4000), joint='elbow',

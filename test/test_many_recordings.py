@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many recordings at once: one that fails costs only itself, and processes change no result."""
 
-from argparse import Namespace
 import json
 import os
 from pathlib import Path
@@ -17,12 +16,12 @@ import pytest
 from report_pages import assert_documented
 from test_evaluate import trial
 
+from friction_comp import parallel
 from friction_comp.__main__ import run
-from friction_comp.attempts import attempt, Failure, in_turn
 from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
+from friction_comp.parallel import attempt, Failure, run_each
 from friction_comp.recordings import write_samples
-from friction_comp.tools import workers as tool
 from simulated_recordings.drives import excitation_for, random_drive, record
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -91,23 +90,9 @@ def test_nothing_to_be_used_is_an_error(tmp_path, capsys):
     assert not (tmp_path / 'out').exists()
 
 
-@pytest.mark.parametrize('more', [['--jobs', '2'], ['--scheduler', 'tcp://nowhere:1']])
-def test_many_processes_are_for_many_models(folder, tmp_path, capsys, more):
-    assert run('refine', [str(folder), '--output', str(tmp_path / 'out'), *more]) == 2
+def test_many_processes_are_for_many_models(folder, tmp_path, capsys):
+    assert run('refine', [str(folder), '--output', str(tmp_path / 'out'), '--jobs', '2']) == 2
     assert '--each' in capsys.readouterr().err
-
-
-def test_without_the_extra_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(tool, 'installed', lambda: False)
-    # Not asked for, it is not missed, however many recordings there are.
-    with tool.workers(Namespace(jobs=None, scheduler=None), 500) as how:
-        assert how is in_turn
-    room = trials(tmp_path / 'r', 2)
-    assert run('evaluate', [str(room), '--output', str(tmp_path / 'no'), '--jobs', '2']) == 2
-    told = capsys.readouterr().err
-    assert told.count('\n') == 1
-    assert 'pip install distributed' in told
-    assert not (tmp_path / 'no').exists()
 
 
 def test_the_order_in_which_recordings_end_does_not_matter(tmp_path):
@@ -122,10 +107,10 @@ def test_the_order_in_which_recordings_end_does_not_matter(tmp_path):
 
 
 def test_a_mistake_in_the_program_costs_one_of_many_and_is_seen_with_one():
-    assert list(in_turn(lambda x: 1 / x, [1, 0])) == [
+    assert list(run_each(lambda x: 1 / x, [1, 0])) == [
         (0, 1.0), (1, Failure('0: ZeroDivisionError: division by zero'))]
     with pytest.raises(ZeroDivisionError):
-        list(in_turn(lambda x: 1 / x, [0]))
+        list(run_each(lambda x: 1 / x, [0]))
 
 
 def work_that_may_die(number):
@@ -140,13 +125,11 @@ def work_that_may_die(number):
 
 @pytest.mark.slow
 def test_a_process_that_is_killed_costs_what_it_had():
-    pytest.importorskip('distributed', reason='Dask is an extra')
     found = {}
-    with tool.workers(Namespace(jobs=2, scheduler=None), 6) as spread:
-        for number, outcome in spread(work_that_may_die, list(range(6))):
-            # What its process has done, but nobody fetched before it dies, is not lost either.
-            time.sleep(0.0 if found else 1.0)
-            found[number] = outcome
+    for number, outcome in run_each(work_that_may_die, list(range(6)), jobs=2):
+        # What its process has done, but nobody fetched before it dies, is not lost either.
+        time.sleep(0.0 if found else 1.0)
+        found[number] = outcome
     assert sorted(found) == list(range(6))
     assert 'killed' in found[2].reason
     assert found[3] == Failure('3: not this one')
@@ -156,27 +139,21 @@ def test_a_process_that_is_killed_costs_what_it_had():
 
 
 def test_processes_are_started_only_where_they_save_time(tmp_path, monkeypatch):
-    def no_cluster(*_):
+    def no_process(*_):
         raise AssertionError('a process was started')
-    monkeypatch.setattr(tool, '_client', no_cluster)
-    open_end = Namespace(jobs=None, scheduler=None)
-    for count, share in ((tool.MIN_SHARED - 1, None), (500, False)):
-        with tool.workers(open_end, count, share) as how:
-            assert how is in_turn
-    room = trials(tmp_path / 'r', tool.MIN_SHARED)
-    # Small recordings are evaluated faster than a process starts.
-    assert run('evaluate', [str(room), '--output', str(tmp_path / 'out')]) == 0
-    monkeypatch.setattr(tool, 'installed', lambda: True)
+    monkeypatch.setattr(parallel, 'child_process', no_process)
     monkeypatch.setattr('os.cpu_count', lambda: 2)
-    for count, share in ((tool.MIN_SHARED, None), (2, True)):
-        with pytest.raises(AssertionError, match='was started'), \
-                tool.workers(open_end, count, share):
-            pass
+    room = trials(tmp_path / 'r', 8)
+    # Small recordings are evaluated faster than a process starts.
+    arguments = [str(room), '--output', str(tmp_path / 'out')]
+    assert run('evaluate', arguments) == 0
+    for command, *more in (('evaluate', '--jobs', '2'), ('refine', '--each')):
+        with pytest.raises(AssertionError, match='was started'):
+            run(command, [*arguments, *more])
 
 
 @pytest.mark.slow
 def test_processes_evaluate_what_one_does(tmp_path):
-    pytest.importorskip('distributed', reason='Dask is an extra')
     room = trials(tmp_path / 'r', 2)
     for jobs in ('1', '2'):
         assert run('evaluate', [str(room), '--output', str(tmp_path / jobs), '--jobs', jobs]) == 0
@@ -184,54 +161,8 @@ def test_processes_evaluate_what_one_does(tmp_path):
         assert (tmp_path / '1' / name).read_text() == (tmp_path / '2' / name).read_text()
 
 
-def test_a_scheduler_that_is_not_there_is_named(tmp_path, monkeypatch, capsys):
-    pytest.importorskip('distributed', reason='Dask is an extra')
-    monkeypatch.setattr(tool, '_PATIENCE', 0.5)
-    room = trials(tmp_path / 'r', 2)
-    assert run('evaluate', [str(room), '--output', str(tmp_path / 'out'),
-                            '--scheduler', 'tcp://127.0.0.1:1']) == 2
-    told = capsys.readouterr().err
-    assert told.count('\n') == 1
-    assert '--scheduler tcp://127.0.0.1:1' in told
-
-
-@pytest.mark.slow
-def test_a_cluster_does_the_work_when_it_has_workers_that_can(tmp_path, monkeypatch, capsys):
-    distributed = pytest.importorskip('distributed', reason='Dask is an extra')
-    trials(tmp_path / 'r', 2)
-    (tmp_path / 'elsewhere').mkdir()
-    monkeypatch.chdir(tmp_path)
-    with distributed.LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None,
-                                  host='127.0.0.1') as cluster:
-        def evaluate():
-            code = run('evaluate', ['r', '--output', 'cluster', '--scheduler',
-                                    cluster.scheduler_address])
-            return code, capsys.readouterr().err
-        monkeypatch.setattr(tool, '_WORKER_PATIENCE', 0.2)
-        code, told = evaluate()
-        assert (code, told.count('\n')) == (2, 1)
-        assert 'no workers' in told
-        # Started where the recordings' relative paths lead to nothing.
-        with monkeypatch.context() as patch, distributed.Client(cluster) as client:
-            patch.chdir(tmp_path / 'elsewhere')
-            cluster.scale(1)
-            client.wait_for_workers(1)
-        with monkeypatch.context() as patch:
-            # One of another version is told before it gets anything to do.
-            patch.setattr(tool, '__version__', 'of tomorrow')
-            code, told = evaluate()
-        assert (code, told.count('\n')) == (2, 1)
-        assert 'has no friction_comp of tomorrow' in told
-        assert evaluate() == (0, '')
-    assert run('evaluate', ['r', '--output', 'alone', '--jobs', '1']) == 0
-    table, same = ((tmp_path / name / 'repetitions.csv').read_text().replace(f'{tmp_path}/', '')
-                   for name in ('alone', 'cluster'))
-    assert table == same
-
-
 @pytest.mark.slow
 def test_an_interrupt_keeps_what_is_done_and_leaves_no_process(tmp_path):
-    pytest.importorskip('distributed', reason='Dask is an extra')
     room, out = tmp_path / 'r', tmp_path / 'out'
     drive = random_drive(3, ['gravity'])
     # Two processes: when the first recording is done, another one has only just begun.

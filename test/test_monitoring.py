@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The watch over the residual: silent where the model fits, and right about why where not."""
+"""The monitoring of the residual: silent where the model fits, and right about why where not."""
 
 from dataclasses import replace
 
@@ -11,8 +11,8 @@ import pytest
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.monitoring import LiveResidual, ResidualWatch
-from friction_comp.monitoring.residual_watch import _explained
+from friction_comp.monitoring.live_residual import LiveResidual
+from friction_comp.monitoring.residual_monitor import _explained, ResidualMonitor
 from friction_comp.package_files import package_file
 
 MODEL = FrictionModel.load(package_file('config', 'armin_configuration_1.yaml'))
@@ -151,4 +151,4 @@ def test_time_that_begins_anew_and_rows_without_numbers_do_no_harm():
 
 def test_a_tolerance_of_nothing_is_refused():
     with pytest.raises(InputError, match='tolerance'):
-        ResidualWatch(0.0)
+        ResidualMonitor(0.0)

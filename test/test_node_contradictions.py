@@ -109,26 +109,26 @@ def test_a_velocity_that_contradicts_the_position_is_told_by_its_unit(driver, fa
 
 
 def test_planners_that_contradict_each_other_give_no_direction(driver):
-    turns, last = 0, 0.0
+    currents = []
     with probe_node() as other:
         rival = other.talk(Int8MultiArray, 'direction', RELIABLE)
         other.matched(rival)
-        driver.probe.spin_for(0.5)
-        for _ in range(15):
+
+        def ignored():
+            """Both announce, until neither has had a current for a while, and it is said why."""
             for publisher, value in ((driver.directions, 1), (rival, -1)):
                 publisher.publish(Int8MultiArray(data=array('b', [value, value])))
                 driver.probe.spin_for(0.05)
-                current = driver.ask(ZERO, ZERO)[0]
-                turns += last * current < 0.0
-                last = current
-        assert abs(current) < 0.01
-        # Before that nobody can tell a second planner from one that turns round.
-        assert turns <= 2
-        said(driver, 'elbow', 'contradict each other', '/probe_')
-    driver.probe.spin_for(2.5 * TIMEOUT)
-    driver.ask(ZERO, ZERO)
-    driver.announce([1, 1])
-    assert driver.ask(ZERO, ZERO)[0] > 0.05
+                currents.append(driver.ask(ZERO, ZERO)[0])
+            return len(currents) > 10 and np.abs(currents[-10:]).max() < 0.01 and any(
+                all(words in status.message for words in (
+                    'elbow', 'contradict each other', '/probe_'))
+                for message in diagnostics for status in message.status)
+        diagnostics = driver.probe.listen(DiagnosticArray, '/diagnostics')
+        driver.probe.until(ignored, 'zero current')
+    # One alone is believed when the dispute is over.
+    driver.probe.until(lambda: driver.announce([1, 1]) or driver.ask(ZERO, ZERO)[0] > 0.05,
+                       'a current')
 
 
 def test_a_joint_named_twice_in_a_direction_has_none(driver):

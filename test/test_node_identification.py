@@ -58,6 +58,15 @@ class Client:
     def result(self, handle, timeout=60.0):
         return self.probe.answered(handle.get_result_async, 'the result', 20.0, timeout)
 
+    def heard_all(self):
+        """Wait until nobody commands any more, and the last command has been taken."""
+        self.probe.until(
+            lambda: not self.probe.ears['current_command'].get_publisher_count(), 'the end')
+        count = -1
+        while count != len(self.commands):
+            count = len(self.commands)
+            self.probe.spin_for(0.2)
+
     def close(self):
         self._client.destroy()
 
@@ -162,7 +171,8 @@ def test_a_cancelled_goal_leaves_zero_current_and_no_file(system):
     assert outcome.status == GoalStatus.STATUS_CANCELED
     assert not outcome.result.success
     assert 'cancel' in outcome.result.message
-    system.probe.until(lambda: list(system.commands[-1].data) == [0.0, 0.0], 'zero current')
+    system.heard_all()
+    assert list(system.commands[-1].data) == [0.0, 0.0]
     count = len(system.commands)
     system.probe.spin_for(0.5)
     assert len(system.commands) == count
@@ -190,19 +200,23 @@ def test_identifies_a_drive(system):
     assert model.joint == JOINT
     np.testing.assert_allclose(model.sigmoid.coefficients(), result.coefficients, rtol=1e-6)
     assert model.drive == truth.drive
-    # Feedback tells a story: phases in order, progress that never falls, time to the end.
-    progress = [f.progress for f in system.feedback]
+    # Feedback comes now and then in real time, while simulated time runs as fast as it may: which
+    # samples it shows is left to the machine, but they are in order and of this joint.
+    progress, times = ([getattr(f, name) for f in system.feedback] for name in ('progress', 'time'))
     assert progress == sorted(progress)
-    assert 0.0 <= progress[0] < 0.2
-    assert progress[-1] > 0.8
+    assert times == sorted(times)
+    assert 0.0 <= progress[0] < progress[-1] <= 1.0
     phases = list(dict.fromkeys(f.phase for f in system.feedback))
-    assert phases.index('velocity') < phases.index('breakaway')
-    assert all(math.isfinite(f.position) for f in system.feedback)
-    assert max(abs(f.velocity) for f in system.feedback) > 1.0
-    assert all(abs(f.position) < GOAL['motion_range'] for f in system.feedback)
+    shown = [phase for phase in ('velocity', 'breakaway') if phase in phases]
+    assert [phase for phase in phases if phase in shown] == shown
+    for f in system.feedback:
+        assert abs(f.position) < GOAL['motion_range']
+        assert abs(f.velocity) < 2.0 * max(GOAL['speeds'])
+        assert math.isfinite(f.current)
+    assert any(f.velocity for f in system.feedback)
     # Only the joint of the goal was driven, and it was left at zero current.
+    system.heard_all()
     commands = np.array([m.data for m in system.commands])
     assert np.abs(commands[:, 0]).max() > 0.1
     assert np.abs(commands[:, 1]).max() == 0.0
-    system.probe.spin_for(0.2)
     assert list(system.commands[-1].data) == [0.0, 0.0]

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from geometry_msgs.msg import WrenchStamped
-from node_process import Process, refuses
+from node_process import PATIENCE, Process, refuses
 from ros_system import joint_state, MODELS, probe_node, RELIABLE, value_of
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, Temperature
@@ -203,7 +203,7 @@ def test_real_time_runs_by_itself_and_forgets_old_commands(room):
         probe.until(lambda: max(abs(m.effort[0]) for m in commander.states[-20:]) < 0.02 * 11.9,
                     'zero current after silence')
         newest = commander.states[-1].header.stamp
-        assert abs(newest.sec + newest.nanosec * 1e-9 - time.time()) < 5.0
+        assert abs(newest.sec + newest.nanosec * 1e-9 - time.time()) < PATIENCE
         # A thousand a second on a machine that keeps up.
         period = np.median(np.diff(commander.stamps()))
         assert period == pytest.approx(1e6, rel=1e-3)
@@ -266,7 +266,7 @@ def test_the_exercise_follows_the_ticks(room):
         amplitude=0.2, speed=0.4, acceleration_time=0.1, standstill=0.3, announcement=0.1,
         repetitions=1)
     with probe_node() as probe, Process(room, 'exercise', {
-            'joints': JOINTS, 'moving_joints': ['shoulder'], 'clock': 'ticks',
+            'joints': JOINTS, 'clock': 'ticks',
             'when_done': 'exit', 'input_reliability': 'reliable', 'amplitude': 0.2, 'speed': 0.4,
             'acceleration_time': 0.1, 'standstill': 0.3, 'announcement': 0.1,
             'repetitions': 1}) as process:
@@ -284,9 +284,9 @@ def test_the_exercise_follows_the_ticks(room):
             got = ticks.reference(stamp)
             position, velocity, _ = movement.at((stamp - stamps[0]) / 1e9)
             assert list(got.name) == JOINTS
-            np.testing.assert_allclose(got.position, [2.0, 1.0 + position], atol=1e-12)
-            np.testing.assert_allclose(got.velocity, [0.0, velocity], atol=1e-12)
-        wanted = [(0, movement.at((stamp - stamps[0]) / 1e9)[2]) for stamp in stamps]
+            np.testing.assert_allclose(got.position, [2.0 + position, 1.0 + position], atol=1e-12)
+            np.testing.assert_allclose(got.velocity, [velocity, velocity], atol=1e-12)
+        wanted = [2 * (movement.at((stamp - stamps[0]) / 1e9)[2],) for stamp in stamps]
         assert ticks.announced(count) == wanted
         assert {1, -1} <= {row[1] for row in wanted}
         assert process.wait() == 0
@@ -295,7 +295,8 @@ def test_the_exercise_follows_the_ticks(room):
 def test_the_exercise_runs_by_its_timer_and_keeps_the_direction_to_itself(room):
     with probe_node() as probe, Process(room, 'exercise', {
             'joints': ['elbow'], 'announce_direction': False, 'amplitude': 0.05, 'speed': 0.5,
-            'acceleration_time': 0.05, 'standstill': 0.1, 'announcement': 0.1,
+            # On a busy machine, no tick may come for a while.
+            'acceleration_time': 0.05, 'standstill': 2.0, 'announcement': 0.1,
             'repetitions': 1}):
         states = probe.talk(JointState, 'joint_states', RELIABLE)
         references = probe.listen(JointState, 'reference')

@@ -101,10 +101,12 @@ def test_a_cancelled_trajectory_leaves_zero_current(system):
     outcome = system.answered(handle.get_result_async, 'the result', 20.0, 60.0)
     assert outcome.status == GoalStatus.STATUS_CANCELED
     assert not outcome.result.success
-    system.until(lambda: list(system.commands[-1].data) == [0.0, 0.0], 'zero current')
-    count = len(system.commands)
-    system.spin_for(0.3)
-    assert len(system.commands) == count
+    system.until(lambda: not system.ears['current_command'].get_publisher_count(), 'the end')
+    count = -1
+    while count != len(system.commands):
+        count = len(system.commands)
+        system.spin_for(0.3)
+    assert list(system.commands[-1].data) == [0.0, 0.0]
     client.destroy()
 
 

@@ -26,7 +26,6 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('plant', {**ONE, 'undeclared_effect_files': ['odd.yaml']}, (), 'ghost'),
     ('plant', ONE, ('surplus',), 'surplus'),
     ('identification', {**ONE, 'model_files': ['broken.yaml']}, (), 'broken.yaml'),
-    ('exercise', {'moving_joints': ['knee']}, (), 'knee'),
     ('exercise', {'announcement': 3.0, 'standstill': 1.0}, (), 'announcement'),
     ('exercise', {'amplitude': 0.01}, (), 'amplitude'),
     ('exercise', {'when_done': 'dance'}, (), 'when_done'),

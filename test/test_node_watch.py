@@ -11,14 +11,12 @@ import pytest
 pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
 
 from node_process import Process
-from rclpy.serialization import serialize_message
 from ros_system import joint_state, MODELS, probe_node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.live_feed import LiveFeed, SentCommands
+from friction_comp.nodes.live_feed import LiveFeed
 
 pytestmark = pytest.mark.slow
 MODEL = FrictionModel.load(MODELS[0])
@@ -93,19 +91,3 @@ def test_model_and_current_are_those_of_the_compensator(tmp_path):
 def test_models_and_joints_must_be_as_many():
     with pytest.raises(InputError, match='one file per joint'):
         LiveFeed(['elbow', 'shoulder'], [MODEL], [])
-
-
-def test_the_command_shown_is_that_under_which_the_state_was_measured():
-    """A page that hears commands early, late or not at all shows no other one in its place."""
-    heard = SentCommands()
-    for k in range(20):
-        heard.take(serialize_message(Float64MultiArray(data=[0.01 * k])), 1_000_000 * k)
-    # Younger ones have been heard already, and the state is that of before.
-    assert list(heard.at(5_400_000).data) == [0.05]
-    assert list(heard.at(19_900_000).data) == [0.19]
-    # Nothing of 100 ms was heard: it may have been anything.
-    assert heard.at(119_000_000) is None
-    assert heard.at(-1) is None
-    heard.take(serialize_message(Float64MultiArray(data=[0.12])), 119_500_000)
-    assert heard.at(119_000_000) is None
-    assert list(heard.at(120_000_000).data) == [0.12]

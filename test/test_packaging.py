@@ -30,6 +30,7 @@ INTERFACES = 'friction_comp_interfaces'
 ROSDEP_KEYS = {
     'ament_index_python': 'ament_index_python',
     'cycler': 'python3-matplotlib',  # comes with it
+    'markdown_it': 'python3-rich',  # comes with it
     'matplotlib': 'python3-matplotlib',
     'mcap': 'mcap-ros2-support',  # comes with it
     'numba': 'python3-numba',
@@ -103,8 +104,8 @@ def test_package_xml_names_what_the_modules_import():
     for path in MODULES + LAUNCH_FILES:
         for name in imported(path) - set(sys.stdlib_module_names):
             # Optional ones are extras for pip, dependencies of the tests for rosdep.
-            if name not in ('friction_comp', INTERFACES, 'pinocchio', 'bokeh', 'dask',
-                            'distributed', 'pyarrow', 'mujoco'):
+            if name not in ('friction_comp', INTERFACES, 'pinocchio', 'bokeh', 'pyarrow',
+                            'mujoco'):
                 needed.add(ROSDEP_KEYS.get(name, name))
     assert needed - declared == set()
 

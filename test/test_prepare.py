@@ -8,6 +8,7 @@ import pytest
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
+from friction_comp.model.differentiation import earlier
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.prepare import (
     blocks_of,
@@ -18,7 +19,6 @@ from friction_comp.refinement.prepare import (
     row_starts,
     samples_per_row,
     scene_of,
-    shifted,
 )
 from friction_comp.samples import Samples
 
@@ -135,8 +135,7 @@ def test_moving_in_time_stays_within_stretches(lag):
         for column in range(3):
             expected[part, column] = np.interp(
                 samples.time[part] + lag, samples.time[part], values[part, column])
-    assert shifted(values, samples, lag) == pytest.approx(expected, abs=1e-12)
-    assert shifted(values, samples, 0.0) is values
+    assert earlier(values, samples, lag) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize(('carried', 'by_mechanics'), [(0.3, True), (1.0, True), (0.0, False)])

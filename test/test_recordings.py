@@ -13,9 +13,9 @@ from friction_comp.errors import InputError
 from friction_comp.recordings import (
     cdr,
     find_recordings,
-    inspect_recording,
     read_recording,
     read_recording_with_info,
+    recorded_joints,
     write_samples,
 )
 
@@ -43,7 +43,7 @@ def test_reading_says_what_the_recording_holds(tmp_path):
     np.testing.assert_array_equal(info.rows, np.arange(200))
     np.testing.assert_array_equal(info.stamps, samples.time)
     assert info.notes == []
-    assert inspect_recording(tmp_path / 'trial').joints == ['elbow']
+    assert recorded_joints(tmp_path / 'trial') == ['elbow']
 
 
 @pytest.mark.parametrize(('node', 'value', 'expected'), [

@@ -12,8 +12,8 @@ from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.recordings import (
     find_recordings,
-    inspect_recording,
     read_recording,
+    recorded_joints,
     write_samples,
 )
 from friction_comp.recordings.plausible import check_plausible
@@ -122,7 +122,7 @@ def test_noise_alone_is_no_contradiction():
 def test_measured_recordings_pass_and_most_are_refused_reversed():
     refused = passed = 0
     for path in find_recordings(DATA):
-        for joint in inspect_recording(path).joints:
+        for joint in recorded_joints(path):
             samples, = read_recording(path, joint)
             if samples.load is not None:
                 continue

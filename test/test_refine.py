@@ -217,11 +217,11 @@ def test_ball_screw_of_the_emps_benchmark(tmp_path):
 def test_the_current_limit_is_the_largest_recorded_one_unless_given(given, limit, said):
     from argparse import Namespace
 
-    from friction_comp.tools.recorded_drive import limited
+    from friction_comp.tools.recorded_drive import with_current_limit
 
     time = np.arange(300) * 0.01
     recorded = Samples(time=time, position=np.sin(time), current=7.25 * np.cos(time))
     arguments = Namespace(model=None, current_limit=float(given[1]) if given else None)
-    drive, note = limited(arguments, Drive(1.0, 1.0), [recorded])
+    drive, note = with_current_limit(arguments, Drive(1.0, 1.0), [recorded])
     assert drive.current_limit == limit
     assert ('current_limit' in note) == said

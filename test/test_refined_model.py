@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The model that is written, what is said of it, and when it is not to be trusted."""
 
-from dataclasses import replace
 import json
 
 import numpy as np
@@ -15,11 +14,18 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.recordings import write_samples
 from friction_comp.refinement import refine
-from friction_comp.refinement.judge import experiment, noise_floor
+from friction_comp.refinement.judge import noise_floor
 from friction_comp.refinement.leftover import leftover
 from friction_comp.refinement.prepare import prepare
-from friction_comp.refinement.units import in_unit
-from friction_comp.refinement.verdict import AGAIN, Finding, IN_PART, TRUST, Verdict
+from friction_comp.refinement.verdict import (
+    AGAIN,
+    experiment,
+    Finding,
+    IN_PART,
+    in_unit,
+    TRUST,
+    verdict_of,
+)
 from friction_comp.samples import JointStates
 from friction_comp.tools.refine import main as run_refine
 
@@ -159,11 +165,9 @@ def test_the_worst_finding_gives_the_verdict_and_notes_do_not_lower_it():
     note = Finding('short', 'It is short.')
     part = Finding('coarse', 'It is coarse.', IN_PART, 'use a finer encoder')
     again = Finding('pushes', 'It pushes.', AGAIN, 'check the signs')
-    assert Verdict().word == Verdict([note]).word == TRUST
-    verdict = Verdict([note, part])
-    assert verdict.word == IN_PART
-    verdict.add([again, part])
-    told = verdict.to_dict()
+    assert verdict_of([])['verdict'] == verdict_of([note])['verdict'] == TRUST
+    assert verdict_of([note, part])['verdict'] == IN_PART
+    told = verdict_of([note, part, again])
     assert told['verdict'] == AGAIN
     assert told['reasons'] == ['It pushes.', 'It is coarse.']
     assert told['record_again'] == ['check the signs', 'use a finer encoder']
@@ -194,5 +198,5 @@ def test_the_tool_says_how_often_a_name_was_chosen(tmp_path, capsys):
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert '% of the searches' in page
     report = json.loads((tmp_path / 'out' / 'report.json').read_text(encoding='utf-8'))
-    assert replace(Verdict(), findings=[Finding(**finding) for finding in report['findings']]
-                   ).word == report['verdict']
+    again = verdict_of([Finding(**finding) for finding in report['findings']])
+    assert again['verdict'] == report['verdict']

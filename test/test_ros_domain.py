@@ -43,13 +43,12 @@ def test_whoever_holds_one_has_it_alone_and_a_killed_process_gives_it_back(monke
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)})
     number = int(other.stdout.readline())
     try:
-        assert ros_domain._lock(number) is None
+        assert ros_domain._reserve(number) is None
     finally:
         other.send_signal(signal.SIGKILL)
         other.communicate()
-    lock = ros_domain._lock(number)
-    assert lock is not None
-    os.close(lock)
+    with ros_domain._reserve(number) as again:
+        assert again is not None
 
 
 @pytest.mark.skipif(not ros_domain._SOCKETS[0].exists(), reason='needs /proc')

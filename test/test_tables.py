@@ -152,6 +152,14 @@ def test_stretches_together_are_the_whole(tmp_path):
     assert_alike(Samples.concatenate(parts), moving(6000))
 
 
+def test_a_joint_without_a_name_keeps_the_given_one_in_every_stretch(tmp_path):
+    path = write_csv(tmp_path / 'log.csv', moving(6000))
+    parts = list(stream_recording_with_info(path, 'elbow', seconds=1.0))
+    assert len(parts) > 3
+    assert {info.joint for _, info in parts} == {'elbow'}
+    assert sum(len(part) for part, _ in parts) == 6000
+
+
 def test_rows_that_lack_something_are_left_out(tmp_path):
     lines = write_csv(tmp_path / 'log.csv', moving()).read_text().splitlines()
     lines[5] = ',1,1,1'

@@ -13,8 +13,7 @@ from recording_maker import DATA, needs_data
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.recordings import write_samples
-from friction_comp.recordings.arm_reader import read_arm
+from friction_comp.recordings import read_arm, write_samples
 from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.tools import predict, refine as refine_tool
 

@@ -1,27 +1,38 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compares conditions over their repetitions."""
+"""Compares conditions over their repetitions and from day to day."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 from itertools import combinations
+import math
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
-from friction_comp.evaluation.intervals import Interval, mean_interval
+from friction_comp.evaluation.intervals import (
+    CONFIDENCE,
+    Interval,
+    is_significant,
+    mean_interval,
+    SIGNIFICANT,
+    student,
+)
 from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
 from friction_comp.statistics import holm
 
-# The figures that are compared where they are known. The first two need a torque sensor;
-# smoothness needs only motion.
+# The figures that are compared where they are known; the trend is that of the first one. The first
+# two need a torque sensor; smoothness needs only motion.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
-# A difference with a smaller p-value is significant.
-SIGNIFICANT = 0.05
+# The usual power of a trial: the probability that it finds a real difference.
+POWER = 0.8
+# Largest number of pairs that is considered.
+_MOST = 1000
 
 
 @dataclass
@@ -57,7 +68,7 @@ class Comparison:
     @property
     def significant(self) -> bool:
         """Whether the difference is statistically significant."""
-        return self.probability is not None and self.probability < SIGNIFICANT
+        return is_significant(self.probability)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
@@ -86,36 +97,30 @@ def is_informative(first: Help, second: Help, baseline: Help) -> bool:
 def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     """Compare conditions with the same movements, where the comparison `is_informative`.
 
-    Parameters
-    ----------
-    repetitions : sequence of Repetition
-        Of one joint.
-
-    Returns
-    -------
-    list of Comparison
-        Conditions are ordered from no compensation over compensation without a direction to
-        compensation with one; each is `first` against those that follow.
+    Conditions are ordered from no compensation over compensation without a direction to
+    compensation with one; each is `first` against those that follow.
     """
-    groups: dict[Help, dict[int, list[Repetition]]] = {}
+    groups: dict[Help, list[Repetition]] = {}
     for repetition in repetitions:
-        groups.setdefault(repetition.help, {}).setdefault(
-            repetition.movement.sign, []).append(repetition)
-    comparisons = []
+        groups.setdefault(repetition.help, []).append(repetition)
     ordered = sorted(groups, key=lambda condition: (
         condition.uses_direction, condition.law != 'none', condition))
+    comparisons = []
     for first, second in combinations(ordered, 2):
         if not is_informative(first, second, ordered[0]):
             continue
-        pairs = [(a, b) for sign in (1, -1) for a, b in zip(
-            groups[first].get(sign, []), groups[second].get(sign, []))]
+        pairs = [pair for sign in (1, -1) for pair in zip(*(
+            [r.figures for r in groups[condition] if r.movement.sign == sign]
+            for condition in (first, second)))]
         for figure in COMPARED:
-            values = np.array([(a.figures[figure], b.figures[figure]) for a, b in pairs
-                               if figure in a.figures and figure in b.figures])
+            values = np.array([(a[figure], b[figure]) for a, b in pairs
+                               if figure in a and figure in b])
             if len(values):
                 comparisons.append(_compare_values(figure, first, second, values))
     for figure in COMPARED:
-        _correct([comparison for comparison in comparisons if comparison.figure == figure])
+        tested = [c for c in comparisons if c.figure == figure and c.probability is not None]
+        for comparison, p_value in zip(tested, holm([c.probability or 0.0 for c in tested])):
+            comparison.probability = float(p_value)
     return comparisons
 
 
@@ -129,9 +134,113 @@ def _compare_values(figure: str, first: Help, second: Help, values: np.ndarray) 
                       mean_interval(difference.tolist()), probability)
 
 
-def _correct(comparisons: list[Comparison]) -> None:
-    """Correct p-values for their number by Holm's step-down method."""
-    tested = [comparison for comparison in comparisons if comparison.probability is not None]
-    corrected = holm([comparison.probability or 0.0 for comparison in tested])
-    for comparison, probability in zip(tested, corrected):
-        comparison.probability = float(probability)
+def effect_size(comparison: Comparison) -> Interval | None:
+    """Return the mean difference in standard deviations of the differences, Cohen's d_z.
+
+    The interval is the large-sample 95 % interval of Hedges and Olkin (1985); None without scatter.
+    """
+    difference, count = comparison.difference, comparison.pairs
+    if not difference.half:
+        return None
+    size = difference.mean / (difference.half * math.sqrt(count)) * student(count - 1)
+    half = float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE)) * math.sqrt(
+        1.0 / count + size ** 2 / (2.0 * count))
+    return Interval.around(size, half, count)
+
+
+def pairs_to_decide(comparison: Comparison, tests: int = 1) -> int | None:
+    """Return how many pairs would show a difference of the observed size significantly.
+
+    Computed from the power of the paired t test with 95.5 % of the pairs, the relative efficiency
+    of Wilcoxon's test for normal differences, and at least so many that Wilcoxon's smallest
+    p-value passes Holm's first step.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    tests : int
+        Number of comparisons of the same figure.
+
+    Returns
+    -------
+    int or None
+        None where the difference is zero, or where more than 1000 pairs would be needed.
+    """
+    size = effect_size(comparison)
+    level = SIGNIFICANT / max(tests, 1)
+    # The p-value of n differences of one sign is 2 · 2^-n.
+    fewest = math.ceil(math.log2(2.0 / level))
+    if size is None or not abs(size.mean) > 0.0:
+        return fewest if size is None and comparison.difference.mean else None
+    for count in range(max(fewest, 2), _MOST):
+        noncentrality = abs(size.mean) * math.sqrt(0.955 * count)
+        critical = float(stats.t.ppf(1.0 - 0.5 * level, count - 1))
+        if float(np.nan_to_num(stats.nct.sf(critical, count - 1, noncentrality), nan=1.0)) >= POWER:
+            return count
+    return None
+
+
+@dataclass
+class Trend:
+    """One figure under one condition by day.
+
+    Attributes
+    ----------
+    figure : str
+        A name in `FIGURES`.
+    help : Help
+    days : dict of str to Interval
+        Mean and 95 % interval over the day's repetitions, by ISO date.
+    per_week : Interval or None
+        Slope of a straight line through the daily means, with its 95 % interval; None for fewer
+        than three days. Repetitions of one day are not independent, so days are counted.
+    probability : float or None
+        p-value of the slope.
+    """
+
+    figure: str
+    help: Help
+    days: dict[str, Interval]
+    per_week: Interval | None
+    probability: float | None
+
+    @property
+    def significant(self) -> bool:
+        """Whether the slope is statistically significant."""
+        return is_significant(self.probability)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entry of report.json."""
+        return {
+            'figure': self.figure, 'unit': FIGURES[self.figure][1], **self.help.as_dict(),
+            'days': {day: value.as_dict() for day, value in self.days.items()},
+            'per_week': self.per_week.as_dict() if self.per_week else None,
+            'p_value': self.probability}
+
+
+def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
+    """Return the trend of each condition's leading figure; empty for repetitions of one day."""
+    if len({r.day for r in repetitions if r.day}) < 2:
+        return []
+    groups: dict[Help, list[Repetition]] = {}
+    for repetition in repetitions:
+        if repetition.day:
+            groups.setdefault(repetition.help, []).append(repetition)
+    return [_trend(condition, groups[condition]) for condition in sorted(groups)]
+
+
+def _trend(condition: Help, repetitions: list[Repetition]) -> Trend:
+    figure = next((name for name in COMPARED if any(name in r.figures for r in repetitions)),
+                  'smoothness')
+    values: dict[str, list[float]] = {}
+    for repetition in repetitions:
+        if figure in repetition.figures:
+            values.setdefault(repetition.day, []).append(repetition.figures[figure])
+    days = {day: mean_interval(values[day]) for day in sorted(values)}
+    if len(days) < 3:
+        return Trend(figure, condition, days, None, None)
+    weeks = np.array([date.fromisoformat(day).toordinal() for day in days]) / 7.0
+    line = stats.linregress(weeks, [value.mean for value in days.values()])
+    slope = Interval.around(
+        float(line.slope), student(len(days) - 2) * float(line.stderr), len(days))
+    return Trend(figure, condition, days, slope, float(line.pvalue))

@@ -8,15 +8,15 @@ active law and model, the announced direction d, and the direction of the moveme
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.evaluation.compare import compare
+from friction_comp.evaluation.compare import compare, trends
 from friction_comp.evaluation.ensemble import Ensemble
 from friction_comp.evaluation.intervals import mean_interval, share_interval
 from friction_comp.evaluation.movements import find_movements
@@ -29,18 +29,14 @@ from friction_comp.evaluation.repetitions import (
     NAMES,
     Repetition,
 )
-from friction_comp.evaluation.trend import trends
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
-__all__ = ['Averages', 'Condition', 'Evaluation', 'evaluate', 'evaluate_repetitions',
-           'repetitions_of', 'sum_up']
+__all__ = ['Condition', 'Evaluation', 'evaluate']
 
-# The averaged curves of each kind of movement.
-Averages = dict[tuple[Help, int, int, int], Ensemble]
 # Repetitions whose duration differs from the median by more than this share are left out.
 _ODD = 0.25
 
@@ -64,10 +60,6 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
         A model from which the current that a movement needs beyond the commanded one is computed,
         also without a torque sensor.
 
-    Returns
-    -------
-    Evaluation
-
     Raises
     ------
     InputError
@@ -76,66 +68,60 @@ def evaluate(recordings: Sequence[Samples], names: Sequence[str] | None = None,
     names = [str(name) for name in names or [f'recording {k}' for k in range(len(recordings))]]
     if not recordings:
         raise InputError('no recording to evaluate')
-    notes: list[str] = []
-    repetitions: list[Repetition] = []
+    measured = Measured(recordings[0].joint)
     for k, (samples, name) in enumerate(zip(recordings, names)):
         info = about[k] if about else None
-        found = repetitions_of(samples, name, info, friction, notes)
+        found = repetitions_of(samples, name, info, friction, measured.notes)
         if not found:
             raise InputError(f'{name}: no movement of joint {samples.joint!r} found in it')
-        repetitions.extend(found)
-    averages: Averages = {}
-    sum_up(repetitions, averages)
-    return evaluate_repetitions(recordings[0].joint, repetitions, averages, model, notes)
+        measured.extend(found)
+    return measured.evaluate(model)
 
 
-def sum_up(repetitions: Sequence[Repetition], averages: Averages) -> None:
-    """Add the curves of movements to the averages and discard the curves."""
-    for repetition in repetitions:
-        averages.setdefault(repetition.kind, Ensemble()).add(Ensemble.of(repetition.curves))
-        repetition.curves = {}
+@dataclass
+class Measured:
+    """The repetitions of one joint, and the averages of their curves by kind of movement."""
 
+    joint: str
+    repetitions: list[Repetition] = field(default_factory=list)
+    averages: dict[tuple[Help, int, int, int], Ensemble] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    models: list[str] = field(default_factory=list)
 
-def evaluate_repetitions(joint: str, repetitions: list[Repetition], averages: Averages,
-                         model: str | None = None, notes: list[str] | None = None) -> Evaluation:
-    """Evaluate measured repetitions.
+    def extend(self, repetitions: Sequence[Repetition]) -> None:
+        """Add repetitions, and their curves to the averages."""
+        for repetition in repetitions:
+            self._add_curves(repetition.kind, Ensemble.of(repetition.curves))
+            repetition.curves = {}
+        self.repetitions += repetitions
 
-    Parameters
-    ----------
-    joint : str
-    repetitions : list of Repetition
-        At least one.
-    averages : dict
-        The averages of their curves from `sum_up`.
-    model : str, optional
-        The model file that was active.
-    notes : list of str, optional
-        Notes so far, to which more are added.
+    def add(self, other: Measured) -> None:
+        """Add what was measured in another recording of the joint."""
+        self.repetitions += other.repetitions
+        for kind, ensemble in other.averages.items():
+            self._add_curves(kind, ensemble)
+        self.notes += other.notes
+        self.models += other.models
 
-    Returns
-    -------
-    Evaluation
-    """
-    notes = [] if notes is None else notes
-    evaluation = Evaluation(
-        joint, [], model, _without_identification(repetitions, notes), notes=notes)
-    groups: dict[tuple[Any, ...], list[Repetition]] = {}
-    # Conditions without a direction and without a law come first, others in order of time.
-    order = {condition: index for index, condition in enumerate(
-        dict.fromkeys(r.help for r in evaluation.repetitions))}
-    for repetition in evaluation.repetitions:
-        movement = repetition.movement
-        groups.setdefault((
-            abs(movement.direction), repetition.help.law != 'none', order[repetition.help],
-            -movement.sign, movement.direction), []).append(repetition)
-    kept = []
-    for key in sorted(groups):
-        group = _without_odd_durations(groups[key], evaluation.notes)
-        kept.extend(group)
-        evaluation.conditions.append(_condition(group, averages, evaluation.notes))
-    evaluation.comparisons = compare(kept)
-    evaluation.trends = trends(kept)
-    return evaluation
+    def _add_curves(self, kind: tuple[Help, int, int, int], curves: Ensemble) -> None:
+        self.averages.setdefault(kind, Ensemble()).add(curves)
+
+    def evaluate(self, model: str | None) -> Evaluation:
+        """Evaluate one or more repetitions; `model` are the files that were active."""
+        notes = list(self.notes)
+        repetitions = _without_identification(self.repetitions, notes)
+        groups: dict[tuple[Any, ...], list[Repetition]] = {}
+        # Conditions without a direction and without a law come first, others in order of time.
+        order = list(dict.fromkeys(r.help for r in repetitions))
+        for r in repetitions:
+            groups.setdefault((
+                abs(r.movement.direction), r.help.law != 'none', order.index(r.help),
+                -r.movement.sign, r.movement.direction), []).append(r)
+        kept = [_without_odd_durations(groups[key], notes) for key in sorted(groups)]
+        conditions = [_condition(group, self.averages, notes) for group in kept]
+        all_kept = [repetition for group in kept for repetition in group]
+        return Evaluation(self.joint, conditions, model, repetitions, compare(all_kept),
+                          trends(all_kept), notes)
 
 
 def _without_identification(repetitions: list[Repetition], notes: list[str]) -> list[Repetition]:
@@ -153,23 +139,9 @@ def repetitions_of(samples: Samples, name: str, info: RecordingInfo | None,
                    whole: bool = True) -> list[Repetition]:
     """Find and measure the movements of a recording, or of a stretch of it.
 
-    Parameters
-    ----------
-    samples : Samples
-    name : str
-        The recording's name in messages.
-    info : RecordingInfo, optional
-    friction : FrictionModel, optional
-        As for `evaluate`.
-    notes : list of str
-        Notes for the reader are added to it, each line once.
-    whole : bool
-        Whether the recording ends with these samples.
-
-    Returns
-    -------
-    list of Repetition
-        Without a movement that reaches the end, unless it is the only one of a whole recording.
+    `whole` is whether the recording ends with these samples. A movement that reaches the end is
+    left out, unless it is the only one of a whole recording. Notes for the reader are added to
+    `notes`, each line once.
     """
     movements = find_movements(samples)
     new_notes = []
@@ -208,7 +180,8 @@ def _without_odd_durations(repetitions: list[Repetition], notes: list[str]) -> l
     return kept or repetitions
 
 
-def _condition(repetitions: list[Repetition], averages: Averages, notes: list[str]) -> Condition:
+def _condition(repetitions: list[Repetition], averages: Mapping[Any, Ensemble],
+               notes: list[str]) -> Condition:
     first, ensemble = repetitions[0], Ensemble()
     for kind in dict.fromkeys(r.kind for r in repetitions):
         ensemble.add(averages[kind])
@@ -246,13 +219,10 @@ def _figures_of_average(repetitions: list[Repetition], time: np.ndarray,
                         mean: np.ndarray) -> tuple[float, float, float]:
     """Return the averaged torque's peak, its time, and the mean at constant velocity."""
     movement = repetitions[0].movement
-
-    def median_time(name: str) -> float:
-        return float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
-    average = replace(
-        movement, begin=0.0, end=median_time('end'), constant_begin=median_time('constant_begin'),
-        constant_end=median_time('constant_end'), rest_begin=median_time('rest_begin'),
-        rest_end=median_time('rest_end'))
+    medians: dict[str, Any] = {
+        name: float(np.median([getattr(r.movement, name) - r.movement.begin for r in repetitions]))
+        for name in ('begin', 'end', 'constant_begin', 'constant_end', 'rest_begin', 'rest_end')}
+    average = replace(movement, **medians)
     onset = float(np.median([r.figures.get('onset', math.inf) for r in repetitions]))
     has_reference = any('onset' in r.figures or not r.moved for r in repetitions)
     torque = effort(time, mean, average, onset if math.isfinite(onset) else None, has_reference)

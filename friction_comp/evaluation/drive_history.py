@@ -28,10 +28,8 @@ class RecordedFriction:
         The recording's name and ISO date.
     seconds : float
         Duration of the part that is kept.
-    level : float
-        Sliding friction as a share of the model's.
-    level_error : float
-        Standard error of `level`.
+    level, level_error : float
+        Sliding friction as a share of the model's, and the standard error of it.
     error : float
         RMS of measured minus predicted current in sliding, A.
     temperature : float or None
@@ -70,8 +68,7 @@ def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFr
     recorded = []
     for recording, samples in zip(history.recordings, history.samples()):
         with errors_name(recording.name):
-            predicted = model.predict(samples)
-            measured = model.measured(samples)
+            error = model.measured(samples) - model.predict(samples)
         velocity = np.asarray(differentiate(
             samples, model.differentiation or DEFAULT_SETTINGS).velocity)
         speed = np.abs(velocity)
@@ -79,14 +76,12 @@ def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFr
         if sliding.sum() < 100:
             continue
         friction = model.sigmoid(velocity)[sliding]
-        residual = (measured - predicted)[sliding]
-        power = float(friction @ friction)
-        change = float(friction @ residual) / power
-        remainder = residual - change * friction
+        residual = error[sliding]
+        change = float(friction @ residual / (friction @ friction))
         # Neighbouring samples are correlated: count seconds as independent, not samples.
         seconds = len(residual) * samples.sample_time
-        level_error = (float(np.std(remainder)) / np.sqrt(power / len(residual))
-                       / np.sqrt(max(seconds - 1.0, 1.0)))
+        level_error = float(np.std(residual - change * friction) / np.sqrt(
+            np.mean(friction ** 2) * max(seconds - 1.0, 1.0)))
         recorded.append(RecordedFriction(
             recording.name, recording.day, len(samples) * samples.sample_time, 1.0 + change,
             level_error, float(np.sqrt(np.mean(residual ** 2))),

@@ -23,18 +23,7 @@ _LEAD_POINTS = round(LEAD / STEP)
 
 
 def grid(duration: float) -> np.ndarray:
-    """Return the times of the points of a movement's curves.
-
-    Parameters
-    ----------
-    duration : float
-        Duration of the movement, s.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Time since the movement's begin, s.
-    """
+    """Return the times of the points of a movement's curves since its begin, s, shape (N,)."""
     return _times(round((1.0 + _BEYOND) * duration / STEP) + 1)
 
 
@@ -77,13 +66,7 @@ class Ensemble:
             self.sums[name] = _padded(present, size) + _padded(added, size)
 
     def points(self, duration: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times that all movements cover, s, and the indices of their points.
-
-        Parameters
-        ----------
-        duration : float
-            Time of the last point, s.
-        """
+        """Return the times up to `duration` that all movements cover, s, and their indices."""
         time = _times(round(duration / STEP) + 1)
         known = self._sums_at('position', np.arange(len(time)))[0]
         # A mean over fewer curves would jump where one of them begins or ends.

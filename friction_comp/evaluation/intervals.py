@@ -5,12 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy import stats
 
 CONFIDENCE = 0.95
+# A difference or slope with a smaller p-value is significant.
+SIGNIFICANT = 0.05
 
 
 @dataclass(frozen=True)
@@ -22,9 +24,24 @@ class Interval:
     high: float | None
     count: int
 
+    @classmethod
+    def around(cls, mean: float, half: float, count: int) -> Interval:
+        """Return the interval with half of its width given."""
+        return cls(mean, mean - half, mean + half, count)
+
+    @property
+    def half(self) -> float | None:
+        """Half the width of the interval."""
+        return None if self.low is None or self.high is None else 0.5 * (self.high - self.low)
+
     def as_dict(self) -> dict[str, float | int | None]:
         """Return the entry of report.json."""
-        return {'mean': self.mean, 'low': self.low, 'high': self.high, 'count': self.count}
+        return asdict(self)
+
+
+def is_significant(p_value: float | None) -> bool:
+    """Return whether a difference or slope is significant."""
+    return p_value is not None and p_value < SIGNIFICANT
 
 
 def mean_interval(values: Sequence[float]) -> Interval:
@@ -32,9 +49,13 @@ def mean_interval(values: Sequence[float]) -> Interval:
     count, mean = len(values), float(np.mean(values))
     if count < 2:
         return Interval(mean, None, None, count)
-    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1)
-                 * np.std(values, ddof=1) / np.sqrt(count))
-    return Interval(mean, mean - half, mean + half, count)
+    half = student(count - 1) * np.std(values, ddof=1) / np.sqrt(count)
+    return Interval.around(mean, float(half), count)
+
+
+def student(freedom: int) -> float:
+    """Return half the width of the interval in standard errors, from Student's t."""
+    return float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
 
 
 def share_interval(hits: int, count: int) -> Interval:

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the movements in a recording and the announced direction of each."""
+"""Finds the movements in a recording, their announced directions and their smoothness."""
 
 from __future__ import annotations
 
@@ -22,6 +22,9 @@ _SMOOTHING = 0.05
 _SHORTEST = 0.1
 # Movements that cover less than this share of the longest are corrections, not repetitions.
 _SHORTEST_TRAVEL = 0.3
+# Spectral arc length (Balasubramanian, Melendez-Calderon, Burdet 2012): highest frequency, Hz,
+# amplitude threshold as a share of the largest, and zero padding as a power of two.
+_HIGHEST, _FAINTEST, _PADDING = 10.0, 0.05, 4
 # Least number of encoder steps of a movement, where there is no reference.
 _LEAST_STEPS = 20
 
@@ -61,14 +64,7 @@ class Movement:
 def find_movements(samples: Samples) -> list[Movement]:
     """Return the movements of one recording in order of time.
 
-    Parameters
-    ----------
-    samples : Samples
-        Movements are those of the reference shown to the person, or, without one, of the joint.
-
-    Returns
-    -------
-    list of Movement
+    They are those of the reference shown to the person, or, without one, of the joint.
     """
     velocity = _reference_velocity(samples)
     moving, constant, shortest_travel = _MOVING, _CONSTANT, 0.0
@@ -79,25 +75,25 @@ def find_movements(samples: Samples) -> list[Movement]:
     top = np.quantile(np.abs(velocity), 0.99) if len(velocity) else 0.0
     if not top > 0:
         return []
-    runs = []
-    for start, stop in _runs(np.sign(velocity) * (np.abs(velocity) > moving * top)):
-        if samples.time[stop - 1] - samples.time[start] >= _SHORTEST:
-            runs.append((start, stop, float(abs(np.sum(
-                velocity[start:stop - 1] * np.diff(samples.time[start:stop]))))))
+    time = samples.time
+    runs = [(start, stop, float(abs(np.sum(
+        velocity[start:stop - 1] * np.diff(time[start:stop])))))
+        for start, stop in _runs(np.sign(velocity) * (np.abs(velocity) > moving * top))
+        if time[stop - 1] - time[start] >= _SHORTEST]
     longest = max((travel for *_, travel in runs), default=0.0)
     runs = [run for run in runs if run[2] >= max(_SHORTEST_TRAVEL * longest, shortest_travel)]
-    begins = [float(samples.time[start]) for start, _, _ in runs]
-    ends = [float(samples.time[stop - 1]) for _, stop, _ in runs]
+    rest_begins = [0, *(stop - 1 for _, stop, _ in runs)]
+    rest_ends = [*(start for start, _, _ in runs[1:]), -1]
     movements = []
-    for (start, stop, travel), begin, end, rest_begin, rest_end in zip(
-            runs, begins, ends, [float(samples.time[0]), *ends],
-            [*begins[1:], float(samples.time[-1])]):
+    for (start, stop, travel), rest_begin, rest_end in zip(runs, rest_begins, rest_ends):
         speed = np.abs(velocity[start:stop])
         fast = start + np.nonzero(speed >= constant * speed.max())[0]
+        begin, end, constant_begin, constant_end, before, after = time[
+            [start, stop - 1, fast[0], fast[-1], rest_begin, rest_end]].tolist()
         movements.append(Movement(
-            begin, end, float(samples.time[fast[0]]), float(samples.time[fast[-1]]), rest_begin,
-            rest_end, int(np.sign(velocity[start])),
-            _announced_direction(samples, start, fast[0] + 1), travel))
+            begin, end, constant_begin, constant_end, before, after,
+            int(np.sign(velocity[start])), _announced_direction(samples, start, fast[0] + 1),
+            travel))
     return movements
 
 
@@ -114,10 +110,9 @@ def measured_velocity(samples: Samples) -> np.ndarray:
     """Return the velocity from a zero-phase moving average of position, rad/s, shape (N,)."""
     width = max(round(_SMOOTHING / max(samples.sample_time, 1e-6)), 1)
     kernel = np.ones(width) / width
-    time = samples.time
     padded = np.pad(samples.position, width, mode='edge')
     smooth = np.convolve(np.convolve(padded, kernel, 'same'), kernel, 'same')[width:-width]
-    return np.gradient(smooth, time)
+    return np.gradient(smooth, samples.time)
 
 
 def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:
@@ -134,3 +129,37 @@ def _announced_direction(samples: Samples, start: int, stop: int) -> int:
         return 0
     counts = np.bincount(samples.direction[start:stop].astype(int) + 1, minlength=3)
     return int(np.argmax(counts)) - 1
+
+
+def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
+    """Return the spectral arc length of a movement's speed, dimensionless.
+
+    It is about -1.4 for a single bell-shaped movement, and lower with each hesitation; NaN without
+    motion. `velocity` is in rad/s, shape (N,).
+    """
+    speed = np.abs(velocity)
+    size = 2 ** (int(np.ceil(np.log2(len(speed)))) + _PADDING)
+    amplitude = np.abs(np.fft.rfft(speed, size))
+    frequency = np.fft.rfftfreq(size, sample_time)
+    if not amplitude.max() > 0:
+        return float('nan')
+    in_band = frequency <= _HIGHEST
+    amplitude, frequency = amplitude[in_band] / amplitude.max(), frequency[in_band]
+    last = int(np.nonzero(amplitude >= _FAINTEST)[0][-1]) + 1
+    if last < 2:
+        return float('nan')
+    steps = np.diff(frequency[:last]) / (frequency[last - 1] - frequency[0])
+    return float(-np.sum(np.hypot(steps, np.diff(amplitude[:last]))))
+
+
+def log_dimensionless_jerk(velocity: np.ndarray, sample_time: float) -> float:
+    """Return minus the logarithm of the dimensionless squared jerk, larger for smoother movements.
+
+    NaN without motion.
+    """
+    top_speed, duration = float(np.abs(velocity).max()), len(velocity) * sample_time
+    jerk = np.gradient(np.gradient(velocity, sample_time), sample_time)
+    total = float(np.sum(jerk ** 2)) * sample_time
+    if not top_speed > 0 < total:
+        return float('nan')
+    return float(-np.log(duration ** 3 / top_speed ** 2 * total))

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.evaluation.compare import Comparison
+from friction_comp.evaluation.compare import Comparison, Trend
 from friction_comp.evaluation.intervals import Interval
 from friction_comp.evaluation.repetitions import FIGURES, Help, NAMES, Repetition
-from friction_comp.evaluation.trend import Trend
 
 
 @dataclass
@@ -27,34 +26,25 @@ class Condition:
         Announced direction d.
     movement : str
         'positive' or 'negative'.
-    repetitions : int
-        Number of repetitions.
-    stuck : int
-        Number of repetitions in which the joint did not start moving; the peak torque then is a
-        lower bound of the torque that was needed.
-    peak_torque : float
-        Largest magnitude of the mean of τ_b in N·m, from the begin of the movement to its
-        deceleration, or until the joint starts moving where that is later: the torque needed to
-        set the joint in motion and keep it moving (`friction_comp.evaluation.repetitions.effort`).
-    peak_torque_std : float
-        Standard deviation of the repetitions' peaks, N·m.
-    peak_time : float
-        Time of the peak of the mean torque, s after the start of the movement.
+    repetitions, stuck, false_starts : int
+        Number of repetitions; of those in which the joint did not start moving, so that the peak
+        torque is a lower bound of the torque that was needed; and of those in which it started
+        before the movement without being pushed.
+    peak_torque, peak_torque_std, peak_time : float
+        Largest magnitude of the mean of τ_b in N·m while
+        `friction_comp.evaluation.repetitions.effort` counts it; standard deviation of the
+        repetitions' peaks, N·m; time of the former, s after the start of the movement.
     rms_torque : float
         Root mean square of τ_b over all repetitions, from start to end of the movement, N·m.
     mean_torque_constant_velocity : float
         Mean of τ_b along the movement in the phase of constant velocity, N·m; negative where the
         joint pulls the person along.
-    false_starts : int
-        Number of repetitions in which the joint started before the movement without being pushed.
     figures : dict of str to Interval
         Mean of the repetitions' figures, by the names in `FIGURES`, with 95 % intervals.
     false_start_share : Interval
-    time : ndarray
-        Time since the start of the movement, s, shape (N,).
-    torque, torque_std, position, position_std, reference : ndarray
-        Mean and standard deviation over repetitions, shape (N,), in N·m and rad; reference is
-        None where it was not recorded.
+    time, torque, torque_std, position, position_std, reference : ndarray, shape (N,)
+        Time since the start of the movement, s; means and standard deviations over repetitions, in
+        N·m and rad; reference is None where it was not recorded.
     """
 
     help: Help
@@ -76,11 +66,6 @@ class Condition:
     position: np.ndarray
     position_std: np.ndarray
     reference: np.ndarray | None = None
-
-    @property
-    def assisted(self) -> bool:
-        """Whether the announced direction is that of the movement."""
-        return self.direction == (1 if self.movement == 'positive' else -1)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures without the curves."""
@@ -164,30 +149,18 @@ class Evaluation:
         return float(np.mean([c.peak_torque for c in self.conditions if c.help == condition]))
 
     def compared(self, name: str) -> tuple[float, float] | None:
-        """Return a figure with d = 0 and with d = ±1, or None where there is no such pair.
+        """Return 'peak_torque' or 'rms_torque' with d = 0 and with d = ±1, N·m.
 
-        Parameters
-        ----------
-        name : str
-            'peak_torque' or 'rms_torque'.
-
-        Returns
-        -------
-        tuple of float, or None
-            Means over the movements that both conditions have, N·m.
+        Means over the movements that both conditions of `pair` have; None where there are none.
         """
         pair = self.pair()
         if pair is None:
             return None
-        first, second = pair
         values = {(c.help, c.movement): getattr(c, name) for c in self.conditions}
-        both = [(values[first, m], values[second, m]) for m in NAMES.values()
-                if (first, m) in values and (second, m) in values]
-        both = [entry for entry in both if np.isfinite(entry).all()]
-        if not both:
-            return None
-        plain_mean, assisted_mean = np.mean(both, axis=0)
-        return float(plain_mean), float(assisted_mean)
+        both = np.array([[values.get((condition, movement), np.nan) for condition in pair]
+                         for movement in NAMES.values()])
+        both = both[np.isfinite(both).all(axis=1)]
+        return (float(both[:, 0].mean()), float(both[:, 1].mean())) if len(both) else None
 
     @property
     def is_bound(self) -> bool:
@@ -226,13 +199,10 @@ class Evaluation:
 
     def table(self) -> list[list[Any]]:
         """Return a header and one row for each repetition."""
-        rows: list[list[Any]] = [[
-            'joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law',
-            'model', *FIGURES, 'moved', 'false_start']]
-        for r in self.repetitions:
-            rows.append([
-                self.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
-                NAMES[r.movement.sign], r.movement.direction, r.help.law, r.help.model,
-                *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
-                int(r.moved), int(r.false_start)])
-        return rows
+        header = ['joint', 'recording', 'day', 'begin', 'duration', 'movement', 'direction', 'law',
+                  'model', *FIGURES, 'moved', 'false_start']
+        return [header, *([
+            self.joint, r.recording, r.day, round(r.begin, 4), round(r.duration, 4),
+            NAMES[r.movement.sign], r.movement.direction, r.help.law, r.help.model,
+            *(f'{r.figures[name]:.6g}' if name in r.figures else '' for name in FIGURES),
+            int(r.moved), int(r.false_start)] for r in self.repetitions)]

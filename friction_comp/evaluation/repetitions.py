@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from datetime import datetime, timezone
+from datetime import date, datetime, timezone
 import math
 from pathlib import Path
 import re
@@ -14,8 +14,11 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
-from friction_comp.evaluation.movements import measured_velocity
-from friction_comp.evaluation.smoothness import log_dimensionless_jerk, spectral_arc_length
+from friction_comp.evaluation.movements import (
+    log_dimensionless_jerk,
+    measured_velocity,
+    spectral_arc_length,
+)
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.movements import Movement
@@ -163,23 +166,10 @@ class Repetition:
 def measure(samples: Samples, movement: Movement, name: str = '',
             info: RecordingInfo | None = None,
             residual: np.ndarray | None = None) -> Repetition:
-    """Measure one movement.
+    """Measure one movement of a recording.
 
-    Parameters
-    ----------
-    samples : Samples
-        The recording.
-    movement : Movement
-    name : str
-        The recording's name.
-    info : RecordingInfo, optional
-        With what was active when, and the date.
-    residual : ndarray, optional
-        Current by a model minus commanded current, A, shape (N,).
-
-    Returns
-    -------
-    Repetition
+    `info` says what was active when, and the date; `residual` is the current by a model minus the
+    commanded current, A, shape (N,).
     """
     part = _slice_between(samples, movement.begin, movement.end)
     has_reference = samples.reference_position is not None or samples.reference_velocity is not None
@@ -199,9 +189,7 @@ def measure(samples: Samples, movement: Movement, name: str = '',
     if moved and (onset is None or onset <= movement.end) and part.stop - part.start > 10:
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
-        jerk = log_dimensionless_jerk(velocity, samples.sample_time)
-        if np.isfinite(jerk):
-            figures['log_jerk'] = jerk
+        figures['log_jerk'] = log_dimensionless_jerk(velocity, samples.sample_time)
     repetition = Repetition(
         name, _day(info, movement), movement.begin, movement,
         _help(samples, movement, info, moved),
@@ -233,10 +221,8 @@ def effort(time: np.ndarray, load: np.ndarray, movement: Movement, onset: float 
 
     Parameters
     ----------
-    time : ndarray, shape (N,)
-        Time on the clock of `movement`, s.
-    load : ndarray, shape (N,)
-        τ_b in N·m.
+    time, load : ndarray, shape (N,)
+        Time on the clock of `movement`, s, and τ_b in N·m.
     movement : Movement
     onset : float or None
         Time at which the joint started moving, s; None if it did not, or without a reference.
@@ -295,8 +281,7 @@ def _announcement(samples: Samples, movement: Movement) -> float | None:
 
 def _help(samples: Samples, movement: Movement, info: RecordingInfo | None,
           moved: bool) -> Help:
-    announced = 0 if movement.direction == 0 else (
-        1 if movement.direction == movement.sign else -1)
+    announced = movement.direction * movement.sign
     law, model, active = '', (info.model or '') if info else '', True
     known = [activity for since, activity in (info.activity if info else [])
              if since <= movement.constant_end]
@@ -325,12 +310,10 @@ def _day(info: RecordingInfo | None, movement: Movement) -> str:
     if moment > 946_684_800:
         return datetime.fromtimestamp(moment, timezone.utc).date().isoformat()
     dated = re.search(r'(20\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)', str(info.path))
-    if dated:
-        try:
-            return datetime(*map(int, dated.groups())).date().isoformat()  # type: ignore[arg-type]
-        except ValueError:
-            return ''
-    return ''
+    try:
+        return date.fromisoformat('-'.join(dated.groups())).isoformat() if dated else ''
+    except ValueError:
+        return ''
 
 
 def _curves(samples: Samples, movement: Movement, shown_time: float) -> dict[str, np.ndarray]:

@@ -5,23 +5,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_comp.attempts import Failure, in_turn, Runner
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
-from friction_comp.evaluation.conditions import (
-    Averages,
-    evaluate_repetitions,
-    Evaluation,
-    repetitions_of,
-    sum_up,
-)
-from friction_comp.evaluation.ensemble import Ensemble
-from friction_comp.evaluation.repetitions import Repetition
+from friction_comp.evaluation.conditions import Evaluation, Measured, repetitions_of
+from friction_comp.parallel import Failure, run_each, Runner
 from friction_comp.recordings import (
     find_recordings,
     recorded_joints,
@@ -48,25 +40,6 @@ class Piece:
         return str(self.path)
 
 
-@dataclass
-class MeasuredPiece:
-    """The repetitions of one or more pieces of the same joint."""
-
-    joint: str
-    repetitions: list[Repetition] = field(default_factory=list)
-    averages: Averages = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    models: list[str] = field(default_factory=list)
-
-    def add(self, other: MeasuredPiece) -> None:
-        """Add another piece of the same joint."""
-        self.repetitions += other.repetitions
-        for kind, ensemble in other.averages.items():
-            self.averages.setdefault(kind, Ensemble()).add(ensemble)
-        self.notes += other.notes
-        self.models += other.models
-
-
 def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
               layout: Layout | None = None) -> tuple[list[Piece], list[Failure]]:
     """Return the pieces that can be evaluated, and the reasons why other recordings cannot.
@@ -89,8 +62,7 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
     failures: list[Failure] = []
     for path in find_recordings([Path(path) for path in paths]):
         try:
-            names: list[str | None] = [joint] if joint is not None else [
-                *recorded_joints(path, layout)] or [None]
+            names = [joint] if joint is not None else recorded_joints(path, layout) or ['']
         except InputError as error:
             failures.append(Failure(str(error)))
             continue
@@ -99,21 +71,38 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
 
 
 def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
-                        friction: FrictionModel | None = None, seconds: float = _STRETCH,
-                        progress: Callable[[float], None] | None = None) -> list[Evaluation]:
-    """Evaluate recordings, or folders of them, joint by joint.
+                        seconds: float = _STRETCH) -> list[Evaluation]:
+    """Evaluate recordings, or folders of them, by `pieces_of` and `evaluate_pieces`.
 
     Parameters
     ----------
-    paths : sequence of path-like
-    joint : str, optional
-        Only this joint; all recorded joints that move when omitted.
+    paths, joint
+        As for `pieces_of`; all recorded joints that move when `joint` is omitted.
+    seconds : float
+        Length of the stretches in which recordings are read.
+    """
+    return evaluate_pieces(*pieces_of(paths, joint), seconds=seconds)
+
+
+def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
+                    friction: FrictionModel | None = None, seconds: float = _STRETCH,
+                    progress: Callable[[float], None] | None = None,
+                    run: Runner = run_each) -> list[Evaluation]:
+    """Evaluate pieces; the result does not depend on their order.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+    failures : sequence of Failure
+        Recordings that are left out already.
     friction : FrictionModel, optional
         As for `friction_comp.evaluation.conditions.evaluate`.
     seconds : float
         Length of the stretches in which recordings are read.
     progress : callable, optional
         Called with the share 0..1 that is done.
+    run : callable
+        Runs the work, in this process or in several.
 
     Returns
     -------
@@ -125,57 +114,27 @@ def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
     InputError
         If no recording can be used, with the first one's reason.
     """
-    pieces, failures = pieces_of(paths, joint)
-    return evaluate_pieces(pieces, failures, friction, seconds, progress)
-
-
-def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
-                    friction: FrictionModel | None = None, seconds: float = _STRETCH,
-                    progress: Callable[[float], None] | None = None,
-                    run: Runner = in_turn) -> list[Evaluation]:
-    """Evaluate pieces; the result does not depend on their order.
-
-    Parameters
-    ----------
-    pieces : sequence of Piece
-    failures : sequence of Failure
-        Recordings that are left out already.
-    friction, seconds, progress
-        As for `evaluate_recordings`.
-    run : callable
-        Runs the work, in this process or in several.
-
-    Returns
-    -------
-    list of Evaluation
-
-    Raises
-    ------
-    InputError
-        If no recording can be used, with the first one's reason.
-    """
-    joints: dict[str, MeasuredPiece] = {}
+    joints: dict[str, Measured] = {}
     left_out = list(failures)
     work = partial(_measure_piece, friction=friction, seconds=seconds)
     for outcome in _in_order(run(work, pieces) if pieces else (), len(pieces), progress):
         if isinstance(outcome, Failure):
             left_out.append(outcome)
         else:
-            joints.setdefault(outcome.joint, MeasuredPiece(outcome.joint)).add(outcome)
+            joints.setdefault(outcome.joint, Measured(outcome.joint)).add(outcome)
     if not joints:
         raise InputError(left_out[0].reason)
-    left_out_notes = [f'left out: {failure.reason}' for failure in left_out]
     active = ', '.join(dict.fromkeys(
         model for measured in joints.values() for model in measured.models)) or None
-    return [evaluate_repetitions(
-        name, measured.repetitions, measured.averages, active, measured.notes + left_out_notes)
-        for name, measured in joints.items()]
+    for measured in joints.values():
+        measured.notes += [f'left out: {failure.reason}' for failure in left_out]
+    return [measured.evaluate(active) for measured in joints.values()]
 
 
-def _in_order(outcomes: Iterable[tuple[int, MeasuredPiece | Failure]], count: int,
-              progress: Callable[[float], None] | None) -> Iterator[MeasuredPiece | Failure]:
+def _in_order(outcomes: Iterable[tuple[int, Measured | Failure]], count: int,
+              progress: Callable[[float], None] | None) -> Iterator[Measured | Failure]:
     """Yield outcomes in the order of the pieces, so that sums do not depend on the processes."""
-    waiting: dict[int, MeasuredPiece | Failure] = {}
+    waiting: dict[int, Measured | Failure] = {}
     done = following = 0
     for index, outcome in outcomes:
         waiting[index], done = outcome, done + 1
@@ -189,14 +148,13 @@ def _in_order(outcomes: Iterable[tuple[int, MeasuredPiece | Failure]], count: in
         yield waiting[index]
 
 
-def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float) -> MeasuredPiece:
+def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float) -> Measured:
     """Measure the repetitions of a piece."""
     path, joint = piece.path, piece.joint
     drive = friction.drive if friction is not None else None
     constants = (drive.torque_constant, drive.gear_ratio) if drive is not None else (1.0, 1.0)
-    repetitions: list[Repetition] = []
-    averages: Averages = {}
-    notes: list[str] = []
+    measured = Measured('')
+    notes = measured.notes
     buffer: Samples | None = None
     info = None
     for part, info in stream_recording_with_info(
@@ -212,14 +170,13 @@ def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float)
         end = buffer.time[-1] - (0.0 if at_end else seconds)
         finished = [r for r in repetitions_of(buffer, str(path), info, friction, notes, at_end)
                     if at_end or r.movement.end < end]
-        sum_up(finished, averages)
-        repetitions.extend(finished)
+        measured.extend(finished)
         buffer = buffer.take(buffer.time >= (finished[-1].movement.end if finished else end))
     assert info is not None
-    if not repetitions:
+    if not measured.repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
-    models = [info.model] if info.model else []
-    return MeasuredPiece(info.joint, repetitions, averages, notes, models)
+    measured.joint, measured.models = info.joint, [info.model] if info.model else []
+    return measured
 
 
 def _concatenate(first: Samples, second: Samples) -> Samples:

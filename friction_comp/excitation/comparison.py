@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.move import Move, sampled
-from friction_comp.excitation.plan import MARGIN
+from friction_comp.excitation.move import Move
+from friction_comp.excitation.plan import MARGIN, samples_of
 from friction_comp.samples import Samples
 
 _SPEEDS, _HARMONICS = 8, 5
@@ -32,10 +32,7 @@ def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
             break
         moves.append(move)
         now, here, side = now + move.duration, centre + side * way, -side
-    time = np.arange(round(seconds * rate) + 1) / rate
-    position, velocity, acceleration = sampled(moves, centre, time)
-    return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
-                   current=np.zeros(len(time)), joint=limits.joint)
+    return samples_of(moves, centre, seconds, rate, limits.joint)
 
 
 def fourier_series(limits: JointLimits, seconds: float, rate: float, seed: int) -> Samples:

@@ -30,8 +30,6 @@ from friction_comp.refinement.thresholds import GROWTH
 from friction_comp.refinement.verdict import AGAIN, IN_PART, TRUST
 from friction_comp.samples import Samples
 
-# Findings that are refuted by a motion that was predicted before it was fitted.
-_REFUTED = ('extrapolates',)
 # Findings that more motion may resolve.
 _BY_MOTION = ('extrapolates', 'ambiguous', 'unexplained', 'one_direction', 'explains_part',
               'explains_nothing')
@@ -39,26 +37,11 @@ _BY_MOTION = ('extrapolates', 'ambiguous', 'unexplained', 'one_direction', 'expl
 
 @dataclass(frozen=True)
 class Schedule:
-    """How much a joint is moved.
+    """How much a joint is moved; `InputError` if the budget is less than two rounds."""
 
-    Parameters
-    ----------
-    seconds : float
-        Of motion in each round.
-    budget : float
-        Of motion in all rounds.
-    seed : int
-        Of the first plan.
-
-    Raises
-    ------
-    InputError
-        If the budget is less than two rounds.
-    """
-
-    seconds: float = 30.0
-    budget: float = 300.0
-    seed: int = 0
+    seconds: float = 30.0  # of motion in each round
+    budget: float = 300.0  # s of motion in all rounds
+    seed: int = 0  # of the first plan
 
     def __post_init__(self) -> None:
         if self.budget < 2.0 * self.seconds:
@@ -69,34 +52,17 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Round:
-    """One round: the question it asked and its answer.
+    """One round: the question it asked and its answer."""
 
-    Parameters
-    ----------
-    seconds : float
-        Of motion, in this round.
-    asked : list of (str, str)
-        Effects that its motion was planned to tell apart.
-    predicted : float
-        RMS error in A, in motion, with which the model of the rounds before predicts this one;
-        NaN of the first.
-    held_out : float
-        RMS error in A of the fit to all rounds, on parts that were not fitted.
-    effects : tuple of str
-        Named by the fit to all rounds.
-    verdict : str
-        On the fit to all rounds, with what this round tested.
-    reasons : list of str
-        Why it is not better.
-    """
-
-    seconds: float
-    asked: list[Pair]
+    seconds: float  # of motion, in this round
+    asked: list[Pair]  # effects that its motion was planned to tell apart
+    # RMS error in A, in motion, with which the model of the rounds before predicts this one; NaN of
+    # the first.
     predicted: float
-    held_out: float
-    effects: tuple[str, ...]
-    verdict: str
-    reasons: list[str]
+    held_out: float  # RMS error in A of the fit to all rounds, on parts that were not fitted
+    effects: tuple[str, ...]  # named by the fit to all rounds
+    verdict: str  # on the fit to all rounds, with what this round tested
+    reasons: list[str]  # why it is not better
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
@@ -108,20 +74,11 @@ class Round:
 
 @dataclass(frozen=True)
 class Improvement:
-    """What all rounds together found.
-
-    Parameters
-    ----------
-    rounds : list of Round
-    result : RefineResult
-        Of all recordings together.
-    ended : str
-        Why there was no further round; empty while there is one.
-    """
+    """What all rounds together found."""
 
     rounds: list[Round]
-    result: RefineResult
-    ended: str
+    result: RefineResult  # of all recordings together
+    ended: str  # why there was no further round; empty while there is one
 
     @property
     def verdict(self) -> str:
@@ -182,24 +139,25 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
     InputError
         If limits, model or recordings cannot be used.
     """
-    seconds, budget, seed = schedule.seconds, schedule.budget, schedule.seed
-    say = progress or (lambda share, word: None)
+    seconds, budget = schedule.seconds, schedule.budget
     recordings = list(recorded)
     rounds: list[Round] = []
     result = refine(recordings, model, drive) if recordings else None
-    asked = (open_pairs(result.report) if result else []) or pairs_of(DEFAULT)
-    named = effects_of(result) if result else None
     while True:
-        spent = sum(one.seconds for one in rounds)
-        say(spent / budget, f'round {len(rounds) + 1}: planning')
-        planned = plan(limits, asked, seconds, seed + len(rounds), model)
-        say(spent / budget, f'round {len(rounds) + 1}: moving')
+        spent, number = sum(one.seconds for one in rounds), len(rounds)
+
+        def say(share: float, word: str, number: int = number) -> None:
+            if progress:
+                progress(share, f'round {number + 1}: {word}')
+        asked = (open_pairs(result.report) if result else []) or pairs_of(DEFAULT)
+        say(spent / budget, 'planning')
+        planned = plan(limits, asked, seconds, schedule.seed + number, model)
+        say(spent / budget, 'moving')
         recordings.append(play(planned))
         predicted = error_of(result.model, recordings[-1]) if result else math.nan
-        say((spent + seconds) / budget, f'round {len(rounds) + 1}: refining')
+        before = effects_of(result) if result else None
+        say((spent + seconds) / budget, 'refining')
         result = refine(recordings, model, drive)
-        before = named
-        named = effects_of(result)
         rounds.append(_round(planned.seconds, asked, predicted, result, before))
         improvement = Improvement(list(rounds), result, _why_ended(
             rounds, result, spent + 2.0 * seconds > budget))
@@ -207,7 +165,6 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
             done(improvement)
         if improvement.ended:
             return improvement
-        asked = open_pairs(result.report) or pairs_of(DEFAULT)
 
 
 def effects_of(result: RefineResult) -> tuple[str, ...]:
@@ -221,8 +178,9 @@ def _round(seconds: float, asked: list[Pair], predicted: float, result: RefineRe
     held_out, effects = report['after']['held_out_rmse'], effects_of(result)
     same = effects == before
     tested = same and predicted <= GROWTH * held_out
+    # That it holds where it was fitted alone is refuted by a motion that it predicted.
     left = [one for one in report['findings'] if one['grade'] != TRUST
-            and not (tested and one['code'] in _REFUTED)]
+            and not (tested and one['code'] == 'extrapolates')]
     reasons = [one['text'] for one in left]
     if before is None:
         reasons.append('No motion that was not fitted has tested the model.')

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 from pathlib import Path
-from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 from friction_comp.checks import check_number
@@ -20,16 +19,6 @@ from friction_comp.files import read_yaml
 class JointLimits:
     """Limits of one joint.
 
-    Parameters
-    ----------
-    joint : str
-    lowest, highest : float
-        Position, rad.
-    velocity, acceleration : float
-        Largest magnitudes, rad/s and rad/s².
-    effort : float
-        Largest magnitude of the torque at the joint, N·m; infinite where it is not limited.
-
     Raises
     ------
     InputError
@@ -37,11 +26,11 @@ class JointLimits:
     """
 
     joint: str
-    lowest: float
+    lowest: float  # of position, rad
     highest: float
-    velocity: float
-    acceleration: float
-    effort: float = math.inf
+    velocity: float  # largest magnitude, rad/s
+    acceleration: float  # rad/s²
+    effort: float = math.inf  # of the torque at the joint, N·m; infinite where it is not limited
 
     def __post_init__(self) -> None:
         what = f'joint {self.joint!r}: the limit of'
@@ -62,13 +51,7 @@ class JointLimits:
 
 
 def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]:
-    """Return the limits in a file like MoveIt's ``joint_limits.yaml``, with positions.
-
-    Parameters
-    ----------
-    path : path-like
-    joints : sequence of str
-        All joints of the file when empty.
+    """Return limits, of all joints by default, in a file like MoveIt's ``joint_limits.yaml``.
 
     Raises
     ------
@@ -79,38 +62,26 @@ def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]
     entries = document.get('joint_limits') if isinstance(document, dict) else None
     if not isinstance(entries, dict) or not entries:
         raise InputError(f'{path}: has no joint_limits')
-    return [_from_entry(path, str(name), _entry_of(path, entries, name))
-            for name in joints or entries]
-
-
-def _entry_of(path: str | Path, entries: dict[Any, Any], joint: str) -> dict[str, Any]:
-    entry = entries.get(joint)
-    if not isinstance(entry, dict):
-        raise InputError(f'{path}: has no limits of joint {joint!r}')
-    return entry
-
-
-def _from_entry(path: str | Path, joint: str, entry: dict[str, Any]) -> JointLimits:
+    limits = []
     names = ('min_position', 'max_position', 'max_velocity', 'max_acceleration')
-    for name in names:
-        if name not in entry:
-            raise InputError(f'{path}: joint {joint!r} has no {name}')
-    low, high, velocity, acceleration = (entry[name] for name in names)
-    return JointLimits(joint, low, high, velocity, acceleration,
-                       entry.get('max_effort', math.inf))
+    for joint in joints or entries:
+        entry = entries.get(joint)
+        if not isinstance(entry, dict):
+            raise InputError(f'{path}: has no limits of joint {joint!r}')
+        for name in names:
+            if name not in entry:
+                raise InputError(f'{path}: joint {joint!r} has no {name}')
+        low, high, velocity, acceleration = (entry[name] for name in names)
+        limits.append(JointLimits(str(joint), low, high, velocity, acceleration,
+                                  entry.get('max_effort', math.inf)))
+    return limits
 
 
 def from_urdf(path: str | Path, acceleration: float,
               joints: Sequence[str] = ()) -> list[JointLimits]:
-    """Return the limits that a URDF states in ``<limit>``.
+    """Return the limits, of all revolute joints by default, that a URDF states in ``<limit>``.
 
-    Parameters
-    ----------
-    path : path-like
-    acceleration : float
-        rad/s², for all joints: a URDF does not state it.
-    joints : sequence of str
-        All revolute joints of the file when empty.
+    It does not state the acceleration, rad/s².
 
     Raises
     ------

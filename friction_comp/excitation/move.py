@@ -22,26 +22,14 @@ _SHORTEST = 0.1
 
 @dataclass(frozen=True)
 class Move:
-    """One motion from rest to rest.
+    """One motion from rest to rest."""
 
-    Parameters
-    ----------
-    begin : float
-        When it sets out, s.
-    start, distance : float
-        rad; the distance has a sign.
-    speed : float
-        While it is constant, rad/s.
-    ramp, cruise : float
-        Seconds in which speed rises, and falls; and in which it is constant.
-    """
-
-    begin: float
-    start: float
-    distance: float
-    speed: float
-    ramp: float
-    cruise: float
+    begin: float  # when it sets out, s
+    start: float  # rad
+    distance: float  # rad, with a sign
+    speed: float  # while it is constant, rad/s
+    ramp: float  # s in which speed rises, and falls
+    cruise: float  # s in which it is constant
 
     @classmethod
     def within(cls, begin: float, start: float, end: float, speed: float,
@@ -60,19 +48,9 @@ class Move:
 
 def sampled(moves: Sequence[Move], start: float, time: np.ndarray
             ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position, velocity and acceleration of moves and of the rests between them.
+    """Return position, velocity and acceleration, each (N,), of moves and rests between them.
 
-    Parameters
-    ----------
-    moves : sequence of Move
-        In the order of time.
-    start : float
-        Position before the first, rad.
-    time : ndarray, shape (N,)
-
-    Returns
-    -------
-    position, velocity, acceleration : ndarray, shape (N,)
+    The moves are in the order of time, and `start` is the position before the first, rad.
     """
     position = np.full(len(time), start)
     velocity, acceleration = np.zeros(len(time)), np.zeros(len(time))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
 import math
 
 import numpy as np
@@ -45,28 +46,17 @@ _MEAN = 0.3
 
 @dataclass(frozen=True)
 class JointPlan:
-    """The planned motion of one joint.
-
-    Parameters
-    ----------
-    limits : JointLimits
-    start : float
-        Where it begins and ends, rad.
-    moves : tuple of Move
-    seconds : float
-    separation : dict of (str, str) to float
-        Of each pair of effects, as of `separations`.
-    """
+    """The planned motion of one joint."""
 
     limits: JointLimits
-    start: float
+    start: float  # where it begins and ends, rad
     moves: tuple[Move, ...]
     seconds: float
-    separation: dict[Pair, float]
+    separation: dict[Pair, float]  # of each pair of effects, as of `separations`
 
     def samples(self, rate: float) -> Samples:
         """Return the motion sampled at a rate in Hz, with zero current."""
-        return _samples(self.moves, self.start, self.seconds, rate, self.limits.joint)
+        return samples_of(self.moves, self.start, self.seconds, rate, self.limits.joint)
 
 
 def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
@@ -77,9 +67,9 @@ def trajectory_of(plans: Sequence[JointPlan], rate: float) -> Trajectory:
     return Trajectory(tuple(plan.limits.joint for plan in plans), motions[0].time, *states)
 
 
-def _samples(moves: Sequence[Move], start: float, seconds: float, rate: float,
-             joint: str) -> Samples:
-    # Up to the end at least, where the motion is at rest.
+def samples_of(moves: Sequence[Move], start: float, seconds: float, rate: float,
+               joint: str) -> Samples:
+    """Return moves sampled at a rate in Hz, up to the end at least, with zero current."""
     time = np.arange(math.ceil(seconds * rate - 1e-9) + 1) / rate
     position, velocity, acceleration = sampled(moves, start, time)
     return Samples(time=time, position=position, velocity=velocity, acceleration=acceleration,
@@ -90,14 +80,7 @@ def moves_by(shape: Sequence[float] | np.ndarray, limits: JointLimits, seconds: 
              points: np.ndarray) -> tuple[float, list[Move]]:
     """Return the place where a plan begins and ends, and its moves.
 
-    Parameters
-    ----------
-    shape : sequence of float, length 5
-        As in `SHAPE`.
-    limits : JointLimits
-    seconds : float
-    points : ndarray, shape (K, 3)
-        In the unit cube.
+    `shape` is a point of `SHAPE`, and `points`, shape (K, 3), are in the unit cube.
     """
     slowest, lean, longest, rest, reach = shape
     top, most = MARGIN * limits.velocity, MARGIN * limits.acceleration
@@ -156,7 +139,7 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
     def separation(shape: np.ndarray, own: JointLimits) -> dict[Pair, float]:
         start, moves = moves_by(shape, own, seconds, points)
         try:
-            return separations(_samples(moves, start, seconds, _EVALUATED, own.joint), pairs,
+            return separations(samples_of(moves, start, seconds, _EVALUATED, own.joint), pairs,
                                scene)
         except InputError:
             # Almost the whole time is rest.
@@ -166,14 +149,10 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         shares = list(separation(shape, limits).values())
         logarithms = np.log(np.maximum(shares, 1e-6))
         return -float(min(logarithms) + len(pairs) * np.mean(logarithms) * _MEAN)
-    done = [0]
-
-    def advance(*_: object, **__: object) -> None:
-        done[0] += 1
-        report(done[0] / _GENERATIONS)
+    generation = count(1)
     shape = differential_evolution(
         cost, SHAPE, popsize=_POPULATION, maxiter=_GENERATIONS, tol=0.0, polish=False, seed=seed,
-        callback=advance).x
+        callback=lambda *_, **__: report(next(generation) / _GENERATIONS)).x
     own = limits
     for _ in range(_TRIALS):
         start, moves = moves_by(shape, own, seconds, points)
@@ -181,7 +160,7 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
         if not any(distances.values()):
             # Slowed down, hardly any move fits into the time.
             break
-        if model is None or effort_of(model, _samples(
+        if model is None or effort_of(model, samples_of(
                 moves, start, seconds, 200.0, own.joint)) <= MARGIN * limits.effort:
             return JointPlan(limits, start, tuple(moves), seconds, distances)
         own = own.slowed(_SLOWER)

@@ -58,30 +58,20 @@ def _why_refused(name: str) -> str:
     missing = sorted(set(EFFECTS[name].needs) & _NOT_MOVED)
     if missing or name == 'other_joints':
         return f"cannot be told by the joint's own motion: it needs {missing or 'other joints'}"
-    if _is_ripple(name):
+    if 'frequency' in EFFECTS[name].constants:
         return 'needs no plan: motion over many of its periods shows it, at whatever speeds'
     return ''
 
 
-def _is_ripple(name: str) -> bool:
-    return 'frequency' in EFFECTS[name].constants
-
-
 def _of_motion(name: str) -> bool:
-    return not (name == 'other_joints' or set(EFFECTS[name].needs) & _NOT_MOVED
-                or _is_ripple(name))
+    return not _why_refused(name)
 
 
 def open_pairs(report: dict[str, Any]) -> list[Pair]:
-    """Return the pairs of effects that a report of refinement leaves open, none of them twice.
+    """Return the pairs of effects that refinement's report.json leaves open, none of them twice.
 
     Those that it calls ambiguous; of an effect that not nearly all searches chose, and of a
     variable that the remaining error depends on, those with the effects of `DEFAULT`.
-
-    Parameters
-    ----------
-    report : dict
-        Content of report.json.
     """
     pairs: dict[Pair, None] = {}
     for entry in report['ambiguous']:
@@ -99,19 +89,12 @@ def open_pairs(report: dict[str, Any]) -> list[Pair]:
 
 
 def pairs_in(report: Any, source: str) -> list[Pair]:
-    """Return the pairs of effects that a report of refinement leaves open; see `open_pairs`.
-
-    Parameters
-    ----------
-    report : object
-        Content of report.json.
-    source : str
-        Named in errors.
+    """Return the pairs of effects that a report, of a source, leaves open; see `open_pairs`.
 
     Raises
     ------
     InputError
-        If it is no such report, or motion alone answers none of its questions.
+        If it is no report of refinement, or motion alone answers none of its questions.
     """
     entries = report.get('ambiguous') if isinstance(report, dict) else None
     if not isinstance(entries, list):
@@ -150,13 +133,8 @@ def terms_of(name: str, scene: Scene) -> list[Term]:
 def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[Pair, float]:
     """Return for each pair the share of an effect that the other one does not repeat, 0..1.
 
-    Parameters
-    ----------
-    samples : Samples
-        With velocity and acceleration; the current is not looked at.
-    pairs : sequence of (str, str)
-    scene : Scene
-        As of `scene_within`.
+    The samples have velocity and acceleration; their current is not looked at. The scene is that of
+    `scene_within`.
 
     Raises
     ------
@@ -175,9 +153,9 @@ def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[P
         shares = []
         for one in keys[first]:
             for other in keys[second]:
-                places = table.indices([one, other], derivatives=False)
-                share = dict(zip(places, table.sums.own_share(places)))
-                shares += [max(share[column] for column in table.columns_of(key))
+                columns = table.indices([one, other], derivatives=False)
+                share = dict(zip(columns, table.sums.own_share(columns)))
+                shares += [max(share[column] for column in table.columns_of[key])
                            for key in (one, other)]
         return float(min(shares, default=0.0))
     return {(first, second): least(first, second) for first, second in pairs}

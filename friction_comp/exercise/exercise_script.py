@@ -52,10 +52,13 @@ class ExerciseScript:
 
     def __init__(self, joints: Sequence[str], times: np.ndarray, positions: np.ndarray,
                  announcement: float) -> None:
+        # Imported here, since most exercises have no script and start sooner without it.
+        from scipy.interpolate import PchipInterpolator
+
         self.joints = list(joints)
         self.duration = float(times[-1])
         self._waypoints = times, positions, announcement
-        self._paths = [_monotone_cubic(times, column) for column in positions.T]
+        self._paths = [PchipInterpolator(times, column) for column in positions.T]
         self._speeds = [path.derivative() for path in self._paths]
         self._announced = [_spans(times, column, speed, announcement)
                            for column, speed in zip(positions.T, self._speeds)]
@@ -63,16 +66,15 @@ class ExerciseScript:
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position (rad), velocity (rad/s) and direction (-1, 0, +1), each shape (J,).
 
-        Parameters
-        ----------
-        time : float
-            s since the exercise began; before and after it the joints are held.
+        `time` is in s since the exercise began; before and after it the joints are held.
         """
         inside = min(max(time, 0.0), self.duration)
         moving = 0.0 <= time <= self.duration
         position = np.array([float(path(inside)) for path in self._paths])
         velocity = np.array([float(speed(inside)) for speed in self._speeds]) * moving
-        direction = np.array([_direction(spans, time) for spans in self._announced])
+        direction = np.array([
+            next((sign for begin, end, sign in spans if begin <= time < end), 0)
+            for spans in self._announced])
         return position, velocity, direction
 
     def of(self, joints: Sequence[str]) -> ExerciseScript:
@@ -83,8 +85,7 @@ class ExerciseScript:
         InputError
             If the exercise moves a joint that is not among them.
         """
-        unknown = sorted(set(self.joints) - set(joints))
-        if unknown:
+        if unknown := sorted(set(self.joints) - set(joints)):
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '
                              f'{", ".join(joints)}')
         times, positions, announcement = self._waypoints
@@ -95,21 +96,8 @@ class ExerciseScript:
             announcement)
 
 
-def _monotone_cubic(times: Any, values: Any) -> Any:
-    # Imported here, since most exercises have no script and start sooner without it.
-    from scipy.interpolate import PchipInterpolator
-
-    return PchipInterpolator(times, values)
-
-
 def load_exercise(path: str | Path) -> ExerciseScript:
-    """Read an exercise.
-
-    Raises
-    ------
-    InputError
-        Naming the file, the step, and what is wrong with it.
-    """
+    """Read an exercise; an InputError names the file, the step, and what is wrong with it."""
     document = read_yaml(path)
     with errors_name(path):
         return exercise_of(document)
@@ -148,9 +136,9 @@ def _waypoints(steps: list[Any], joints: list[str], unit: float,
         positions.append(positions[-1])
     if count > 1 and np.abs(positions[-1]).max() > _SAME:
         raise InputError('the last step must lead back to 0 where there are repetitions')
-    once, places = np.array(times), np.array(positions)
+    once, angles = np.array(times), np.array(positions)
     return (np.concatenate([once[bool(k):] + k * once[-1] for k in range(count)]),
-            np.concatenate([places[bool(k):] for k in range(count)]))
+            np.concatenate([angles[bool(k):] for k in range(count)]))
 
 
 def _step(name: str, step: Any, joints: list[str], before: np.ndarray,
@@ -191,7 +179,3 @@ def _spans(times: np.ndarray, position: np.ndarray, speed: Any,
             end = float(grid[int(np.argmax(np.abs(speed(grid))))])
         spans.append((begin, end, int(sign)))
     return spans
-
-
-def _direction(spans: list[tuple[float, float, int]], time: float) -> int:
-    return next((sign for begin, end, sign in spans if begin <= time < end), 0)

@@ -87,21 +87,13 @@ class ReferenceMovement:
         return 2.0 * self.repetitions * (self.standstill + self.movement_time) + self.standstill
 
     def begins(self, movement: int) -> float:
-        """Return when movement number 0, 1, 2 … begins, s; even ones are the first direction."""
+        """Return when movement 0, 1, 2 … begins, s; even ones are in the first direction."""
         return self.standstill + movement * (self.standstill + self.movement_time)
 
     def at(self, time: ArrayLike) -> tuple[Any, Any, Any]:
-        """Return the reference at a time.
+        """Return position (rad), velocity (rad/s) and direction (-1, 0, +1) of the shape of `time`.
 
-        Parameters
-        ----------
-        time : float or array_like
-            s since the exercise began.
-
-        Returns
-        -------
-        position, velocity, direction : float or ndarray
-            rad, rad/s, and -1, 0 or +1, of the shape of `time`.
+        `time` is in s since the exercise began.
         """
         time = np.asarray(time, dtype=float)
         period = self.standstill + self.movement_time
@@ -111,14 +103,12 @@ class ReferenceMovement:
         since = time - movement * period - self.standstill
         travelled, speed = self._profile(since)
         sign = math.copysign(1.0, self.amplitude)
-        position = np.where(forth, travelled, abs(self.amplitude) - travelled) * sign
-        velocity = np.where(forth, speed, -speed) * sign
         announced = (since >= -self.announcement) & (
             since < self.acceleration_time + self.constant_time)
-        direction = np.where(announced & self.compensated, np.where(forth, sign, -sign), 0.0)
-        position = np.where(over, 0.0, position)
-        velocity = np.where(over, 0.0, velocity)
-        direction = np.where(over, 0.0, direction)
+        position, velocity, direction = (np.where(over, 0.0, values) for values in (
+            np.where(forth, travelled, abs(self.amplitude) - travelled) * sign,
+            np.where(forth, speed, -speed) * sign,
+            np.where(announced & self.compensated, np.where(forth, sign, -sign), 0.0)))
         if time.ndim == 0:
             return float(position), float(velocity), int(direction)
         return position, velocity, direction.astype(int)

@@ -15,62 +15,51 @@ and uses the peak of friction instead: `ramp_evaluation`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.identification.slide_begin import slide_begin
 from friction_comp.model.friction_model import Breakaway
-from friction_comp.samples import smallest_step
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-RUNAWAY_SPEED = 0.02
-"""Speed in rad/s that no presliding creep reaches: ramp slope times k_t·n over a geared joint's
-stiffness is a few mrad/s at most."""
-
+# rad/s that no presliding creep reaches: ramp slope times k_t·n over a geared joint's stiffness is
+# a few mrad/s at most; and s over which the speed is taken.
+_RUNAWAY_SPEED, _SPEED_WINDOW = 0.02, 0.03
 _CURRENT_WINDOW = 0.1  # s each side over which the current is averaged
+_SHORTEST_RAMP = 20    # samples
+_POINTS = 160          # of the fit
+_MISFIT = 0.13         # of the way slid, by which the fit may be wrong
+# s before the run-away within which the slide began: a sliding joint reaches the run-away speed
+# within tenths of a second. Over a longer time, creep on soft contacts, which yield more as the
+# load approaches breakaway, would be mistaken for the slide.
+_LONGEST_WINDOW = 0.6
+
+
+class SlideBegin(NamedTuple):
+    """Where a joint breaks free on a ramp: instant t_s in s, current in A, position in rad."""
+
+    time: float
+    current: float
+    position: float
 
 
 @dataclass(frozen=True)
 class BreakawayRecords:
-    """Every breakaway of a recording; arrays of shape (M,), in the order of time.
+    """Every breakaway of an identification; arrays of shape (M,), in the order of time.
 
     Attributes
     ----------
-    time : ndarray
-        Instant t_s at which the motor breaks free, s.
-    current : ndarray
-        i_m at that instant in A, negative in the negative direction.
+    time, current, position : ndarray
+        As of `SlideBegin`; currents of the negative direction are negative.
     direction : ndarray of int
         +1 or -1.
-    position : ndarray
-        Joint position at that instant in rad.
-    rest_time : ndarray
-        How long the joint had stood still when the ramp began, s.
-    temperature : ndarray
-        Motor temperature in degrees Celsius; NaN where it was not measured.
-    slope : ndarray
-        The ramp's gradient as measured, A/s, positive.
-    cycle : ndarray of int
-        Number of the cycle: a positive ramp and the negative one after it make one.
-    unresolved : list of (float, int, float)
-        Ramps without a breakaway: time of their begin, direction, largest current reached.
     """
 
     time: np.ndarray
     current: np.ndarray
-    direction: np.ndarray
     position: np.ndarray
-    rest_time: np.ndarray
-    temperature: np.ndarray
-    slope: np.ndarray
-    cycle: np.ndarray
-    unresolved: list[tuple[float, int, float]] = field(default_factory=list)
+    direction: np.ndarray
 
     def __len__(self) -> int:
         return len(self.time)
@@ -80,7 +69,7 @@ class BreakawayRecords:
         return self.current[self.direction == direction]
 
     def statistics(self) -> Breakaway:
-        """Return means, standard deviations and places over the cycles as a `Breakaway`.
+        """Return means, standard deviations and mean positions as a `Breakaway`.
 
         Raises
         ------
@@ -97,149 +86,118 @@ class BreakawayRecords:
             values[f'{name}_position'] = float(np.mean(self.position[self.direction == direction]))
         return Breakaway(**values)
 
-    def to_dict(self) -> dict[str, list[float | None]]:
-        """Return the columns as lists, NaN as None, for reports and model files."""
-        table = {}
-        for item in fields(self):
-            if item.name != 'unresolved':
-                values = np.round(np.asarray(getattr(self, item.name), dtype=float), 6).tolist()
-                table[item.name] = [None if value != value else value for value in values]
-        return table
 
-    @staticmethod
-    def join(parts: Iterable[BreakawayRecords]) -> BreakawayRecords:
-        """Join records; cycles are numbered on where a part's own numbers begin again."""
-        parts = list(parts)
-        names = [item.name for item in fields(BreakawayRecords) if item.name != 'unresolved']
-        columns = {name: np.concatenate([getattr(part, name) for part in parts])
-                   for name in names} if parts else {name: np.zeros(0) for name in names}
-        return BreakawayRecords(
-            **columns, unresolved=[item for part in parts for item in part.unresolved])
+def breakaway_records(begins: list[SlideBegin], directions: list[int]) -> BreakawayRecords:
+    """Return where slides began, and their directions, as arrays."""
+    time, current, position = np.array(begins, dtype=float).reshape(-1, 3).T
+    return BreakawayRecords(time, current, position, np.array(directions, dtype=int))
 
 
-def breakaway_currents(time: ArrayLike, position: ArrayLike, current: ArrayLike,
-                       command: ArrayLike | None = None, temperature: ArrayLike | None = None,
-                       resolution: float | None = None,
-                       runaway_speed: float = RUNAWAY_SPEED) -> BreakawayRecords:
+def breakaway_currents(time: np.ndarray, position: np.ndarray, current: np.ndarray,
+                       command: np.ndarray, resolution: float) -> BreakawayRecords:
     """Find every breakaway in a recording of current ramps.
 
-    The ramps may go on after the joint broke free, as Eq. 8 does, or be cut; they may differ in
-    slope, and anything may lie between them.
+    The ramps may go on after the joint broke free, as Eq. 8 does, or be cut, and differ in slope.
 
     Parameters
     ----------
-    time, position, current : array_like, shape (N,)
-        s, rad, and the measured motor current in A.
-    command : array_like, shape (N,), optional
-        Commanded current in A; delimits the ramps exactly. Without it they are found in the
-        measured current.
-    temperature : array_like, shape (N,), optional
-        Degrees Celsius.
-    resolution : float, optional
-        Joint angle of an encoder count in rad; the smallest step seen when omitted.
-    runaway_speed : float
-        rad/s; a joint this fast is no longer creeping.
-
-    Returns
-    -------
-    BreakawayRecords
-
-    Raises
-    ------
-    InputError
-        If the arrays do not match, are not finite, or hold no ramp.
+    time, position, current, command : ndarray, shape (N,)
+        s, rad, and the measured and the commanded motor current in A, zero between ramps.
+    resolution : float
+        Joint angle of an encoder count in rad.
     """
-    time, position, current = (
-        np.ascontiguousarray(a, dtype=float) for a in (time, position, current))
-    if time.ndim != 1 or time.shape != position.shape or time.shape != current.shape:
-        raise InputError('breakaway: time, position and current must have one length')
-    if not (np.all(np.isfinite(time)) and np.all(np.isfinite(position))
-            and np.all(np.isfinite(current))):
-        raise InputError('breakaway: time, position and current must be finite')
-    if time.size < 10 or np.any(np.diff(time) <= 0.0):
-        raise InputError('breakaway: at least ten samples with increasing time are needed')
-    if resolution is None:
-        resolution = smallest_step(position)
-    ramps = find_ramps(time, current if command is None else np.asarray(command, dtype=float),
-                       exact=command is not None)
-    if not ramps:
-        raise InputError('breakaway: no current ramp in the recording')
-
-    rows, unresolved = [], []
-    cycle, previous = -1, -1
-    for begin, end, sign in ramps:
-        if sign > 0 or previous < 0:
-            cycle += 1
-        previous = sign
-        instant, rest = slide_begin(time, position, begin, end, float(sign), resolution,
-                                    runaway_speed)
-        slope = _slope(time, current, begin, end, sign)
-        if not np.isfinite(instant):
-            unresolved.append((float(time[begin]), sign,
-                               sign * float(np.max(sign * current[begin:end]))))
-            continue
-        index = int(np.searchsorted(time, instant))
-        level = _current_at(time, current, instant, begin, end, sign * slope)
-        warmth = np.nan if temperature is None else float(np.asarray(temperature)[index])
-        rows.append((instant, level, sign, position[index], rest, warmth, slope, cycle))
-    columns = np.array(rows, dtype=float).reshape(-1, 8).T
-    return BreakawayRecords(
-        time=columns[0], current=columns[1], direction=columns[2].astype(int),
-        position=columns[3], rest_time=columns[4], temperature=columns[5], slope=columns[6],
-        cycle=columns[7].astype(int), unresolved=unresolved)
+    signs = np.sign(command).astype(int)
+    edges = [0, *(np.flatnonzero(np.diff(signs)) + 1).tolist(), len(signs)]
+    begins, directions = [], []
+    for first, end in zip(edges[:-1], edges[1:]):
+        sign, part = int(signs[first]), slice(first, end)
+        begin = slide_begin(time[part], position[part], current[part], sign, resolution
+                            ) if sign else None
+        if begin is not None:
+            begins.append(begin)
+            directions.append(sign)
+    return breakaway_records(begins, directions)
 
 
-def find_ramps(time: np.ndarray, current: np.ndarray,
-               exact: bool = False) -> list[tuple[int, int, int]]:
-    """Find the ramps of Eq. 8: stretches in which the current keeps a sign and grows.
+def slide_begin(time: np.ndarray, position: np.ndarray, current: np.ndarray, sign: int,
+                resolution: float) -> SlideBegin | None:
+    """Return where the joint begins to slide on one ramp; None where it does not.
 
-    Parameters
-    ----------
-    time, current : ndarray, shape (N,)
-    exact : bool
-        Whether the current is free of noise, as a command is.
-
-    Returns
-    -------
-    list of (int, int, int)
-        First sample, the one after the largest current, and the direction.
+    The arrays, s, rad and measured A, are of the ramp alone, `sign` is its direction, and the
+    resolution the angle of an encoder count in rad.
     """
-    signal = current
-    if exact:
-        threshold = 1e-9
-    else:
-        noise = np.median(np.abs(np.diff(current))) / 0.954
-        width = 1 + 2 * int(np.clip(0.025 / max(np.median(np.diff(time)), 1e-9), 0, 500))
-        kernel = np.full(width, 1.0 / width)
-        signal = np.convolve(np.pad(current, width // 2, mode='edge'), kernel, 'valid')
-        threshold = max(5.0 * noise / np.sqrt(width), 0.03 * float(np.max(np.abs(signal))), 1e-9)
-    state = np.where(np.abs(signal) > threshold, np.sign(signal), 0.0)
-    edges = np.concatenate([[0], np.nonzero(np.diff(state))[0] + 1, [state.size]])
-    ramps = []
-    for begin, end in zip(edges[:-1], edges[1:]):
-        sign = int(state[begin])
-        if sign == 0 or time[end - 1] - time[begin] < 0.05:
-            continue
-        top = begin + int(np.argmax(sign * signal[begin:end])) + 1
-        rise = sign * signal[top - 1] / max(time[top - 1] - time[begin], 1e-9)
-        # The threshold cuts off the beginning of the ramp: go back to where it left zero.
-        foot = time[begin] - sign * signal[begin] / max(rise, 1e-12)
-        first = int(np.searchsorted(time, foot)) if not exact else int(begin)
-        if top - first >= 20 and sign * signal[top - 1] > 2.0 * threshold:
-            ramps.append((first, top, sign))
-    return ramps
+    if len(time) < _SHORTEST_RAMP:
+        return None
+    runaway = _runaway(time, position, sign, resolution)
+    if runaway < 0:
+        return None
+    window, instant = _LONGEST_WINDOW, 0.0
+    for _ in range(4):
+        first = max(0, int(np.searchsorted(time, time[runaway] - window, side='right')) - 1)
+        instant = _hinge(time[first:runaway + 1], sign * position[first:runaway + 1], resolution)
+        window = min(max(4.0 * (time[runaway] - instant), 0.15), _LONGEST_WINDOW)
+    return SlideBegin(instant, _current_at(time, current, instant),
+                      float(position[np.searchsorted(time, instant)]))
 
 
-def _slope(time: np.ndarray, current: np.ndarray, begin: int, end: int, sign: int) -> float:
-    """The ramp's gradient in A/s, positive, by least squares."""
-    t = time[begin:end] - np.mean(time[begin:end])
-    return float(sign * np.dot(t, current[begin:end]) / np.dot(t, t))
+def _runaway(time: np.ndarray, position: np.ndarray, sign: int, resolution: float) -> int:
+    """Return the first sample at which a speed has held over a window, -1 where none does."""
+    tail = np.searchsorted(time, time - _SPEED_WINDOW, side='left')
+    elapsed, way = time - time[tail], sign * (position - position[tail])
+    fast = ((elapsed >= 0.5 * _SPEED_WINDOW) & (way > _RUNAWAY_SPEED * elapsed)
+            & (way > 4.0 * resolution))
+    return int(np.argmax(fast)) if fast.any() else -1
 
 
-def _current_at(time: np.ndarray, current: np.ndarray, instant: float, begin: int, end: int,
-                gradient: float) -> float:
-    """The current in A at an instant on the ramp, its noise averaged out."""
-    reach = min(_CURRENT_WINDOW, max(time[end - 1] - instant, 0.01))
+def _current_at(time: np.ndarray, current: np.ndarray, instant: float) -> float:
+    """Return the current in A at an instant on the ramp, its noise averaged out."""
+    t = time - np.mean(time)
+    gradient = float(np.dot(t, current) / np.dot(t, t))
+    reach = min(_CURRENT_WINDOW, max(time[-1] - instant, 0.01))
     a, b = np.searchsorted(time, (instant - reach, instant + reach))
-    a, b = max(int(a), begin), min(int(b) + 1, end)
-    return float(np.mean(current[a:b] - gradient * (time[a:b] - instant)))
+    near = slice(int(a), int(b) + 1)
+    return float(np.mean(current[near] - gradient * (time[near] - instant)))
+
+
+def _hinge(time: np.ndarray, position: np.ndarray, resolution: float) -> float:
+    """Return the instant at which creep turns into a slide, by least squares.
+
+    Creep is a parabola; the slide adds to it an acceleration and a growing one, no jump in speed,
+    none of them backwards. No formula holds far into the slide, so the farther the joint has
+    gone, the less a sample weighs.
+    """
+    count = min(_POINTS, len(time))
+    if count < 12:
+        return float(time[0])
+    index = (len(time) - 1) * np.arange(count) // (count - 1)
+    span = float(time[-1] - time[0])
+    t, x = (time[index] - time[0]) / span, position[index] - position[0]
+    early = max(6, int(0.4 * count))
+    gone = np.maximum(0.0, x - np.polyval(np.polyfit(t[:early], x[:early], 1), t))
+    weight = 1.0 / np.hypot(0.5 * resolution + 1e-12, _MISFIT * gone)
+    knees = np.linspace(0.02, 0.97, 41)
+    for _ in range(3):
+        knee = float(knees[np.argmin(_hinge_errors(t, x, weight, knees))])
+        width = knees[1] - knees[0]
+        knees = np.linspace(max(0.0, knee - width), min(0.97, knee + width), 13)
+    return float(time[0]) + knee * span
+
+
+def _hinge_errors(t: np.ndarray, x: np.ndarray, weight: np.ndarray, knees: np.ndarray
+                  ) -> np.ndarray:
+    """Return the weighted squares left by a parabola and powers of (t - knee)₊, shape (K,)."""
+    slide = np.maximum(t - knees[:, None], 0.0)
+    creep = [np.broadcast_to(t ** power, slide.shape) for power in range(3)]
+    design = weight[:, None] * np.stack((*creep, slide ** 2, slide ** 3), axis=2)
+    target, best = weight * x, np.full(len(knees), np.inf)
+    for columns in ([0, 1, 2, 3, 4], [0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2]):
+        part = design[:, :, columns]
+        size = np.sqrt(np.sum(part ** 2, axis=1)) + 1e-300
+        scaled = part / size[:, None]
+        turned = np.swapaxes(scaled, 1, 2)
+        coefficients = np.linalg.solve(turned @ scaled + 1e-12 * np.eye(len(columns)),
+                                       turned @ target[:, None])
+        error = np.sum((target[:, None] - scaled @ coefficients)[:, :, 0] ** 2, axis=1)
+        forwards = (coefficients[:, 3:, 0] >= 0.0).all(axis=1)
+        best = np.where(forwards, np.minimum(best, error), best)
+    return best

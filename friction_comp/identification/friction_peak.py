@@ -16,51 +16,33 @@ presliding.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-import math
 
 import numpy as np
 
-from friction_comp.identification.local_parabola import local_parabolas
+from friction_comp.identification.inertia import local_parabolas
+from friction_comp.statistics import noise_level
 
 # rad/s above which a joint has left presliding; later samples are not breakaway.
-SLIDING_SPEED = 0.02
+_SLIDING_SPEED = 0.02
 # s over which f is smoothed: shorter than a rotor needs to break free of presliding, and long
 # enough to suppress the resonance on the gear's compliance.
 _SHORTEST, _LONGEST = 0.024, 0.064
 # Noise of f left after smoothing, as a share of the level.
 _NOISE = 0.007
-# Shares of breakaway: presliding has ended at `_GONE`; stiffness is computed up to `_EARLY`.
-_GONE, _EARLY = 0.95, 1.0 / 3.0
-# Standard deviations of presliding that the scatter does not include: of a distance that begins and
-# ends within a count, and of the method, as a share (gears of `bench/law_table.py`, seeds 44 and
-# 46: 0.09).
-_SHARE_OF_COUNT, _METHOD = 0.4, 0.09
-_COUNTS = 4.0   # that a joint must have given in that part, times the root of the ramps' number
+# Share of breakaway at which presliding has ended.
+_GONE = 0.95
 
 
 @dataclass(frozen=True)
 class RampFriction:
-    """What friction took along one ramp, in the ramp's direction.
+    """What friction took along one ramp, in its direction, up to where the joint slides; (M,)."""
 
-    Attributes
-    ----------
-    time, current, position : ndarray, shape (M,)
-        s, friction's part of the current in A, and the way given since the ramp's begin in rad,
-        all smoothed, up to where the joint slides.
-    driven, measured : ndarray, shape (M,)
-        All of the current, smoothed, A, and the way as the encoder shows it, rad.
-    peak : int
-        Index of the largest current of friction.
-    """
-
-    time: np.ndarray
-    current: np.ndarray
-    position: np.ndarray
-    driven: np.ndarray
-    measured: np.ndarray
-    peak: int
+    time: np.ndarray        # s
+    current: np.ndarray     # friction's part of the current, smoothed, A
+    position: np.ndarray    # the way given since the ramp's begin, smoothed, rad
+    measured: np.ndarray    # the way as the encoder shows it, rad
+    peak: int               # index of the largest current of friction
 
     @property
     def breakaway(self) -> float:
@@ -96,10 +78,7 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
     viscous : float
         c in A·s/rad.
 
-    Returns
-    -------
-    RampFriction or None
-        None where the joint did not slide, or the ramp is too short.
+    Returns None where the joint did not slide, or the ramp is too short.
     """
     step = float(np.median(np.diff(time)))
     even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
@@ -117,13 +96,13 @@ def ramp_friction(time: np.ndarray, position: np.ndarray, current: np.ndarray, s
     friction = smooth - inertia - viscous * speed
     # A rotor that slides through backlash is stopped by the link: the last slide is that of the
     # joint.
-    slow = speed <= SLIDING_SPEED
+    slow = speed <= _SLIDING_SPEED
     end = even.size - count + 1 - int(np.argmax(slow[::-1]))
     if slow.all() or not slow.any():
         return None
     return RampFriction(
         time=even[half:half + end], current=friction[:end], position=given[:end],
-        driven=smooth[:end], measured=way[half:half + end],
+        measured=way[half:half + end],
         peak=int(np.argmax(np.where(slow[:end], friction[:end], -np.inf))))
 
 
@@ -132,81 +111,6 @@ def _window(step: float, driven: np.ndarray, resolution: float, rate: float) -> 
     allowed = _NOISE * max(float(np.max(driven)), 1e-9)
     # Variance of a parabola's second derivative over a window T: 720·σ²·step/T⁵.
     counts = (60.0 * resolution ** 2 * step / (allowed * rate) ** 2) ** 0.2
-    noise = float(np.median(np.abs(np.diff(driven)))) / 0.954
+    noise = noise_level(driven)
     width = max(counts, step * (noise / allowed) ** 2, _SHORTEST)
     return max(round(min(width, _LONGEST) / step), 5) | 1
-
-
-def combined_presliding(ways: list[tuple[bool, float]]) -> float:
-    """Return the presliding distance in rad from ramps after slides to either side.
-
-    A contact of Maxwell-slip elements has a memory of sliding: a ramp in the direction of the slide
-    before it yields less than the presliding distance, one against it yields more, and by Masing's
-    rule (each branch of a hysteresis loop is the first curve at twice its size) the sum is twice
-    the distance. Contacts without that memory (Dahl, LuGre) yield the same both times. The mean of
-    both is the distance in either case.
-
-    Parameters
-    ----------
-    ways : list of (bool, float)
-        Whether the previous slide had the same direction, and the displacement in rad.
-    """
-    sides = [[way for same, way in ways if same is side] for side in (True, False)]
-    return float(np.mean([np.median(side) for side in sides if side])) if ways else 0.0
-
-
-def presliding_std(ways: list[tuple[bool, float]], distance: float, resolution: float) -> float:
-    """Return by how much presliding of one rest differs from `combined_presliding`, rad.
-
-    A standard deviation: how the ramps scatter, the count within which a way begins and ends, and
-    what the method itself is off by on gears that scatter little.
-
-    Parameters
-    ----------
-    ways : list of (bool, float)
-    distance : float
-        What `combined_presliding` returned, rad.
-    resolution : float
-        rad of an encoder count.
-    """
-    sides = [np.array([way for same, way in ways if same is side]) for side in (True, False)]
-    # Mean of the middle half of the distances, since single ones may be far off.
-    scatter = [float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
-               if len(side) > 2 else 0.3 * distance for side in sides if len(side)]
-    return math.hypot(float(np.sqrt(np.mean(np.square(scatter)))), _SHARE_OF_COUNT * resolution,
-                      _METHOD * distance)
-
-
-def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
-                     resolution: float) -> float | None:
-    """Return the slope of friction over displacement up to a third of breakaway, A/rad.
-
-    The ramps are those in the direction of the slide before them: then every contact sticks at
-    the begin, as in a gear that is loaded for the first time; against it some slip at once.
-
-    Parameters
-    ----------
-    ramps : sequence of RampFriction
-    breakaway : float
-        A.
-    resolution : float
-        rad of an encoder count.
-
-    Returns
-    -------
-    float or None
-        None where the encoder is too coarse to tell.
-    """
-    together = squares = given = 0.0
-    for ramp in ramps:
-        last = int(np.argmax(ramp.current > _EARLY * breakaway))
-        if last < 3:
-            return None
-        # Where within a count a ramp began is unknown, so deviations from the mean are used.
-        rise = ramp.current[:last] - np.mean(ramp.current[:last])
-        together += float(np.dot(rise, ramp.position[:last]))
-        squares += float(np.dot(rise, rise))
-        given += float(ramp.position[last] - ramp.position[0]) / len(ramps)
-    if given * math.sqrt(len(ramps)) < _COUNTS * resolution or not together > 0.0:
-        return None
-    return squares / together

@@ -13,25 +13,44 @@ import numpy as np
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
-from friction_comp.identification.breakaway import BreakawayRecords
-from friction_comp.identification.excitation import LARGEST_SPEED, ramp_peak
+from friction_comp.identification.excitation import LARGEST_SPEED
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
-from friction_comp.model.sigmoid import Sigmoid
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
+    from friction_comp.identification.breakaway import BreakawayRecords
     from friction_comp.identification.kinetic import KineticPoint
+    from friction_comp.model.sigmoid import Sigmoid
 
-USED_SHARE = 0.9
-"""Share of the motion range that the profiles use; the rest is for the controller's errors."""
+# Share of the motion range that the profiles use; the rest is for the controller's errors.
+_USED_SHARE = 0.9
 
 
 class IdentificationError(InputError):
     """The drive did not do what identification needs; the text says what and what to change."""
 
 
+class RampGoal:
+    """A goal's current ramps, by which a joint is broken free: gradient in A/s, period in s."""
+
+    ramp_slope: float
+    ramp_period: float
+
+    @property
+    def ramp_peak(self) -> float:
+        """Largest current in A that the ramps of Eq. 8 reach, 0.4·s·T."""
+        return 0.4 * self.ramp_slope * self.ramp_period
+
+    def check(self, drive: Drive) -> None:
+        """Raise InputError if the drive cannot do the goal."""
+        if self.ramp_peak > drive.current_limit:
+            raise InputError(
+                f'ramp_slope and ramp_period: the ramps would reach {self.ramp_peak:g} A, above '
+                f'the current limit of {drive.current_limit:g} A')
+
+
 @dataclass(frozen=True)
-class IdentificationGoal:
+class IdentificationGoal(RampGoal):
     """Speeds, range and ramps of one identification.
 
     Parameters
@@ -101,58 +120,26 @@ class IdentificationGoal:
 
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return duration T in s and width in rad of the cycle at a speed (Eq. 5)."""
-        width = min(USED_SHARE * self.motion_range, 0.4 * speed * self.longest_cycle)
+        width = min(_USED_SHARE * self.motion_range, 0.4 * speed * self.longest_cycle)
         return 2.5 * width / speed, width
-
-    @property
-    def ramp_peak(self) -> float:
-        """Largest current in A that the ramps reach."""
-        return ramp_peak(self.ramp_slope, self.ramp_period)
-
-    def check(self, drive: Drive) -> None:
-        """Raise InputError if the drive cannot do the goal."""
-        if self.ramp_peak > drive.current_limit:
-            raise InputError(
-                f'ramp_slope and ramp_period: the ramps would reach {self.ramp_peak:g} A, above '
-                f'the current limit of {drive.current_limit:g} A')
 
 
 @dataclass(frozen=True)
 class IdentificationResult:
-    """Everything identification found.
+    """Everything identification found."""
 
-    Attributes
-    ----------
-    points : list of KineticPoint
-        The look-up table in ascending speed, negative speeds first.
-    sigmoid : Sigmoid
-        Fit of Eq. 6.
-    sigmoid_error : float
-        E of Eq. 7 in A.
-    breakaway : Breakaway
-    records : BreakawayRecords
-        Every single breakaway.
-    acceleration_per_current : float
-        k_t·n/J in rad/s² per A, by the changes of speed at constant-velocity cycles; from a short
-        push, to some tens of percent, where they take too little current.
-    goal : IdentificationGoal
-    warnings : list of str
-    presliding : Presliding, optional
-        None where the encoder is too coarse to tell.
-    backlash : float, optional
-        rad; None where the ramps show none.
-    """
-
-    points: list[KineticPoint]
-    sigmoid: Sigmoid
-    sigmoid_error: float
+    points: list[KineticPoint]      # the look-up table in ascending speed, negative speeds first
+    sigmoid: Sigmoid                # fit of Eq. 6
+    sigmoid_error: float            # E of Eq. 7, A
     breakaway: Breakaway
-    records: BreakawayRecords
+    records: BreakawayRecords       # every single breakaway
+    # k_t·n/J in rad/s² per A, by the changes of speed at constant-velocity cycles; from a short
+    # push, to some tens of percent, where they take too little current.
     acceleration_per_current: float
     goal: IdentificationGoal
     warnings: list[str] = field(default_factory=list)
-    presliding: Presliding | None = None
-    backlash: float | None = None
+    presliding: Presliding | None = None        # None where the encoder is too coarse to tell
+    backlash: float | None = None               # rad; None where the ramps show none
 
     @property
     def speeds(self) -> np.ndarray:

@@ -16,72 +16,42 @@ from friction_comp.identification.excitation import constant_velocity_windows
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-SETTLING = 0.25
-"""Time in s that a constant-velocity phase is given to settle; at most 60 % of the phase."""
+# s that a constant-velocity phase is given to settle.
+_SETTLING = 0.25
 
 
 @dataclass(frozen=True)
 class KineticPoint:
-    """One entry of the look-up table.
+    """One entry of the look-up table."""
 
-    Attributes
-    ----------
-    speed : float
-        ω_c as asked for, rad/s, signed.
-    current : float
-        Mean motor current in A, the share that accelerates the joint taken off.
-    standard_deviation : float
-        Of the measured current over the phase, A.
-    actual_speed : float
-        Mean velocity over the phase, rad/s.
-    unsteadiness : float
-        Largest deviation of position from a straight line over the phase, as a share of the
-        way that the joint went.
-    samples : int
-    """
-
-    speed: float
-    current: float
-    standard_deviation: float
-    actual_speed: float
-    unsteadiness: float
+    speed: float                 # ω_c as asked for, rad/s, signed
+    current: float               # mean, A, the share that accelerates the joint taken off
+    standard_deviation: float    # of the measured current over the phase, A
+    actual_speed: float          # mean velocity over the phase, rad/s
+    unsteadiness: float          # largest deviation from a straight line, as a share of its length
     samples: int
 
 
 def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: ArrayLike,
                                speed: float, cycle_time: float,
-                               acceleration_per_current: float | None = None,
-                               settling: float = SETTLING) -> tuple[KineticPoint, KineticPoint]:
-    """Average the current over the two constant-velocity phases of one cycle of Eq. 3.
+                               acceleration_per_current: float | None = None
+                               ) -> tuple[KineticPoint, KineticPoint]:
+    """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
 
     Parameters
     ----------
-    time : array_like, shape (N,)
-        Time since the cycle began in s.
-    position, current : array_like, shape (N,)
-        rad, measured motor current in A.
+    time, position, current : array_like, shape (N,)
+        s since the cycle began, rad, measured motor current in A.
     speed, cycle_time : float
         ω_c in rad/s and T in s.
     acceleration_per_current : float, optional
         k_t·n/J in rad/s² per A. With it the small current that still accelerates the joint
         during the phase is taken off the mean.
-    settling : float
-        s.
-
-    Returns
-    -------
-    tuple of KineticPoint
-        At +ω_c and at -ω_c.
-
-    Raises
-    ------
-    InputError
-        If a phase holds fewer than ten samples.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))
     points = []
-    for sign, (begin, end) in zip((1.0, -1.0), constant_velocity_windows(cycle_time, settling)):
+    for sign, (begin, end) in zip((1.0, -1.0), constant_velocity_windows(cycle_time, _SETTLING)):
         chosen = (time >= begin) & (time <= end)
         count = int(np.sum(chosen))
         if count < 10:
@@ -104,16 +74,7 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
 
 
 def merge_points(points: Iterable[KineticPoint]) -> list[KineticPoint]:
-    """Average repeated speeds and sort: the look-up table's entries in ascending speed.
-
-    Parameters
-    ----------
-    points : iterable of KineticPoint
-
-    Returns
-    -------
-    list of KineticPoint
-    """
+    """Average repeated speeds: the look-up table in ascending speed."""
     groups: dict[float, list[KineticPoint]] = {}
     for point in points:
         groups.setdefault(round(point.speed, 9), []).append(point)

@@ -1,35 +1,43 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Moves a joint for identification: standstill, following a reference, travel to a position."""
+"""Moves a joint for identification: it is broken free, follows references, travels, and rests.
+
+The first motion of an unknown joint is breakaway, then a short push: it measures the current that
+overcomes friction and the acceleration per current, which the motion controller needs, and shows
+whether the measured current is the commanded one.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable, Generator, Sequence
 import math
-from typing import Protocol, TYPE_CHECKING
-
-import numpy as np
+from typing import NoReturn, Protocol, TYPE_CHECKING
 
 from friction_comp.identification.excitation import at_travel
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.ramp import Sample
+from friction_comp.identification.inertia import acceleration_of_push
+from friction_comp.identification.ramp import Sample, speed_over
+from friction_comp.identification.supervision import Supervision
 from friction_comp.identification.velocity_control import (
     BANDWIDTH,
-    LIMIT,
+    Controller,
     velocity_controller_parameters,
     velocity_controller_state,
     velocity_controller_step,
 )
+from friction_comp.signal_checks import LATEST
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
     from friction_comp.identification.kinetic import KineticPoint
 
 STILL_TIME = 0.2        # s of standstill asked for before each ramp
-STILL_PATIENCE = 10.0   # s to come to rest
-# A joint that stays within this many counts, and this distance in rad, is at rest: current noise
-# moves it within its presliding, and very fine encoders show that as many counts.
-STILL_COUNTS, STILL_WAY = 2.5, 1e-5
+_PATIENCE = 10.0        # s to come to rest
+# A joint that moves by no more than so many counts, and rad, stands still.
+_STILL_COUNTS, _STILL_WAY = 2.5, 1e-5
+_PUSH_SPEED = 0.3       # rad/s that the short push aims at
 
 
 class MotionGoal(Protocol):
@@ -51,8 +59,8 @@ class MotionGoal(Protocol):
         """Return the time in s and the distance in rad of one cycle."""
 
 
-class Motion:
-    """A joint's movements as generators that yield currents and are handed samples.
+class Motion(ABC):
+    """A joint's movements as generators that yield currents in A and are handed samples.
 
     Parameters
     ----------
@@ -61,56 +69,159 @@ class Motion:
 
     Attributes
     ----------
+    supervision : Supervision
+        Which must know the measured current to be the commanded one before the first push.
     phase : str
         What is being done.
+    start : float
+        Position at the start in rad, NaN before.
     sample : Sample
         The latest sample handed over; NaN before the first.
     acceleration : float
         k_t·n/J in rad/s² per A; NaN before it is known.
+    friction : pair of float, or None
+        Largest current in A known to be taken by friction, a direction each; None before.
     held : list of KineticPoint
         The currents that were commanded at the speeds held so far. What is fed forward, and how
         much may be commanded, follows from them and never from measured currents: a wrong unit
         of the measurement must not drive the joint.
+    warnings : list of str
     """
 
     def __init__(self, goal: MotionGoal, drive: Drive) -> None:
         self.goal, self.drive = goal, drive
+        self.supervision = Supervision(goal, drive)
         self.phase = 'standstill'
-        self.sample = Sample(math.nan, math.nan, math.nan, math.nan)
+        self.sample, self.start = Sample(math.nan, math.nan, math.nan), math.nan
         self.acceleration = math.nan
+        self.friction: tuple[float, float] | None = None
         self.held: list[KineticPoint] = []
+        self.warnings: list[str] = []
         self._resolution = drive.position_resolution or 1e-6
         self._push = {1: 0.0, -1: 0.0}     # current that overcomes friction, per direction
         self._slid = 0                     # direction of the latest slide
 
+    def run(self) -> Generator[float, Sample, None]:
+        """Yield currents in A and be handed samples: the whole motion, from rest to rest."""
+        self.sample = yield 0.0
+        self.start = self.sample.position
+        yield from self._standstill(STILL_TIME)
+        yield from self._first_motion()
+        yield from self._movements()
+        yield from self._standstill(STILL_TIME)
+
+    @abstractmethod
+    def _movements(self) -> Generator[float, Sample, None]:
+        """Yield currents and be handed samples of a joint whose friction and inertia are known."""
+
+    @abstractmethod
+    def remaining(self) -> float:
+        """Return the estimated time to the end in s."""
+
+    @abstractmethod
+    def bounds(self) -> tuple[float, float]:
+        """Return the lowest and highest position in rad that the joint may have from then on."""
+
     def _step(self, command: float) -> Generator[float, Sample, Sample]:
         """Apply a current and return the next sample."""
-        sample = yield command
-        self.sample = sample
-        return sample
+        self.sample = yield command
+        return self.sample
 
-    def _standstill(self, duration: float) -> Generator[float, Sample, float]:
-        """Wait at zero current until the joint has stood for `duration`; return for how long."""
+    def _standstill(self, duration: float) -> Generator[float, Sample, None]:
+        """Wait at zero current until the joint has stood for a duration."""
         sample = self.sample
         begin, still_since, stood_at = sample.time, sample.time, sample.position
         while sample.time - still_since < duration:
-            if sample.time - begin > STILL_PATIENCE + duration:
+            if sample.time - begin > _PATIENCE + duration:
                 raise IdentificationError(
                     'the joint does not come to rest at zero current: it is driven by gravity, '
                     'pushed, or rings')
             sample = yield from self._step(0.0)
-            if abs(sample.position - stood_at) > max(STILL_COUNTS * self._resolution, STILL_WAY):
+            if abs(sample.position - stood_at) > max(_STILL_COUNTS * self._resolution, _STILL_WAY):
                 still_since, stood_at = sample.time, sample.position
-        return sample.time - still_since
 
-    def _controller(self, bandwidth: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
+    # The first motion.
+
+    def _first_motion(self) -> Generator[float, Sample, None]:
+        """Push in either direction; `friction` and `acceleration` are known then."""
+        self.phase = 'push'
+        rates = []
+        for sign in (1, -1):
+            rates.append((yield from self._short_push(sign)))
+        # Typically, a joint's own breakaway torque accelerates it at 10 rad/s².
+        typical = 10.0 / max(self._push[1], -self._push[-1])
+        rates = [rate for rate in rates if math.isfinite(rate) and rate > typical / 100.0]
+        if not rates:
+            self.warnings.append('the inertia could not be estimated; a typical one was assumed')
+        self.acceleration = max(rates, default=typical)
+
+    def _short_push(self, sign: int) -> Generator[float, Sample, float]:
+        """Break the joint free, push it a little, let it coast; return k_t·n/J or NaN."""
+        peak = self.goal.ramp_peak
+        slope = peak / 3.0
+        yield from self._standstill(STILL_TIME)
+        sample = self.sample
+        begin, home = sample.time, sample.position
+        window = deque([sample], maxlen=200)
+        while True:
+            current = slope * (sample.time - begin)
+            if current > peak:
+                self._never_free(sign, peak)
+            sample = yield from self._step(sign * current)
+            window.append(sample)
+            if speed_over(window, sign, 0.01) > _PUSH_SPEED / 10.0 and (
+                    sign * (sample.position - home) > 8.0 * self._resolution):
+                break
+        if not self.supervision.known():
+            # The response may still be on its way.
+            yield from self._standstill(STILL_TIME + LATEST)
+            self.supervision.require_known()
+            sample = self.sample
+        self._push[sign] = sign * current
+        self._note_friction()
+        strong = min(1.3 * current, self.drive.current_limit)
+        room = sample.position + sign * 0.04 * self.goal.motion_range
+        pushed, begin = [sample], sample.time
+        while (sign * (sample.position - room) < 0.0 and sample.time - begin < 1.0
+               and speed_over(pushed, sign, 0.004) < _PUSH_SPEED):
+            sample = yield from self._step(sign * strong)
+            pushed.append(sample)
+        coasted = [sample]
+        while speed_over(coasted, sign, 0.02) > 0.0 or len(coasted) < 25:
+            sample = yield from self._step(0.0)
+            coasted.append(sample)
+            if sample.time - coasted[0].time > 2.0:
+                break
+        yield from self._standstill(STILL_TIME)
+        return acceleration_of_push(pushed, coasted, strong, sign)
+
+    def _note_friction(self) -> None:
+        """Renew `friction`, after a push or a cycle: it is looked at with every sample."""
+        if 0.0 in self._push.values():
+            return
+        positive, negative = (
+            sign * max([abs(self._push[sign])] + [
+                abs(point.current) for point in self.held if point.speed * sign > 0.0])
+            for sign in (1, -1))
+        self.friction = positive, negative
+
+    def _never_free(self, sign: int, reached: float) -> NoReturn:
+        side = 'positive' if sign > 0 else 'negative'
+        raise IdentificationError(
+            f'the joint did not break free in the {side} direction up to {reached:.3g} A. '
+            'Did it move all the same? Then its encoder is stuck. Is it blocked? If neither, ask '
+            'for a steeper ramp_slope or a longer ramp_period')
+
+    # Following a reference.
+
+    def _controller(self, bandwidth: float, speed: float) -> Controller:
         # Single encoder counts must not change the current by more than friction.
         push = min(self._push[1], -self._push[-1])
         quiet = math.sqrt(0.06 * push * self.acceleration / self._resolution)
         return velocity_controller_parameters(
             self.acceleration, self._plausible(speed),
             self._expected(1, speed), self._expected(-1, speed),
-            bandwidth=max(min(bandwidth, quiet), 5.0)), velocity_controller_state()
+            bandwidth=max(min(bandwidth, quiet), 5.0))
 
     def _plausible(self, speed: float) -> float:
         """Return the largest current in A that a speed may take, by what is known so far.
@@ -145,7 +256,8 @@ class Motion:
 
         Each command in A is the one that was applied before its sample.
         """
-        parameters, state = self._controller(factor * BANDWIDTH, speed)
+        parameters = self._controller(factor * BANDWIDTH, speed)
+        state = velocity_controller_state()
         begin, last = self.sample.time, self.sample.time - 1e-3
         samples, commands, sample = [], [], self.sample
         while sample.time - begin < duration:
@@ -156,7 +268,7 @@ class Motion:
                 raise IdentificationError(
                     f'the joint lags {abs(position - sample.position):.3g} rad behind its '
                     f'reference at {abs(command):.3g} A: blocked, encoder stuck, or current limit '
-                    f'({parameters[LIMIT]:.3g} A, or what was plausible so far) too low')
+                    f'({parameters.limit:.3g} A, or what was plausible so far) too low')
             last = sample.time
             sample = yield from self._step(command)
             samples.append(sample)

@@ -19,24 +19,21 @@ _SPEED_SHARE, _COUNTS, _WAY_SHARE = 0.5, 2.0, 0.08
 
 
 class Sample(NamedTuple):
-    """A sample for the script: s, rad, A and degrees Celsius, the last two NaN where unknown."""
+    """A sample for the script: s, rad and A, the last NaN where unknown."""
 
     time: float
     position: float
     current: float
-    temperature: float
 
 
 class Ramp(NamedTuple):
     """One current ramp: `samples` are rows of `Sample`.
 
     `before` is the direction in which the joint slid last before it, 0 where that is not known;
-    `rest` the time it had stood by then, in s; `stops` the currents in A at which it waited.
+    `stops` the currents in A at which it waited.
     """
 
     direction: int
-    cycle: int
-    rest: float
     before: int
     samples: np.ndarray
     stops: tuple[float, ...] = ()

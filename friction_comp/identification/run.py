@@ -16,13 +16,13 @@ from friction_comp.identification.goal import (
     IdentificationGoal,
     IdentificationResult,
 )
+from friction_comp.identification.inertia import acceleration_of_cycle
 from friction_comp.identification.kinetic import merge_points
-from friction_comp.identification.push import acceleration_of_cycle
-from friction_comp.identification.ramp_evaluation import evaluate_ramps, RampEvaluation
+from friction_comp.identification.ramp_evaluation import evaluate_ramps
 from friction_comp.identification.script import Script
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
 from friction_comp.identification.supervised_run import SupervisedRun
-from friction_comp.identification.supervision import loaded, Supervision
+from friction_comp.identification.supervision import loaded
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 __all__ = ['IdentificationError', 'IdentificationGoal', 'IdentificationResult',
            'IdentificationRun']
 
+
 class IdentificationRun(SupervisedRun):
-    """One identification, from standstill to zero current.
+    """One identification, from standstill to zero current; see `SupervisedRun`.
 
     Call `update` with every sample and apply the current that it returns, until `finished`. Then
     `result()` fits the model.
@@ -41,24 +42,17 @@ class IdentificationRun(SupervisedRun):
     goal : IdentificationGoal
     drive : Drive
 
-    Attributes
-    ----------
-    phase : str
-        'standstill', 'push', 'velocity', 'travel', 'breakaway', 'done', or 'failed'.
-    ...
-        And those of `SupervisedRun`.
-
     Raises
     ------
     InputError
         If the drive cannot meet the goal.
     """
 
+    _script: Script
+
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
         goal.check(drive)
-        supervision = Supervision(goal, drive)
-        self._script = Script(goal, drive, supervision)
-        super().__init__(self._script, supervision)
+        super().__init__(Script(goal, drive))
         self.goal = goal
         self.warnings: list[str] = []
         self._result: IdentificationResult | None = None
@@ -78,9 +72,11 @@ class IdentificationRun(SupervisedRun):
             script = self._script
             points = merge_points(script.points)
             sigmoid, error = fit_sigmoid([p.speed for p in points], [p.current for p in points])
-            self.warnings = script.warnings + self._supervision.warnings()
+            self.warnings = script.warnings + script.supervision.warnings()
             acceleration = self._acceleration()
-            ramps = self._evaluate_ramps(sigmoid.viscous, acceleration)
+            ramps = evaluate_ramps(
+                script.ramps, script.stopping, self.goal.ramp_slope,
+                self.drive.position_resolution or 1e-6, acceleration, sigmoid.viscous)
             self.warnings += ramps.warnings
             statistics = ramps.records.statistics()
             wrong, doubtful = loaded(
@@ -96,12 +92,6 @@ class IdentificationRun(SupervisedRun):
                 warnings=list(self.warnings), presliding=ramps.presliding,
                 backlash=ramps.backlash)
         return self._result
-
-    def _evaluate_ramps(self, viscous: float, acceleration: float) -> RampEvaluation:
-        script = self._script
-        return evaluate_ramps(
-            script.ramps, script.stopping, self.goal.ramp_slope,
-            self.drive.position_resolution or 1e-6, acceleration, viscous)
 
     def _acceleration(self) -> float:
         """k_t·n/J in rad/s² per A by the cycles' changes of speed; by the push where they fail."""

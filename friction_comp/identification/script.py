@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The movements of an identification, as a script that yields currents and is handed samples.
 
-`Script.run` is the whole procedure of sections 2.3 and 2.4 in order; the methods below it are its
-steps. Each ``yield`` is one sample of the joint. What is measured is left in attributes.
+`Script._movements` is the whole procedure of sections 2.3 and 2.4 in order; the methods below it
+are its steps. Each ``yield`` is one sample of the joint. What is measured is left in attributes.
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import at_position, at_ramp, at_travel, at_velocity
-from friction_comp.identification.first_motion import FirstMotion
+from friction_comp.identification.excitation import at_position, at_ramp, at_velocity
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.kinetic import constant_velocity_currents
-from friction_comp.identification.motion import STILL_TIME
+from friction_comp.identification.motion import Motion, STILL_TIME
 from friction_comp.identification.ramp import Ramp, Sample, speed_over, STOP_TIME, time_of_ramp
 from friction_comp.identification.velocity_control import (
     velocity_controller_parameters,
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from friction_comp.drive import Drive
     from friction_comp.identification.goal import IdentificationGoal
     from friction_comp.identification.kinetic import KineticPoint
-    from friction_comp.identification.supervision import Supervision
 
 # The joint runs, well above the run-away threshold, at this speed in rad/s for this time in s, and
 # for more than this many encoder counts. A ramp ends when it has run this far, rad: a rotor that
@@ -56,38 +54,26 @@ STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 _Cycle: TypeAlias = tuple[tuple['KineticPoint', ...], tuple['KineticPoint', ...]]
 
 
-class Script(FirstMotion):
+class Script(Motion):
     """The steps of one identification and what they measured.
-
-    Parameters
-    ----------
-    goal : IdentificationGoal
-    drive : Drive
-    supervision : Supervision
-        Which must know the measured current to be the commanded one before the first push.
 
     Attributes
     ----------
     points : list of KineticPoint
         The look-up table so far, of measured currents.
-    centre : float
-        Position at the start in rad, NaN before; the motion range lies about it.
-    ramps : list of Ramp
-    stopping : list of Ramp
-        The ramps with stops.
+    ramps, stopping : list of Ramp
+        Without stops, and with.
     cycles_driven : list of ndarray, shape (N, 3)
         Time in s, position and current of each cycle of Eq. 3 that was evaluated.
     ...
-        And those of `FirstMotion`; its `acceleration` is the push's.
+        And those of `Motion`; its `acceleration` is the push's.
     """
 
     goal: IdentificationGoal
 
-    def __init__(self, goal: IdentificationGoal, drive: Drive,
-                 supervision: Supervision) -> None:
-        super().__init__(goal, drive, supervision)
+    def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
+        super().__init__(goal, drive)
         self.points: list[KineticPoint] = []
-        self.centre = math.nan
         self.ramps: list[Ramp] = []
         self.stopping: list[Ramp] = []
         self.cycles_driven: list[np.ndarray] = []
@@ -98,11 +84,9 @@ class Script(FirstMotion):
         _compile()
 
     def bounds(self) -> tuple[float, float]:
-        """Return the lowest and highest position in rad that the joint may have."""
-        if math.isnan(self.centre):
-            return -math.inf, math.inf
+        """Return the ends of the motion range, which lies about the position at the start."""
         half = 0.5 * self.goal.motion_range
-        return self.centre - half, self.centre + half
+        return self.start - half, self.start + half
 
     def remaining(self) -> float:
         """Return the estimated time to the end in s."""
@@ -118,12 +102,8 @@ class Script(FirstMotion):
         left += stopping * (goal.ramp_period * (0.4 * share + REST_SHARE) + 9.0 * STOP_TIME)
         return left
 
-    def run(self) -> Generator[float, Sample, None]:
+    def _movements(self) -> Generator[float, Sample, None]:
         """Yield currents, be handed samples; the whole of sections 2.3 and 2.4 in order."""
-        sample = yield 0.0
-        self.centre, self.sample = sample.position, sample
-        yield from self._standstill(STILL_TIME)
-        yield from self._first_motion()
         self._check_accelerations()
         for speed in self.goal.speeds:
             yield from self._constant_velocity(speed)
@@ -133,26 +113,25 @@ class Script(FirstMotion):
         # Two ramps in each direction in turn: a gear yields less after a slide in the ramp's own
         # direction than after one against it, and presliding needs both.
         for first in range(0, self.goal.breakaway_cycles, 2):
-            cycles = range(first, min(first + 2, self.goal.breakaway_cycles))
+            count = min(2, self.goal.breakaway_cycles - first)
             yield from self._travel(self._place(first // 2))
             for sign in (1, -1):
-                for cycle in cycles:
-                    if abs(self.sample.position - self.centre) > 0.2 * self.goal.motion_range:
-                        yield from self._travel(self.centre)
+                for _ in range(count):
+                    if abs(self.sample.position - self.start) > 0.2 * self.goal.motion_range:
+                        yield from self._travel(self.start)
                     self.phase = 'breakaway'
-                    self.ramps.append((yield from self._ramp(sign, cycle)))
-            if first % STOPPING_CYCLES == 0 and len(cycles) > 1:
+                    self.ramps.append((yield from self._ramp(sign)))
+            if first % STOPPING_CYCLES == 0 and count > 1:
                 for sign in (1, -1):
                     cut = self._reached[sign] * self.goal.ramp_peak
                     self.stopping.append((yield from self._ramp(
-                        sign, 0, (cut * np.arange(FIRST_STOP, 1.1, STOP_STEP)).tolist())))
-        yield from self._standstill(STILL_TIME)
+                        sign, (cut * np.arange(FIRST_STOP, 1.1, STOP_STEP)).tolist())))
 
     def _place(self, index: int) -> float:
         """Position in rad of the next ramps: evenly spread however many there are."""
         golden = 0.5 * (math.sqrt(5.0) - 1.0)
         share = 2.0 * math.fmod(0.5 + index * golden, 1.0) - 1.0
-        return self.centre + share * PLACES_SHARE * self.goal.motion_range
+        return self.start + share * PLACES_SHARE * self.goal.motion_range
 
     def _check_accelerations(self) -> None:
         push = max(self._push[1], -self._push[-1])
@@ -195,7 +174,7 @@ class Script(FirstMotion):
     def _one_cycle(self, speed: float, factor: float) -> Generator[float, Sample, _Cycle | None]:
         """Drive one cycle of Eq. 3; return both directions' currents, None if the speed swung."""
         duration, width = self.goal.cycle(speed)
-        yield from self._travel(self.centre - 0.5 * width)
+        yield from self._travel(self.start - 0.5 * width)
         self.phase = 'velocity'
         start = self.sample.position
 
@@ -204,37 +183,30 @@ class Script(FirstMotion):
 
         begin, samples, commands = yield from self._follow(
             reference, duration, max(0.05 * self.goal.motion_range, 0.25 * width), speed, factor)
-        columns = np.array([sample[:3] for sample in samples]).T
-        return self._evaluate(columns, np.array(commands), begin, speed, duration)
-
-    def _evaluate(self, columns: np.ndarray, commands: np.ndarray, begin: float, speed: float,
-                  duration: float) -> _Cycle | None:
-        """Return the currents of both directions at a speed, None if it was not held."""
-        good = np.isfinite(columns[2])
+        driven = np.array(samples)
+        time, position, measured = driven.T
+        good = np.isfinite(measured)
         if np.mean(good) < 0.95:
             raise IdentificationError('the measured current is not finite')
-        time, position, measured = columns[0] - begin, columns[1], columns[2]
         try:
             points, held = (constant_velocity_currents(
-                time[good], position[good], current[good], speed, duration, self.acceleration)
-                for current in (measured, commands))
+                time[good] - begin, position[good], current[good], speed, duration,
+                self.acceleration) for current in (measured, np.array(commands)))
         except InputError as error:
             raise IdentificationError(str(error)) from None
-        for point in points:
-            if (abs(point.actual_speed / point.speed - 1.0) > 0.1
-                    or point.unsteadiness > 0.1):
-                return None
-        self.cycles_driven.append(columns.T)
+        if any(abs(point.actual_speed / point.speed - 1.0) > 0.1 or point.unsteadiness > 0.1
+               for point in points):
+            return None
+        self.cycles_driven.append(driven)
         return points, held
 
-    def _ramp(self, sign: int, cycle: int,
-              stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:
+    def _ramp(self, sign: int, stops: Sequence[float] = ()) -> Generator[float, Sample, Ramp]:
         """Raise the current along Eq. 8 until the joint runs away, then let it come to rest.
 
         At the currents `stops`, A, it waits.
         """
         goal = self.goal
-        rest = yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
+        yield from self._standstill(max(STILL_TIME, REST_SHARE * goal.ramp_period))
         sample = self.sample
         begin, home, samples = sample.time, sample.position, [sample]
         window = deque([sample], maxlen=200)
@@ -260,7 +232,7 @@ class Script(FirstMotion):
             broke = rise if runs is None else runs[0]
             self._reached[sign] = min(1.0, broke / (0.4 * goal.ramp_period))
         before, self._slid = self._slid, sign
-        return Ramp(sign, cycle, rest, before, np.array(samples), tuple(stops))
+        return Ramp(sign, before, np.array(samples), tuple(stops))
 
 
 def _current_scatter(points: Sequence[KineticPoint]) -> float:
@@ -270,7 +242,6 @@ def _current_scatter(points: Sequence[KineticPoint]) -> float:
 
 def _compile() -> None:
     """Have every kernel of the control loop compiled before the first sample comes."""
-    at_position(0.1, 1.0, 1.0), at_velocity(0.1, 1.0, 1.0), at_ramp(0.1, 1.0, 1.0)
-    at_travel(0.1, 1.0, 1.0)
+    at_ramp(0.1, 1.0, 1.0)
     velocity_controller_step(velocity_controller_parameters(1.0, 1.0),
                              velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)

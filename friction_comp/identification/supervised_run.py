@@ -9,36 +9,16 @@ outside the range or a fault of the drive ends the run for good.
 
 from __future__ import annotations
 
-from collections.abc import Generator
 import math
-from typing import Protocol, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from friction_comp.identification.goal import IdentificationError
 from friction_comp.identification.ramp import Sample
 
 if TYPE_CHECKING:
-    from friction_comp.drive import Drive
-    from friction_comp.identification.supervision import Supervision
+    from friction_comp.identification.motion import Motion
 
 LONGEST_GAP = 0.25      # s without a sample after which the joint is out of control
-
-
-class Steps(Protocol):
-    """A generator of currents that moves the joint, and the current estimates of the joint."""
-
-    drive: Drive
-    phase: str
-    acceleration: float
-    friction: tuple[float, float] | None
-
-    def run(self) -> Generator[float, Sample, None]:
-        """Yield currents in A and be handed samples."""
-
-    def remaining(self) -> float:
-        """Return the estimated time to the end in s."""
-
-    def bounds(self) -> tuple[float, float]:
-        """Return the lowest and highest position in rad that the joint may have."""
 
 
 class SupervisedRun:
@@ -48,8 +28,7 @@ class SupervisedRun:
 
     Parameters
     ----------
-    script : Steps
-    supervision : Supervision
+    script : Motion
 
     Attributes
     ----------
@@ -63,11 +42,11 @@ class SupervisedRun:
         Why the run failed; empty while it has not.
     """
 
-    def __init__(self, script: Steps, supervision: Supervision) -> None:
+    def __init__(self, script: Motion) -> None:
         self.drive = script.drive
         self.error, self.finished = '', False
         self.progress, self.remaining = 0.0, math.nan
-        self._steps, self._supervision = script, supervision
+        self._script: Motion = script
         self._run = script.run()
         next(self._run)
         self._begin: float | None = None
@@ -79,10 +58,10 @@ class SupervisedRun:
         """The run's present step."""
         if self.error:
             return 'failed'
-        return 'done' if self.finished else self._steps.phase
+        return 'done' if self.finished else self._script.phase
 
     def update(self, time: float, position: float, velocity: float | None = None,
-               current: float = 0.0, temperature: float | None = None) -> float:
+               current: float = 0.0) -> float:
         """Take one sample of the joint and return the current to apply.
 
         Parameters
@@ -95,8 +74,6 @@ class SupervisedRun:
             rad/s. The position must go where it leads; for all else the position is finer.
         current : float
             Measured motor current in A.
-        temperature : float, optional
-            Motor temperature in degrees Celsius.
 
         Returns
         -------
@@ -115,13 +92,12 @@ class SupervisedRun:
             self._check(time, position)
             if self._last is not None and time <= self._last:
                 return self._command
-            self._supervision.check(
+            self._script.supervision.check(
                 float(time), float(position), velocity, float(current), self._command,
-                self._steps.friction, self._steps.acceleration)
+                self._script.friction, self._script.acceleration)
             command = self._run.send(Sample(
                 float(time), float(position),
-                float(current) if math.isfinite(current) else math.nan,
-                math.nan if temperature is None else float(temperature)))
+                float(current) if math.isfinite(current) else math.nan))
         except StopIteration:
             self.finished = True
             self.progress, self.remaining, self._command = 1.0, 0.0, 0.0
@@ -146,11 +122,13 @@ class SupervisedRun:
             raise IdentificationError('the time of a sample is not finite')
         if not math.isfinite(position):
             raise IdentificationError('the joint position is not finite: encoder failure')
-        if self._last is not None and abs(time - self._last) > LONGEST_GAP:
+        if self._last is None:
+            return
+        if abs(time - self._last) > LONGEST_GAP:
             what = 'no sample for' if time > self._last else 'time went back by'
             raise IdentificationError(
                 f'{what} {abs(time - self._last):.2g} s; {LONGEST_GAP} s are tolerated')
-        low, high = self._steps.bounds()
+        low, high = self._script.bounds()
         if not low <= position <= high:
             raise IdentificationError(
                 f'the joint left its motion range of {high - low:.4g} rad')
@@ -163,6 +141,6 @@ class SupervisedRun:
             return
         self._estimated = now
         elapsed = now - self._begin
-        self.remaining = self._steps.remaining()
+        self.remaining = self._script.remaining()
         share = elapsed / max(elapsed + self.remaining, 1e-9)
         self.progress = max(self.progress, min(0.999, share))

@@ -15,12 +15,15 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 import math
+from typing import TYPE_CHECKING
 
-from friction_comp.drive import Drive
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.kinetic import KineticPoint
-from friction_comp.identification.motion import MotionGoal
 from friction_comp.signal_checks import Answer, current_fault, CurrentCheck, VelocityCheck
+
+if TYPE_CHECKING:
+    from friction_comp.drive import Drive
+    from friction_comp.identification.kinetic import KineticPoint
+    from friction_comp.identification.motion import MotionGoal
 
 # Accepted ratios of measured to commanded current, and of integrated velocity to change of
 # position; outside, a unit or a constant is wrong.
@@ -70,10 +73,8 @@ class Supervision:
 
         Parameters
         ----------
-        time, position : float
-            s, rad.
-        velocity : float or None
-            Measured velocity in rad/s; None or NaN where there is none.
+        time, position, velocity : float
+            s, rad, rad/s; velocity None or NaN where it is not measured.
         current, command : float
             Measured and commanded current in A.
         friction : pair of float, or None
@@ -208,24 +209,12 @@ def _refuse_late(answer: Answer) -> None:
 
 def loaded(points: Sequence[KineticPoint], breakaway: tuple[float, float],
            spread: float) -> tuple[str, str]:
-    """Return from a finished run whether something other than friction was measured.
+    """Return from a finished run what is wrong, and what is doubtful; empty where nothing is.
 
     Friction takes as much in both directions, but for a few per cent. What adds to one and takes
     from the other is a load: gravity, a spring, or somebody who leans on the joint. Gravity is
-    the same in the table of velocities and in the breakaway currents; a person need not be.
-
-    Parameters
-    ----------
-    points : sequence of KineticPoint
-    breakaway : pair of float
-        Mean breakaway currents in A, the second negative.
-    spread : float
-        Largest standard deviation of the breakaway currents of one direction, A.
-
-    Returns
-    -------
-    (str, str)
-        What is wrong, and what is doubtful; empty where nothing is.
+    the same in the table of velocities and in the breakaway currents, whose means and largest
+    standard deviation are given in A; a person need not be.
     """
     friction = 0.5 * (breakaway[0] - breakaway[1])
     shift = 0.5 * (breakaway[0] + breakaway[1])

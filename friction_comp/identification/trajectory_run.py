@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,12 +18,10 @@ from scipy.interpolate import CubicHermiteSpline
 
 from friction_comp.checks import check_number
 from friction_comp.errors import InputError
-from friction_comp.identification.excitation import ramp_peak
-from friction_comp.identification.first_motion import FirstMotion
-from friction_comp.identification.motion import STILL_TIME
+from friction_comp.identification.goal import RampGoal
+from friction_comp.identification.motion import Motion, STILL_TIME
 from friction_comp.identification.ramp import Sample
 from friction_comp.identification.supervised_run import SupervisedRun
-from friction_comp.identification.supervision import Supervision
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -36,7 +33,7 @@ _LONGEST = 3600.0
 
 
 @dataclass(frozen=True)
-class TrajectoryGoal:
+class TrajectoryGoal(RampGoal):
     """A trajectory of one joint, and the ramp that breaks it free before.
 
     Parameters
@@ -92,44 +89,29 @@ class TrajectoryGoal:
                   float(np.abs(np.diff(self.positions) / np.diff(self.times)).max()))
         return 0.3 * top, top
 
-    @property
-    def ramp_peak(self) -> float:
-        """Largest current in A with which the joint is broken free."""
-        return ramp_peak(self.ramp_slope, self.ramp_period)
-
     def cycle(self, speed: float) -> tuple[float, float]:
         """Return time in s and width in rad of a cycle with the trajectory's acceleration."""
         steep = float(np.abs(np.diff(self.velocities) / np.diff(self.times)).max())
         duration = 10.0 * speed / max(steep, 1e-6)
         return duration, 0.4 * speed * duration
 
-    def check(self, drive: Drive) -> None:
-        """Raise InputError if the drive cannot do the goal."""
-        if self.ramp_peak > drive.current_limit:
-            raise InputError(
-                f'ramp_slope and ramp_period: the ramp would reach {self.ramp_peak:g} A, above '
-                f'the current limit of {drive.current_limit:g} A')
 
-
-class FollowTrajectory(FirstMotion):
-    """The steps of one trajectory; see `FirstMotion`."""
+class FollowTrajectory(Motion):
+    """The steps of one trajectory."""
 
     goal: TrajectoryGoal
 
-    def __init__(self, goal: TrajectoryGoal, drive: Drive, supervision: Supervision) -> None:
-        super().__init__(goal, drive, supervision)
-        self._start = math.nan
+    def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
+        super().__init__(goal, drive)
         self._began: float | None = None
         self._path = CubicHermiteSpline(goal.times, goal.positions, goal.velocities)
         self._speed = self._path.derivative()
 
     def bounds(self) -> tuple[float, float]:
         """Return the lowest and highest position in rad that the joint may have."""
-        if math.isnan(self._start):
-            return -math.inf, math.inf
         width, places = self.goal.motion_range, self.goal.positions
-        return (min(min(places) - _BEYOND * width, self._start - _PUSHED * width),
-                max(max(places) + _BEYOND * width, self._start + _PUSHED * width))
+        return (min(min(places) - _BEYOND * width, self.start - _PUSHED * width),
+                max(max(places) + _BEYOND * width, self.start + _PUSHED * width))
 
     def remaining(self) -> float:
         """Return the estimated time to the end in s."""
@@ -137,18 +119,13 @@ class FollowTrajectory(FirstMotion):
             return self.goal.times[-1] + 5.0 * STILL_TIME
         return max(0.0, self._began + self.goal.times[-1] - self.sample.time)
 
-    def run(self) -> Generator[float, Sample, None]:
-        """Yield currents, be handed samples: break free, travel, follow, rest."""
+    def _movements(self) -> Generator[float, Sample, None]:
+        """Yield currents, be handed samples: travel to the first point, follow the trajectory."""
         goal = self.goal
-        sample = yield 0.0
-        self._start, self.sample = sample.position, sample
-        yield from self._standstill(STILL_TIME)
-        yield from self._first_motion()
         yield from self._travel(goal.positions[0])
         self.phase, self._began = 'trajectory', self.sample.time
         yield from self._follow(self._reference, goal.times[-1], _BEHIND * goal.motion_range,
                                 goal.speeds[-1])
-        yield from self._standstill(STILL_TIME)
 
     def _reference(self, time: float) -> tuple[float, float]:
         time = max(time, self.goal.times[0])
@@ -156,20 +133,8 @@ class FollowTrajectory(FirstMotion):
 
 
 class TrajectoryRun(SupervisedRun):
-    """One trajectory, from standstill to zero current; see `SupervisedRun`.
-
-    Parameters
-    ----------
-    goal : TrajectoryGoal
-    drive : Drive
-
-    Raises
-    ------
-    InputError
-        If the drive cannot meet the goal.
-    """
+    """One trajectory, from standstill to zero current; see `SupervisedRun`."""
 
     def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
         goal.check(drive)
-        supervision = Supervision(goal, drive)
-        super().__init__(FollowTrajectory(goal, drive, supervision), supervision)
+        super().__init__(FollowTrajectory(goal, drive))

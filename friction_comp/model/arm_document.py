@@ -14,17 +14,9 @@ VERSION = 1
 
 
 def arm_document(models: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return the document of a whole arm.
+    """Return the document of a whole arm, from each joint's own document.
 
-    Parameters
-    ----------
-    models : dict of str to dict
-        Each joint's own document.
-
-    Returns
-    -------
-    dict
-        What all joints say alike of their arm stands in it once.
+    What all joints say alike of their arm stands in it once.
     """
     shared = [model['arm'] for model in models.values() if 'links' in model.get('arm', {})]
     document: dict[str, Any] = {'format': FORMAT, 'version': VERSION, 'joints': {}}
@@ -46,19 +38,9 @@ def joints_of(document: Any) -> list[str] | None:
 
 
 def one_joint_of(document: Any, joint: str | None) -> Any:
-    """Return one joint's own document.
+    """Return one joint's own document; that of a single joint is returned as it is.
 
-    Parameters
-    ----------
-    document : dict
-        Of a whole arm; that of one joint is returned as it is.
-    joint : str, optional
-        Needed where there are several.
-
-    Raises
-    ------
-    InputError
-        If the joint is not in it, or none was named.
+    Raises InputError if the joint is not in it, or none was named where there are several.
     """
     names = joints_of(document)
     if names is None:

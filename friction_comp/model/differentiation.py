@@ -25,11 +25,10 @@ _MOTION = ('position', 'velocity', 'acceleration', 'load', 'temperature', 'rigid
 def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     """Return samples with velocity and acceleration by a zero-phase filter.
 
-    The signal is filtered forwards and backwards by a second-order Butterworth low pass, which
-    delays nothing, and differentiated by central differences, stretch by stretch. Where the stamps
-    are uneven they are filtered in the same way: what unevenness does to the positions is then in
-    both, and drops out of their ratio to first order, whether the samples or only their stamps came
-    unevenly.
+    The signal is filtered forwards and backwards by a second-order Butterworth low pass, and
+    differentiated by central differences, stretch by stretch. Where the stamps are uneven they are
+    filtered in the same way: the unevenness is then in both, and drops out of their ratio to first
+    order, whether the samples or only their stamps came unevenly.
 
     Parameters
     ----------
@@ -63,7 +62,8 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
         if len(time) < 3:
             continue
         time = _increasing(time)
-        if not _even(time):
+        step = np.diff(time)
+        if np.ptp(step) >= _EVEN * np.median(step):
             time = _increasing(_smooth(time, samples.sample_time, bandwidth))
         if source == 'position':
             speed = _derivative(
@@ -87,14 +87,7 @@ def elapsed(samples: Samples) -> np.ndarray:
 
 
 def advance(samples: Samples, lag: float) -> Samples:
-    """Return samples whose motion, load and temperature are those of the time t + lag.
-
-    Parameters
-    ----------
-    samples : Samples
-    lag : float
-        s. Beyond the ends of a stretch the last values are held.
-    """
+    """Return samples whose motion, load and temperature are those of the time t + lag, s."""
     if not lag:
         return samples
     names = [name for name in _MOTION if getattr(samples, name) is not None]
@@ -111,24 +104,15 @@ def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
     samples : Samples
         Of the same time base.
     lag : float
-        s.
+        s. Beyond the ends of a stretch the last values are held.
     """
-    source = np.reshape(np.asarray(values, dtype=float), (len(values), -1))
-    index = np.arange(len(source))
+    source = np.reshape(np.asarray(values, dtype=float), (len(values), -1)).T
+    moved = np.empty_like(source)
     for part in samples.segments():
         time = samples.time[part]
-        index[part] = part.start + np.clip(
-            np.searchsorted(time, time + lag, side='right') - 1, 0, max(len(time) - 2, 0))
-    last = np.zeros(len(source), dtype=bool)
-    last[[part.stop - 1 for part in samples.segments()]] = True
-    after = np.where(last[index], index, index + 1)
-    step = samples.time[after] - samples.time[index]
-    share = (samples.time + lag - samples.time[index]) / np.where(step > 0, step, 1.0)
-    share = np.where(step > 0, np.clip(share, 0.0, 1.0), 0.0)
-    # Column by column, since each is contiguous in memory.
-    moved = np.array([(1.0 - share) * column[index] + share * column[after]
-                      for column in source.T]).T
-    return moved.reshape(np.shape(values))
+        for column, result in zip(source, moved):
+            result[part] = np.interp(time + lag, time, column[part])
+    return moved.T.reshape(np.shape(values))
 
 
 def _smooth(signal: np.ndarray, sample_time: float, bandwidth: float | None) -> np.ndarray:
@@ -152,12 +136,6 @@ def _derivative(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     step = np.diff(time)
     step = np.maximum(step, 0.25 * float(np.median(step)))
     return np.asarray(np.gradient(values, np.concatenate(([0.0], np.cumsum(step)))))
-
-
-def _even(time: np.ndarray) -> bool:
-    """Return whether all steps are alike."""
-    step = np.diff(time)
-    return float(np.ptp(step)) < _EVEN * float(np.median(step))
 
 
 def _increasing(time: np.ndarray) -> np.ndarray:

@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, MISSING, replace
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,12 +20,13 @@ from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm_document import one_joint_of
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.effects import Effect, EFFECTS
-from friction_comp.model.schema import check_keys, ENTRIES
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
 
 FORMAT = 'friction_comp_model'
 VERSION = 1
+
+T = TypeVar('T')
 
 
 @dataclass(frozen=True)
@@ -43,18 +45,14 @@ class Breakaway:
     negative_position: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ('positive_mean', 'negative_mean', 'positive_std', 'negative_std'):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError(f'breakaway.{name} must be finite')
-        for name in ('positive_position', 'negative_position'):
-            if not math.isfinite(getattr(self, name) or 0.0):
-                raise InputError(f'breakaway.{name} must be finite')
+        for name, value in vars(self).items():
+            if value is not None or name.endswith('_mean'):
+                check_number(value, f'breakaway.{name}',
+                             least=0.0 if name.endswith('_std') else -math.inf)
         if self.positive_mean < 0 or self.negative_mean > 0:
             raise InputError(
                 'breakaway currents must have the sign of their direction, not '
                 f'{self.positive_mean} and {self.negative_mean}')
-        if self.positive_std < 0 or self.negative_std < 0:
-            raise InputError('breakaway standard deviations must not be negative')
 
 
 @dataclass(frozen=True)
@@ -76,12 +74,9 @@ class Presliding:
     std: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ('distance', 'stiffness', 'std'):
-            value = getattr(self, name)
-            if value is None and name != 'distance':
-                continue
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f'presliding.{name} must be positive and finite, not {value!r}')
+        for name, value in vars(self).items():
+            if value is not None or name == 'distance':
+                check_number(value, f'presliding.{name}', above=0.0)
 
 
 @dataclass
@@ -168,6 +163,10 @@ class FrictionModel:
             return samples.current
         return samples.current + np.nan_to_num(samples.load) / self.drive.torque_per_current
 
+    def largest_speed(self, default: float) -> float:
+        """Return the largest speed in rad/s of the look-up table; a default where it has none."""
+        return max(map(abs, (self.lookup_table or {}).get('speeds', ())), default=0.0) or default
+
     def for_other_recordings(self) -> FrictionModel:
         """Return the model without the effects that do not hold in another recording."""
         lasting = [effect for effect in self.effects if effect.holds_on_another_day]
@@ -193,28 +192,19 @@ class FrictionModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as the plain values of its file."""
-        document = {'format': FORMAT, 'version': VERSION, 'joint': self.joint}
-        drive = {
-            'torque_constant': self.drive.torque_constant,
-            'gear_ratio': self.drive.gear_ratio,
-            'current_limit': self.drive.current_limit,
-        }
-        if self.drive.encoder_counts is not None:
-            drive['encoder_counts'] = self.drive.encoder_counts
-        document['drive'] = drive
-        document['sigmoid'] = {
-            'coefficients': list(self.sigmoid.coefficients()), 'velocity_unit': 'rad/s'}
+        document: dict[str, Any] = {
+            'format': FORMAT, 'version': VERSION, 'joint': self.joint,
+            'drive': _entries(self.drive),
+            'sigmoid': {'coefficients': self.sigmoid.coefficients(), 'velocity_unit': 'rad/s'}}
         if self.breakaway is not None:
+            known = _entries(self.breakaway)
             document['breakaway'] = {
-                side: {what: getattr(self.breakaway, f'{side}_{what}')
-                       for what in ('mean', 'std', 'position')
-                       if getattr(self.breakaway, f'{side}_{what}') is not None}
-                for side in ('positive', 'negative')}
+                side: {what: known[f'{side}_{what}'] for what in _OF_BREAKAWAY
+                       if f'{side}_{what}' in known} for side in ('positive', 'negative')}
         if self.presliding is not None:
-            document['presliding'] = {
-                name: value for name, value in vars(self.presliding).items() if value is not None}
+            document['presliding'] = _entries(self.presliding)
         if self.position_limits is not None:
-            document['position_limits'] = list(self.position_limits)
+            document['position_limits'] = self.position_limits
         document['effects'] = [effect.to_dict() for effect in self.effects]
         for name in ('lookup_table', 'differentiation', 'simulation', 'notes'):
             if getattr(self, name):
@@ -252,103 +242,103 @@ class FrictionModel:
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> FrictionModel:
         """Make a model of the plain values of its file."""
-        check_document(document, 'a model file', FORMAT, VERSION, ENTRIES)
-        check_keys(document)
-        sigmoid = _section(document, 'sigmoid')
-        if 'coefficients' not in sigmoid or not isinstance(sigmoid['coefficients'], list):
-            raise InputError('sigmoid.coefficients is missing or not a list')
-        optional: dict[str, Any] = {}
-        if document.get('presliding') is not None:
-            optional['presliding'] = _presliding(_section(document, 'presliding'))
-        if document.get('position_limits') is not None:
-            optional['position_limits'] = _range(_list(document, 'position_limits'))
-        for name in ('lookup_table', 'simulation', 'notes'):
-            if document.get(name) is not None:
-                optional[name] = _section(document, name)
-        if document.get('arm') is not None:
-            optional['arm'] = Arm.from_dict(_section(document, 'arm'))
+        known = {'format', 'version', *(entry.name for entry in fields(cls))}
+        check_document(document, 'a model file', FORMAT, VERSION, known)
+        given = {name: value for name, value in document.items() if value is not None}
         return cls(
-            drive=_drive(_section(document, 'drive')),
-            sigmoid=Sigmoid.from_coefficients(
-                sigmoid['coefficients'], sigmoid.get('velocity_unit', 'rad/s')),
-            breakaway=_breakaway(document),
-            effects=[_effect(entry) for entry in _list(document, 'effects')],
-            differentiation=_differentiation(document),
-            joint=str(document.get('joint') or ''), **optional)
+            drive=_section(Drive, given.get('drive'), 'drive'),
+            sigmoid=_sigmoid(given.get('sigmoid')),
+            effects=[_effect(entry) for entry in check_list(given.get('effects'), 'effects')],
+            joint=str(given.get('joint', '')),
+            **{name: read(given[name]) for name, read in _OPTIONAL.items() if name in given})
 
 
-def _differentiation(document: dict[str, Any]) -> dict[str, Any]:
-    """Return how motion is computed."""
-    if document.get('differentiation') is None:
-        return {}
-    section = dict(_section(document, 'differentiation'))
-    for name in ('bandwidth', 'lag'):
-        if section.get(name) is not None:
-            section[name] = _number(section, name, 'differentiation')
-    return section
+def _entries(section: Any) -> dict[str, Any]:
+    """Return the entries of a dataclass that are known."""
+    return {name: value for name, value in vars(section).items() if value is not None}
 
 
-def _presliding(section: dict[str, Any]) -> Presliding:
-    values = {name: _number(section, name, 'presliding') for name in section}
-    if 'distance' not in values:
-        raise InputError('presliding.distance is missing')
-    return Presliding(**values)
+def _section(kind: type[T], section: Any, name: str) -> T:
+    """Return a section as the dataclass whose fields are its entries, and which checks them."""
+    known = fields(kind)  # type: ignore[arg-type]
+    check_mapping(section, name, [entry.name for entry in known])
+    for entry in known:
+        if entry.default is MISSING and entry.name not in section:
+            raise InputError(f'{name}.{entry.name} is missing')
+    return kind(**section)
 
 
-def _range(values: list[Any]) -> tuple[float, float]:
-    if len(values) != 2:
-        raise InputError('position_limits must be two positions, the lower one first')
-    lowest, highest = (_number({'': value}, '', 'position_limits') for value in values)
-    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest < highest):
-        raise InputError(f'position_limits must be two positions, the lower one first, '
-                         f'not {values!r}')
-    return lowest, highest
+def _sigmoid(section: Any) -> Sigmoid:
+    check_mapping(section, 'sigmoid', ('coefficients', 'velocity_unit'))
+    if not isinstance(section.get('coefficients'), list):
+        raise InputError('sigmoid.coefficients is missing or not a list')
+    return Sigmoid.from_coefficients(
+        section['coefficients'], section.get('velocity_unit', 'rad/s'))
 
 
-def _drive(section: dict[str, Any]) -> Drive:
-    for name in ('torque_constant', 'gear_ratio'):
-        if name not in section:
-            raise InputError(f'drive.{name} is missing')
-    return Drive(**section)
-
-
-def _breakaway(document: dict[str, Any]) -> Breakaway | None:
-    if document.get('breakaway') is None:
-        return None
-    section = _section(document, 'breakaway')
+def _breakaway(section: Any) -> Breakaway:
+    check_mapping(section, 'breakaway', ('positive', 'negative'))
     values = {}
     for side in ('positive', 'negative'):
-        entry = _section(section, side)
-        values[f'{side}_mean'] = _number(entry, 'mean', f'breakaway.{side}')
-        values[f'{side}_std'] = _number(entry, 'std', f'breakaway.{side}', 0.0)
-        if entry.get('position') is not None:
-            values[f'{side}_position'] = _number(entry, 'position', f'breakaway.{side}')
+        entry = check_mapping(section.get(side), f'breakaway.{side}', _OF_BREAKAWAY)
+        for what in _OF_BREAKAWAY:
+            if what == 'mean' or entry.get(what) is not None:
+                values[f'{side}_{what}'] = check_number(
+                    entry.get(what), f'breakaway.{side}.{what}')
     return Breakaway(**values)
 
 
-def _effect(entry: dict[str, Any]) -> Effect:
+def _position_limits(section: Any) -> tuple[float, float]:
+    limits = [check_number(value, 'position_limits')
+              for value in check_list(section, 'position_limits')]
+    if len(limits) != 2 or not limits[0] < limits[1]:
+        raise InputError(f'position_limits must be two positions, the lower one first, '
+                         f'not {section!r}')
+    return limits[0], limits[1]
+
+
+def _lookup_table(section: Any) -> dict[str, list[float]]:
+    check_mapping(section, 'lookup_table', ('speeds', 'currents', 'standard_deviations'))
+    table = {name: [check_number(value, f'lookup_table.{name}')
+                    for value in check_list(values, f'lookup_table.{name}')]
+             for name, values in section.items()}
+    if len(table.get('speeds', ())) != len(table.get('currents', ())):
+        raise InputError('lookup_table: speeds and currents must be as many')
+    return table
+
+
+def _differentiation(section: Any) -> dict[str, Any]:
+    check_mapping(section, 'differentiation')
+    return {name: check_number(value, f'differentiation.{name}')
+            if name in ('bandwidth', 'lag') and value is not None else value
+            for name, value in section.items()}
+
+
+_OF_BREAKAWAY = ('mean', 'std', 'position')
+_OF_EFFECT = ('name', 'variable', 'parameters', 'intervals', 'valid_range')
+_OPTIONAL: dict[str, Callable[[Any], Any]] = {
+    'breakaway': _breakaway,
+    'presliding': lambda section: _section(Presliding, section, 'presliding'),
+    'position_limits': _position_limits,
+    'lookup_table': _lookup_table,
+    'differentiation': _differentiation,
+    'arm': lambda section: Arm.from_dict(check_mapping(section, 'arm')),
+    'simulation': lambda section: check_mapping(section, 'simulation'),
+    'notes': lambda section: check_mapping(section, 'notes'),
+}
+"""Sections that a model file may have, and how each is read."""
+
+
+def _effect(entry: Any) -> Effect:
     if not isinstance(entry, dict) or 'name' not in entry:
         raise InputError(f'an effect needs a name: {entry!r}')
+    name = f"effect '{entry['name']}'"
     kind = EFFECTS.get(str(entry['name']))
     if kind is None:
-        raise InputError(f"unknown effect '{entry['name']}'; known: {', '.join(EFFECTS)}")
-    parameters = entry.get('parameters') or {}
-    if not isinstance(parameters, dict):
-        raise InputError(f"parameters of effect '{entry['name']}' are not a mapping")
+        raise InputError(f"unknown {name}; known: {', '.join(EFFECTS)}")
+    check_mapping(entry, name, _OF_EFFECT)
+    parameters = check_mapping(entry.get('parameters') or {}, f'parameters of {name}')
     try:
-        ranges = entry.get('valid_range')
-        return kind(parameters, ranges) if ranges is not None else kind(parameters)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"effect '{entry['name']}': {error}") from None
-
-
-def _section(document: dict[str, Any], name: str) -> dict[str, Any]:
-    return check_mapping(document.get(name), name)
-
-
-def _list(document: dict[str, Any], name: str) -> list[Any]:
-    return check_list(document.get(name) or None, name)
-
-
-def _number(entry: dict[str, Any], name: str, where: str, default: float | None = None) -> float:
-    return check_number(entry.get(name, default), f'{where}.{name}')
+        return kind(parameters, entry.get('valid_range'))
+    except (InputError, OverflowError) as error:
+        raise InputError(f'{name}: {error}') from None

@@ -111,29 +111,14 @@ class Sigmoid:
             upper=c1 / c4, lower=-c3 / c5, steepness=c2 / unit,
             shift=-math.log(c4 / c5) / c2 * unit, viscous=c6 / unit)
 
-    def coefficients(self, velocity_unit: str = 'rad/s',
-                     scale: float | None = None) -> tuple[float, ...]:
-        """Return c1..c6 of Eq. 6.
-
-        Parameters
-        ----------
-        velocity_unit : {'rad/s', 'deg/s'}
-        scale : float, optional
-            The sum c4 + c5, which Eq. 6 leaves free; 2 when omitted.
-
-        Returns
-        -------
-        tuple of float, length 6
-        """
+    def coefficients(self, velocity_unit: str = 'rad/s') -> tuple[float, ...]:
+        """Return c1..c6 of Eq. 6, with the sum c4 + c5, which Eq. 6 leaves free, of 2."""
         unit = _unit(velocity_unit)
-        total = 2.0 if scale is None else scale
         with np.errstate(over='ignore'):
             # The transition's share at standstill.
             share = kinetic_current(0.0, 1.0, 0.0, self.steepness, self.shift, 0.0)
-        c4 = total * float(share)
-        c5 = total - c4
-        tiny = 1e-12 * total
-        c4, c5 = max(c4, tiny), max(c5, tiny)
+        c4 = 2.0 * float(share)
+        c4, c5 = max(c4, 2e-12), max(2.0 - c4, 2e-12)
         return (self.upper * c4, self.steepness * unit, -self.lower * c5, c4, c5,
                 self.viscous * unit)
 

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from scipy.optimize import nnls
 
-from friction_comp.errors import InputError
+from friction_comp.checks import check_number
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
 
@@ -32,37 +32,17 @@ _OWN_ELEMENTS = ('inertia', 'spring')
 
 @dataclass(frozen=True)
 class SimulatorJoint:
-    """Parameters of a simulator's joint.
+    """Parameters of a simulator's joint."""
 
-    Parameters
-    ----------
-    friction : float
-        Coulomb friction, N·m.
-    damping : float
-        Viscous friction, N·m·s/rad.
-    inertia : float
-        Of the drive at the joint, kg·m².
-    stiffness, rest : float
-        Of a spring, N·m/rad, and its rest position, rad.
-    error : float
-        RMS error of the simplified form, N·m.
-    share : float
-        The same as a share of the model's torque.
-    top_speed : float
-        Up to which the form was fitted, rad/s.
-    left_out : list of str
-        Effects that are left out, with the reason.
-    """
-
-    friction: float
-    damping: float
-    inertia: float
-    stiffness: float
-    rest: float
-    error: float
-    share: float
-    top_speed: float
-    left_out: list[str]
+    friction: float         # Coulomb friction, N·m
+    damping: float          # viscous friction, N·m·s/rad
+    inertia: float          # of the drive at the joint, kg·m²
+    stiffness: float        # of a spring, N·m/rad
+    rest: float             # its rest position, rad
+    error: float            # RMS error of the simplified form, N·m
+    share: float            # the same as a share of the model's torque
+    top_speed: float        # up to which the form was fitted, rad/s
+    left_out: list[str]     # effects that are left out, with the reason
 
 
 def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:
@@ -74,7 +54,7 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
     top_speed : float, optional
         rad/s; the largest of the model's look-up table, else 1.
     """
-    top_speed = top_speed or measured_top_speed(model)
+    top_speed = top_speed or model.largest_speed(_TOP_SPEED)
     gain = model.drive.torque_per_current
     kept, left_out = joint_friction_only(model)
     motion, late = sweeps(model, top_speed)
@@ -92,12 +72,6 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
     whole = math.sqrt(float(np.mean(torque ** 2)))
     return SimulatorJoint(float(friction), float(damping), inertia, stiffness, rest, error,
                           error / whole if whole else 0.0, top_speed, left_out)
-
-
-def measured_top_speed(model: FrictionModel) -> float:
-    """Return the largest speed of the model's look-up table, rad/s; 1 where it has none."""
-    speeds = [abs(v) for v in (model.lookup_table or {}).get('speeds', ())]
-    return max(speeds, default=_TOP_SPEED) or _TOP_SPEED
 
 
 def joint_friction_only(model: FrictionModel) -> tuple[FrictionModel, list[str]]:
@@ -120,14 +94,8 @@ def sweeps(model: FrictionModel, top_speed: float) -> tuple[Samples, np.ndarray]
     """Return sweeps at constant speeds over the joint's range, or a turn, in both directions.
 
     With them, which samples follow the first tenth of a sweep: presliding is over by then.
-
-    Raises
-    ------
-    InputError
-        If the top speed is no positive number.
     """
-    if not (math.isfinite(top_speed) and top_speed > 0.0):
-        raise InputError(f'the top speed must be a positive number, not {top_speed}')
+    check_number(top_speed, 'the top speed', above=0.0)
     low, high = model.position_limits or (-math.pi, math.pi)
     path = np.linspace(low, high, _POINTS)
     parts = []
@@ -160,20 +128,20 @@ def table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = Non
     list of str, ndarray of shape (N, 4)
         Names of the columns: velocity, position, load, torque; and the rows.
     """
-    top_speed = top_speed or measured_top_speed(model)
-    named = [effect for effect in model.effects if effect.name not in (*_LINKS, *_OWN_ELEMENTS)
-             and effect.holds_on_another_day]
-    kept = replace(model, effects=[effect for effect in named if not (
-        {'temperature', 'rigid_body', 'coupling'} & set(effect.needs))], arm=None)
-    motion, late = sweeps(model, top_speed)
+    kept = replace(model, arm=None, effects=[
+        effect for effect in model.effects
+        if effect.name not in (*_LINKS, *_OWN_ELEMENTS) and effect.holds_on_another_day
+        and not {'temperature', 'rigid_body', 'coupling'} & set(effect.needs)])
+    motion, late = sweeps(model, top_speed or model.largest_speed(_TOP_SPEED))
     if not any('load' in effect.needs for effect in kept.effects):
         loads = np.zeros(1)
+    shown = late & (np.arange(len(motion)) % 8 == 0)
     rows = []
     for load in loads:
         torque = model.drive.torque_per_current * kept.current(
             motion.with_(load=np.full(len(motion), load)))
         rows.append(np.column_stack((
-            np.asarray(motion.velocity), motion.position, np.full(len(motion), load), torque)))
-    every = np.arange(len(motion)) % 8 == 0
+            np.asarray(motion.velocity), motion.position, np.full(len(motion), load),
+            torque))[shown])
     return (['velocity (rad/s)', 'position (rad)', 'load (N·m)', 'torque (N·m)'],
-            np.concatenate([part[late & every] for part in rows]))
+            np.concatenate(rows))

@@ -1,15 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks a running system: connections, rates, clocks and values."""
+"""Checks a running system: connections, rates, clocks, values, and the models of its joints."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.monitoring.network import NO_PEER
 from friction_comp.monitoring.observation import (
+    Endpoint,
     Finding,
     NOTE,
     Observation,
@@ -18,7 +21,14 @@ from friction_comp.monitoring.observation import (
     StatesSeen,
     WARNING,
 )
-from friction_comp.signal_checks import beyond, LIMITS, velocity_fault, velocity_ratios
+from friction_comp.signal_checks import (
+    beyond,
+    current_answer,
+    current_fault,
+    LIMITS,
+    velocity_fault,
+    velocity_ratios,
+)
 from friction_comp.topics import TOPICS
 
 _LEVELS = {1: WARNING, 2: PROBLEM, 3: PROBLEM}
@@ -30,16 +40,18 @@ _SLOW = 200.0
 _OBSERVERS = ('recorder', 'refinement', 'watch', 'doctor')
 # Fewest blocks of motion to check sign and unit of velocity, and largest ratio of velocity and rate
 # of position.
-_FEWEST, _LARGEST_RATIO = 5, 1.25
+_FEWEST_BLOCKS, _LARGEST_RATIO = 5, 1.25
+# Speed below which samples are not used, rad/s, and fewest samples.
+_STILL, _FEWEST_SAMPLES = 0.02, 50
+# Commands below this share of the drive's limit are smaller than the measurement noise.
+_SMALL = 0.01
+# Accepted range of measured over commanded current; smaller errors of a gain or torque constant
+# show in the model's error. Below the correlation, the currents are unrelated.
+_GAINS, _LEAST_CORRELATION = (0.8, 1.25), 0.5
 
 
 def check_system(seen: Observation) -> list[Finding]:
-    """Return the findings about a running system.
-
-    Parameters
-    ----------
-    seen : Observation
-    """
+    """Return the findings about a running system."""
     if not seen.nodes:
         return [Finding(NOTE, 'discovery', f'no node was found within {seen.seconds:g} s',
                         f'start one, or {NO_PEER}')]
@@ -50,94 +62,95 @@ def check_system(seen: Observation) -> list[Finding]:
 
 
 def _quality(seen: Observation) -> Iterator[Finding]:
-    for name, topic in seen.topics.items():
-        for subscriber in topic.subscribers:
-            for publisher in topic.publishers:
-                what = ''
-                if subscriber.reliable and not publisher.reliable:
-                    what = 'reliable, but it is published best effort'
-                elif subscriber.lasting and not publisher.lasting:
-                    what = 'transient local, but it is published volatile'
-                if what:
-                    yield Finding(
-                        PROBLEM, 'QoS', f'{subscriber.node} requests {name} {what} by '
-                        f'{publisher.node}: '
-                        'nothing arrives', 'set input_reliability:=best_effort there, or publish '
-                        'reliably')
+    pairs = ((name, publisher, subscriber) for name, topic in seen.topics.items()
+             for subscriber in topic.subscribers for publisher in topic.publishers)
+    for name, publisher, subscriber in pairs:
+        what = ''
+        if subscriber.reliable and not publisher.reliable:
+            what = 'reliable, but it is published best effort'
+        elif subscriber.lasting and not publisher.lasting:
+            what = 'transient local, but it is published volatile'
+        if what:
+            yield Finding(
+                PROBLEM, 'QoS', f'{subscriber.node} requests {name} {what} by {publisher.node}: '
+                'nothing arrives', 'set input_reliability:=best_effort there, or publish reliably')
 
 
 def _states(seen: Observation) -> Iterator[Finding]:
     topic, states = seen.topic('joint_states'), seen.states
     if len(topic.publishers) > 1:
         yield Finding(WARNING, 'joint_states', f'{len(topic.publishers)} publishers: '
-                      + ', '.join(end.node for end in topic.publishers),
+                      + _names(topic.publishers),
                       'let one publish, or make sure that each publishes different joints')
     if states is None or len(states.received) < 2:
-        yield Finding(PROBLEM if topic.publishers else WARNING, 'joint_states',
-                      'published, but nothing arrives' if topic.publishers else
-                      _describe_missing(seen, 'joint_states'),
-                      'start the driver, or remap: -r joint_states:=/its/name')
+        do = 'start the driver, or remap: -r joint_states:=/its/name'
+        if topic.publishers:
+            yield Finding(PROBLEM, 'joint_states', 'published, but nothing arrives', do)
+        else:
+            yield Finding(WARNING, 'joint_states', _describe_missing(seen, 'joint_states'), do)
         return
     if states.twice:
         yield Finding(PROBLEM, 'joint_states', f'{", ".join(states.twice)} is named twice',
                       'let the driver name each joint once: its value is ambiguous')
-    yield from _rate(seen, states)
+    yield _rate(seen, states)
     yield from _stamps(states, seen.clock)
     for index, joint in enumerate(states.joints):
         yield from _values(states, index, joint)
 
 
+def _names(ends: Iterable[Endpoint]) -> str:
+    return ', '.join(end.node for end in ends)
+
+
 def _describe_missing(seen: Observation, name: str) -> str:
+    full_name = seen.names.get(name, name)
     others = [topic for topic, topic_seen in seen.topics.items()
-              if TOPICS[name] in topic_seen.types and topic != seen.names.get(name, name)]
+              if TOPICS[name] in topic_seen.types and topic != full_name]
     hint = f'; {", ".join(others)} has that type' if others else ''
-    return f'nobody publishes {seen.names.get(name, name)}{hint}'
+    return f'nobody publishes {full_name}{hint}'
 
 
-def _rate(seen: Observation, states: StatesSeen) -> Iterator[Finding]:
+def _rate(seen: Observation, states: StatesSeen) -> Finding:
     gaps = np.diff(states.received)
-    rate = (len(states.received) - 1) / max(states.received[-1] - states.received[0], 1e-9)
-    worst = float(gaps.max())
+    rate, worst = len(gaps) / max(float(gaps.sum()), 1e-9), float(gaps.max())
     text = f'{rate:.4g} Hz, longest gap {1e3 * worst:.3g} ms'
     timeout = _parameter(seen, 'joint_state_timeout', _STATE_TIMEOUT)
     if worst > timeout:
-        yield Finding(PROBLEM, 'rate', f'{text}; joint_state_timeout is {1e3 * timeout:g} ms, so '
-                      'the current was zero meanwhile', 'find out what delayed the driver, '
-                      'give it real-time priority, or raise joint_state_timeout')
-    elif rate < _SLOW:
-        yield Finding(WARNING, 'rate', text, 'let the driver publish at 200 Hz or more: '
-                      'breakaway lasts some milliseconds')
-    else:
-        yield Finding(OK, 'rate', text)
+        return Finding(PROBLEM, 'rate', f'{text}; joint_state_timeout is {1e3 * timeout:g} ms, so '
+                       'the current was zero meanwhile', 'find out what delayed the driver, '
+                       'give it real-time priority, or raise joint_state_timeout')
+    if rate < _SLOW:
+        return Finding(WARNING, 'rate', text, 'let the driver publish at 200 Hz or more: '
+                       'breakaway lasts some milliseconds')
+    return Finding(OK, 'rate', text)
 
 
 def _stamps(states: StatesSeen, ticking: bool) -> Iterator[Finding]:
+    late = float(np.median(states.received - states.stamp))
     if not states.stamp.any():
         yield Finding(WARNING, 'clocks', 'joint_states have no stamp, so receive times are used',
                       'let the driver stamp its measurements')
     elif (np.diff(states.stamp) < 0).any():
         yield Finding(PROBLEM, 'clocks', 'stamps of joint_states go backwards',
                       'use one publisher with a monotonic clock')
+    elif not ticking and abs(late) > _STATE_TIMEOUT:
+        yield Finding(PROBLEM, 'clocks', f'joint_states are {late:.3g} s old when they arrive',
+                      'synchronise the clocks of both machines (chrony, PTP), or set '
+                      'use_sim_time alike everywhere')
     elif not ticking:
-        late = float(np.median(states.received - states.stamp))
-        if abs(late) > _STATE_TIMEOUT:
-            yield Finding(PROBLEM, 'clocks', f'joint_states are {late:.3g} s old when they arrive',
-                          'synchronise the clocks of both machines (chrony, PTP), or set '
-                          'use_sim_time alike everywhere')
-        else:
-            yield Finding(OK, 'clocks', f'joint_states are {1e3 * late:.2g} ms old')
+        yield Finding(OK, 'clocks', f'joint_states are {1e3 * late:.2g} ms old')
 
 
 def _values(states: StatesSeen, index: int, joint: str) -> Iterator[Finding]:
     for name, do in (('position', 'friction cannot be compensated without it'),
                      ('effort', 'let the driver report k_t · n · current; identification and '
                                 'refinement need it')):
-        values = getattr(states, name)[:, index]
-        if not np.isfinite(values).any():
+        missing = ~np.isfinite(getattr(states, name)[:, index])
+        if missing.all():
             yield Finding(PROBLEM, joint, f'joint_states hold no {name}', do)
-        elif not np.isfinite(values).all():
-            yield Finding(WARNING, joint, f'{int((~np.isfinite(values)).sum())} of '
-                          f'{len(values)} joint_states hold no finite {name}', do)
+        elif missing.any():
+            yield Finding(WARNING, joint, f'{missing.sum()} of {len(missing)} joint_states hold no '
+                          f'finite {name}', do)
     for name in ('position', 'velocity'):
         values = getattr(states, name)[:, index]
         if (impossible := beyond(name, values)).any():
@@ -146,28 +159,26 @@ def _values(states: StatesSeen, index: int, joint: str) -> Iterator[Finding]:
                           'sensor values, and how it reports a failed sensor')
     if not np.isfinite(states.velocity[:, index]).any():
         yield Finding(NOTE, joint, 'joint_states hold no velocity; position is differentiated')
-        return
-    yield from _velocity(states, index, joint)
+    else:
+        yield _velocity(states, index, joint)
 
 
-def _velocity(states: StatesSeen, index: int, joint: str) -> Iterator[Finding]:
+def _velocity(states: StatesSeen, index: int, joint: str) -> Finding:
     time = states.stamp if states.stamp.any() else states.received
     ratios = velocity_ratios(time, states.position[:, index], states.velocity[:, index])
-    if len(ratios) < _FEWEST:
-        yield Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
-                      'run doctor again while it is moved')
-        return
+    if len(ratios) < _FEWEST_BLOCKS:
+        return Finding(NOTE, joint, 'it hardly moved: signs and units could not be checked',
+                       'run doctor again while it is moved')
     fault = velocity_fault(ratios, _LARGEST_RATIO)
     if fault:
-        yield Finding(PROBLEM, joint, fault, 'let the driver give both in rad and rad/s at the '
-                      'joint, with one sign; velocity may be left empty')
-    else:
-        yield Finding(OK, joint, 'velocity and position agree')
+        return Finding(PROBLEM, joint, fault, 'let the driver give both in rad and rad/s at the '
+                       'joint, with one sign; velocity may be left empty')
+    return Finding(OK, joint, 'velocity and position agree')
 
 
 def _commands(seen: Observation) -> Iterator[Finding]:
     topic = seen.topic('current_command')
-    names = ', '.join(end.node for end in topic.publishers)
+    names = _names(topic.publishers)
     if not topic.publishers:
         yield Finding(NOTE, 'current_command', 'nobody commands the drive')
         return
@@ -179,9 +190,8 @@ def _commands(seen: Observation) -> Iterator[Finding]:
         yield Finding(PROBLEM, 'current_command', f'{names} commands, but nobody subscribes',
                       'remap: -r current_command:=/its_controller/commands')
         return
-    listeners = ', '.join(end.node for end in topic.subscribers)
     largest = float(np.abs(seen.commands).max()) if seen.commands.size else 0.0
-    yield Finding(OK, 'current_command', f'{names} to {listeners}: '
+    yield Finding(OK, 'current_command', f'{names} to {_names(topic.subscribers)}: '
                   f'{len(seen.commands) / seen.seconds:.4g} Hz, '
                   f'up to {largest:.3g} {seen.command_unit}')
     states = 0 if seen.states is None else len(seen.states.received)
@@ -189,7 +199,7 @@ def _commands(seen: Observation) -> Iterator[Finding]:
         yield Finding(WARNING, 'current_command', f'{len(seen.commands)} commands for {states} '
                       'joint_states', 'the compensator commands once for each usable one: '
                       'see its diagnostics')
-    if seen.commands.size and not np.isfinite(seen.commands).all():
+    if not np.isfinite(seen.commands).all():
         yield Finding(PROBLEM, 'current_command', 'values that are not finite are commanded',
                       f'stop {names}')
 
@@ -199,15 +209,12 @@ def _driver(seen: Observation) -> Iterator[Finding]:
         timeouts = {name: value for name, value in seen.parameters.get(end.node, {}).items()
                     if 'timeout' in name and not name.startswith('reference')
                     and isinstance(value, (int, float))}
-        if timeouts:
-            for name, value in timeouts.items():
-                yield Finding(
-                    WARNING if value <= 0 else OK, 'driver', f'{end.node}: {name} is {value:g}',
-                    'let the driver itself switch to zero current in less than 0.1 s'
-                    if value <= 0 else '')
-        elif any(word in end.node for word in _OBSERVERS):
-            continue
-        else:
+        for name, value in timeouts.items():
+            what = f'{end.node}: {name} is {value:g}'
+            yield Finding(OK, 'driver', what) if value > 0 else Finding(
+                WARNING, 'driver', what,
+                'let the driver itself switch to zero current in less than 0.1 s')
+        if not timeouts and not any(word in end.node for word in _OBSERVERS):
             yield Finding(
                 NOTE, 'driver', f'{end.node} has no parameter for a command timeout',
                 'make sure that it switches to zero current by itself: kill the compensator '
@@ -227,11 +234,11 @@ def _direction(seen: Observation) -> Iterator[Finding]:
         yield Finding(WARNING, 'direction', f'{", ".join(sorted(planners))} announce directions',
                       'let one announce: where they contradict each other, the compensator '
                       'counts the direction as 0')
-    rate = len(seen.directions) / seen.seconds
-    timeout = _parameter(seen, 'direction_timeout', _DIRECTION_TIMEOUT)
     odd = sorted({value for one in seen.directions for value in one} - {-1, 0, 1})
     if odd:
         yield Finding(WARNING, 'direction', f'holds {odd}, which count as 0', 'send -1, 0 or +1')
+    rate = len(seen.directions) / seen.seconds
+    timeout = _parameter(seen, 'direction_timeout', _DIRECTION_TIMEOUT)
     if rate * timeout < 1.5:
         yield Finding(WARNING, 'direction', f'{rate:.3g} Hz, but it counts as 0 after {timeout:g} '
                       's of silence', 'repeat the direction at 10 Hz or more')
@@ -243,12 +250,12 @@ def _clocks(seen: Observation) -> Iterator[Finding]:
     simulated = {node: bool(values['use_sim_time']) for node, values in seen.parameters.items()
                  if 'use_sim_time' in values}
     followers = sorted(node for node, value in simulated.items() if value)
+    real = sorted(node for node, value in simulated.items()
+                  if not value and 'compensator' in node)
     if followers and not seen.clock:
         yield Finding(PROBLEM, 'clocks', f'{", ".join(followers)} waits for /clock, which does not '
                       'tick', 'start what publishes it, or set use_sim_time:=false')
-    real = sorted(node for node, value in simulated.items()
-                  if not value and 'compensator' in node)
-    if seen.clock and followers and real:
+    if followers and seen.clock and real:
         yield Finding(PROBLEM, 'clocks', f'/clock ticks, but {", ".join(real)} does not follow it',
                       'set use_sim_time:=true there')
 
@@ -264,6 +271,105 @@ def _diagnostics(seen: Observation) -> Iterator[Finding]:
 
 
 def _parameter(seen: Observation, name: str, default: float) -> float:
-    values = [parameters[name] for node, parameters in seen.parameters.items()
-              if name in parameters and 'compensator' in node]
-    return float(values[0]) if values else default
+    """Return a parameter of the compensator, its default where none runs."""
+    return float(next((parameters[name] for node, parameters in seen.parameters.items()
+                       if name in parameters and 'compensator' in node), default))
+
+
+def check_joint(seen: Observation, joint: str, model: FrictionModel) -> list[Finding]:
+    """Compare the observation of a joint with its model.
+
+    Friction dissipates energy, so the current that overcomes it, of motor and person together, has
+    the sign of the velocity.
+    """
+    states = seen.states
+    if states is None or joint not in states.joints:
+        return [Finding(WARNING, joint, 'joint_states do not name it', 'compare the names')]
+    return [*_check_current(seen, states, joint, model), *_check_fit(
+        seen, joint, model, _rows(states, seen.load.get(joint), joint, model))]
+
+
+def _check_current(seen: Observation, states: StatesSeen, joint: str, model: FrictionModel
+                   ) -> list[Finding]:
+    """Compare the measured current with the commanded one, if there is one."""
+    order: list[str] = next((values['joints'] for values in seen.parameters.values()
+                  if joint in (values.get('joints') or ()) and 'model_files' in values), [])
+    if not order or seen.commands.shape[-1:] != (len(order),):
+        return []
+    measured = states.effort[:, states.joints.index(joint)] / model.drive.torque_per_current
+    unit = model.drive.torque_per_current if seen.command_unit == 'N·m' else 1.0
+    command = np.interp(
+        states.received, seen.commanded, seen.commands[:, order.index(joint)] / unit)
+    finite = np.isfinite(measured) & np.isfinite(command)
+    measured, command = measured[finite], command[finite]
+    smallest = _SMALL * model.drive.current_limit
+    if len(command) < _FEWEST_SAMPLES or np.mean(command ** 2) < smallest ** 2:
+        return []
+    answer = current_answer(command, measured)
+    if abs(answer.likeness) < _LEAST_CORRELATION:
+        return [Finding(WARNING, joint, 'the measured current does not follow the commanded one',
+                        "check the driver's mode and limits, and whether another node commands")]
+    if answer.gain < 0.0:
+        return [Finding(PROBLEM, joint, 'the measured current has the opposite sign of the '
+                        'commanded one', 'stop compensating; reverse the sign of effort in the '
+                        'driver, or that of the command, whichever is wrong: a positive current '
+                        'must push the joint towards larger positions')]
+    if not _GAINS[0] < answer.gain < _GAINS[1]:
+        why = current_fault(answer.gain, model.drive)
+        return [Finding(WARNING, joint, f'the measured current is {answer.gain:.3g} times the '
+                        'commanded one' + (f': {why}' if why else ''),
+                        'effort is k_t · n · current in N·m: compare torque constant and gear '
+                        'ratio of driver and model file')]
+    return [Finding(OK, joint, 'the measured current follows the commanded one')]
+
+
+def _check_fit(seen: Observation, joint: str, model: FrictionModel, rows: np.ndarray
+               ) -> list[Finding]:
+    speed = np.abs(rows[:, 2])
+    moving = (speed > _STILL) & np.isfinite(rows[:, 3])
+    if moving.sum() < _FEWEST_SAMPLES:
+        return [Finding(NOTE, joint, 'too little motion to compare it with its model',
+                        'run doctor again while it is moved')]
+    loaded = np.isfinite(rows[:, 4]).all()
+    commanded = any('compensator' in end.node
+                    for end in seen.topic('current_command').publishers)
+    if commanded and not loaded:
+        return [Finding(NOTE, joint, 'the compensator feeds the model itself forward and no load '
+                        'is measured: the model cannot be checked',
+                        'publish interaction_wrench, or run doctor while the motor alone moves it')]
+    current = rows[moving, 3]
+    if loaded:
+        current = current + rows[moving, 4] / model.drive.torque_per_current
+    power = float(np.mean(current * np.sign(rows[moving, 2])))
+    if power < 0.0:
+        return [Finding(PROBLEM, joint, f'the current opposes the motion ({power:.3g} A on '
+                        'average): friction would supply energy', 'reverse the sign of effort, or '
+                        'that of position and velocity, in the driver before compensating')]
+    findings = [Finding(OK, joint, 'current and motion have the same sign')]
+    residual = LiveResidual(model)
+    residual.take(rows)
+    verdict = residual.verdict()
+    if not verdict.known:
+        level, do = NOTE, 'observe for longer: --seconds 60'
+    elif verdict.fits:
+        level, do = OK, ''
+    else:
+        level, do = WARNING, 'check torque constant and gear ratio, then refine the model'
+    return [*findings, Finding(level, joint, residual.blind or verdict.words, do)]
+
+
+def _rows(states: StatesSeen, measured_load: np.ndarray | None, joint: str, model: FrictionModel
+          ) -> np.ndarray:
+    """Return measurements as rows for `LiveResidual`, shape (N, 6)."""
+    index = states.joints.index(joint)
+    time = states.stamp if states.stamp.any() else states.received
+    load = temperature = np.full(len(time), np.nan)
+    if measured_load is not None and len(measured_load) > 1:
+        load = np.interp(states.received, measured_load[:, 0], measured_load[:, 1])
+    velocity = states.velocity[:, index]
+    if not np.isfinite(velocity).all():
+        velocity = np.gradient(states.position[:, index], time)
+    order = np.argsort(time, kind='stable')
+    return np.column_stack((
+        time, states.position[:, index], velocity,
+        states.effort[:, index] / model.drive.torque_per_current, load, temperature))[order]

@@ -11,15 +11,14 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.monitoring.residual_watch import ModelFit, ResidualWatch
+from friction_comp.monitoring.residual_monitor import ModelFit, ResidualMonitor
 from friction_comp.samples import Samples
 
 # s before the new rows that are computed again to let filters and effect states settle, and s at
 # the end that wait for later rows, because a zero-phase filter needs them.
 _SETTLING, _LOOKAHEAD = 3.0, 0.3
 # Columns of a row: time, position, velocity, current, load, temperature.
-WIDTH = 6
-SIGNALS = ('load', 'temperature')
+_WIDTH = 6
 
 
 class LiveResidual:
@@ -34,21 +33,19 @@ class LiveResidual:
     ----------
     model : FrictionModel
     tolerance : float
-        As for `ResidualWatch`.
+        As for `ResidualMonitor`.
     """
 
     def __init__(self, model: FrictionModel, tolerance: float = 0.25):
-        self.watch = ResidualWatch(tolerance)
-        self.model = model
+        self.model, self._tolerance = model, tolerance
         self.blind = ''
-        self.forget()
+        self._start_over()
 
-    def forget(self) -> None:
-        """Start over."""
-        self.watch.forget()
-        self._rows = np.empty((0, WIDTH))
+    def _start_over(self) -> None:
+        self.monitor = ResidualMonitor(self._tolerance)
+        self._rows = np.empty((0, _WIDTH))
         self._done = -np.inf
-        self._origin: float | None = None
+        self._origin = np.nan
 
     def take(self, rows: np.ndarray) -> None:
         """Take rows of measurements.
@@ -59,20 +56,20 @@ class LiveResidual:
             Time in s, increasing; position; velocity, NaN where there is none; motor current in A;
             load in N·m and temperature in degrees Celsius, NaN where they are not measured.
         """
-        rows = np.asarray(rows, dtype=float).reshape(-1, WIDTH)
+        rows = np.asarray(rows, dtype=float).reshape(-1, _WIDTH)
         rows = rows[np.isfinite(rows[:, [0, 1, 3]]).all(axis=1)]
         if not len(rows):
             return
         if len(self._rows) and rows[0, 0] < self._rows[-1, 0]:
             # Time went back: a new run.
-            self.forget()
-        if self._origin is None:
+            self._start_over()
+        if not len(self._rows):
             self._origin = rows[0, 0]
         self._rows = np.vstack((self._rows, rows))
-        self._compare(self._origin)
+        self._compare()
         self._rows = self._rows[self._rows[:, 0] >= self._done - _SETTLING]
 
-    def _compare(self, origin: float) -> None:
+    def _compare(self) -> None:
         rows = self._rows
         ready = rows[-1, 0] - _LOOKAHEAD
         if ready - self._done < _LOOKAHEAD or len(rows) < 10:
@@ -84,12 +81,12 @@ class LiveResidual:
         differentiated = differentiate(samples, settings)
         missing = sorted({signal for effect in self.model.effects for signal in effect.needs
                           if getattr(differentiated, signal, None) is None})
-        self.blind = f'the model needs the {" and the ".join(missing)}, which is not measured' \
-            if missing else ''
+        self.blind = ''
         if missing:
+            self.blind = f'the model needs the {" and the ".join(missing)}, which is not measured'
             return
         # Time counts from the beginning of the run, not of the rows that are kept.
-        differentiated = differentiated.with_(time=rows[:, 0] - origin)
+        differentiated = differentiated.with_(time=rows[:, 0] - self._origin)
         try:
             predicted = self.model.current(differentiated)
         except InputError as error:
@@ -98,18 +95,17 @@ class LiveResidual:
             return
         new = (rows[:, 0] > self._done) & (rows[:, 0] <= ready)
         residual = differentiated.current - predicted
-        self.watch.take(differentiated.take(new), residual[new], predicted[new])
+        self.monitor.take(differentiated.take(new), residual[new], predicted[new])
         self._done = ready
 
     def _samples(self, rows: np.ndarray) -> Samples:
-        columns: dict[str, Any] = {
-            name: rows[:, 4 + index] for index, name in enumerate(SIGNALS)
-            if np.isfinite(rows[:, 4 + index]).all()}
-        if np.isfinite(rows[:, 2]).all():
-            columns['velocity'] = rows[:, 2]
-        samples = Samples(time=rows[:, 0], position=rows[:, 1], current=rows[:, 3], **columns)
+        measured: dict[str, Any] = {
+            name: rows[:, index] for name, index in (
+                ('velocity', 2), ('load', 4), ('temperature', 5))
+            if np.isfinite(rows[:, index]).all()}
+        samples = Samples(time=rows[:, 0], position=rows[:, 1], current=rows[:, 3], **measured)
         return samples.with_(current=self.model.measured(samples))
 
     def verdict(self) -> ModelFit:
         """Return the verdict on the motion so far."""
-        return self.watch.verdict()
+        return self.monitor.verdict()

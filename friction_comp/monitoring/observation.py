@@ -14,19 +14,7 @@ OK, NOTE, WARNING, PROBLEM = 'ok', 'note', 'warning', 'problem'
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of one check.
-
-    Parameters
-    ----------
-    level : str
-        `OK`, `NOTE`, `WARNING` or `PROBLEM`.
-    about : str
-        Subject, in one or two words.
-    what : str
-        The finding.
-    do : str
-        Recommended action, or empty.
-    """
+    """Result of one check: its level, subject, what was found, and what to do, if anything."""
 
     level: str
     about: str
@@ -91,12 +79,8 @@ class Observation:
     names : dict of str to str
         Relative to full name of the package's topics.
     states : StatesSeen, optional
-    commands : ndarray, shape (M, J)
-        In the unit `command_unit`.
-    commanded : ndarray, shape (M,)
-        System time of each command, s.
-    command_unit : str
-        'A', or 'N·m' for torques at the joints.
+    commands, commanded : ndarray, shape (M, J) and (M,)
+        In the unit `command_unit`, 'A' or 'N·m', and their system times, s.
     directions : list of list of int
     load : dict of str to ndarray, shape (K, 2)
         By joint: system time in s and torque in N·m.

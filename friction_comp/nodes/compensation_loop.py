@@ -39,21 +39,8 @@ _MAX_POSITION, _MAX_VELOCITY = LIMITS['position'][0], LIMITS['velocity'][0]
 class CompensationLoop:
     """Answers joint states with currents, or with zero in case of doubt.
 
-    Parameters
-    ----------
-    joints : list of str
-    law : CompensationLaw
-    port : CommandPort
-    faults : Faults
-    timeout : int
-        Age or silence of joint states that leads to zero current, ns.
-    direction_timeout : float
-        s.
-    simulated : bool
-        Whether time may stop, as in a simulation: silence then does not mean that the driver is
-        gone.
-    clock : callable
-        Monotonic clock, s.
+    Age or silence of joint states beyond `timeout` (ns) leads to zero current; `direction_timeout`
+    is in s. If `simulated`, time may stop: silence then does not mean that the driver is gone.
     """
 
     def __init__(self, joints: list[str], law: Any, port: CommandPort, faults: Faults,
@@ -107,17 +94,9 @@ class CompensationLoop:
 
     def take(self, message: Any, now: int, received: int = 0, sent: int = 0,
              sequence: int = 0) -> None:
-        """Answer a joint state.
+        """Answer a joint state; `sent` is the system time in ns of its publication.
 
-        Parameters
-        ----------
-        message : sensor_msgs.msg.JointState
-        now : int
-            The node's clock, ns.
-        received, sent : int
-            When the message was received and sent, system time in ns.
-        sequence : int
-            Sequence number of its publisher; 0 if the middleware has none.
+        The other arguments are those of `JointStateInput.take`.
         """
         if self.yields or not self.port.ready:
             return
@@ -135,7 +114,7 @@ class CompensationLoop:
                 self.port.repeat()
         elif verdict == joint_states.PART:
             if not states.stamp:
-                self.faults.report('missing', f'joint_states lack {", ".join(states.missing)}')
+                self._report_missing()
         elif verdict != joint_states.LATE:
             self.faults.report(verdict, states.wrong)
             self.port.answer(self._zeros, ticket)
@@ -203,15 +182,18 @@ class CompensationLoop:
             return self._zeros
         return currents
 
+    def _report_missing(self) -> None:
+        self.faults.report('missing', f'joint_states lack {", ".join(self.states.missing)}')
+
     def _report_unusable(self) -> np.ndarray:
         """Report why joints cannot be used; return which can, bool, shape (J,)."""
         states, joints = self.states, self._joints
-        signals, usable = {'position': states.position}, np.isfinite(states.position)
+        signals = {'position': states.position}
         if states.velocity is not None:
             signals['velocity'] = states.velocity
-            usable &= np.isfinite(states.velocity)
+        usable = np.all(np.isfinite(list(signals.values())), axis=0)
         if states.missing:
-            self.faults.report('missing', f'joint_states lack {", ".join(states.missing)}')
+            self._report_missing()
         elif not usable.all():
             self.faults.report('values', 'joint_states hold values that are not finite, or too few')
         for signal, values in signals.items():
@@ -249,16 +231,16 @@ class CompensationLoop:
 
     def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
-        drove = any(self.port.last)
+        self._was_driving = any(self.port.last)
         self.port.zero()
-        self._was_driving = drove
         self._silent_since = self._clock()
-        self.faults.report('silence', 'no joint_states, or none that are new', lasting=True)
+        self._report_silence()
+
+    def _report_silence(self) -> None:
+        self.faults.report('silence', 'no joint_states, or none that are new')
 
     def _end_silence(self, silence: float) -> None:
-        """Record that joint states arrive again, after s of silence."""
         self._silent_since = None
-        self.faults.end('silence')
         if self._was_driving and silence > RESTART_SILENCE and not self.simulated:
             self.faults.latch('driver', f'joint_states were silent for {silence:.3g} s while the '
                               'motor was driven: the driver may have been restarted')
@@ -270,8 +252,9 @@ class CompensationLoop:
         before is waited for, since discovery may report it for some time after it is gone.
         """
         now = self._clock()
+        if self._silent_since is not None:
+            self._report_silence()
         self._report_doubt()
-        self._report_dispute()
         self.faults.expire()
         if not others:
             self._alone_since = self._alone_since or now
@@ -289,7 +272,6 @@ class CompensationLoop:
             self.law.reset()
 
     def _report_doubt(self) -> None:
-        """Report which joints get no current, or less, and why."""
         guards = self.law.guards
         doubtful = [joint for joint, doubt in zip(self._joints, guards['in doubt']) if doubt]
         if doubtful and self._silent_since is None:
@@ -302,7 +284,6 @@ class CompensationLoop:
                                'drive slipped under its preload or was faster than identified: its '
                                'friction may have decreased; identify it again', WARN)
 
-    def _report_dispute(self) -> None:
         disputed = self.direction.disputed(self.states.stamp)
         if disputed:
             self.faults.report('planners', f'the direction of {", ".join(disputed)} counts as 0: '

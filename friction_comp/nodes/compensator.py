@@ -20,10 +20,16 @@ from friction_comp.nodes.configured_compensator import ConfiguredCompensator
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate
 from friction_comp.nodes.faults import Faults
 from friction_comp.nodes.joint_io import command_interface, input_qos
-from friction_comp.nodes.joint_states import NANO
 from friction_comp.nodes.model_loading import Loading, PatientParameterService, try_model
 from friction_comp.nodes.node_main import run
-from friction_comp.nodes.parameters import declare, declare_joints, LARGE, load_models, names_in
+from friction_comp.nodes.parameters import (
+    declare,
+    declare_choice,
+    declare_joints,
+    LARGE,
+    load_models,
+    names_in,
+)
 
 # Real s between checks for other commanders and for faults that have ended.
 _LOOK = 0.1
@@ -52,38 +58,37 @@ class CompensatorNode(LifecycleNode):
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
         Diagnostics(self, self._report, ', '.join(self._joints), 'compensation')
         self.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        if declare(self, 'autostart', True, 'configure and activate at start',
-                   read_only=True):
+        if declare(self, 'autostart', True, 'configure and activate at start'):
             self._start()
 
     def _declare(self) -> None:
         declare(self, 'model_files', [],
                 'model file of each joint; a new one is validated, then activated, while the node '
-                'runs')
+                'runs', changes=True)
         declare(self, 'law', 'continuous',
                 'continuous; paper: the note as printed; kinetic: its case without breakaway term; '
-                'none: zero current', constraints=f'one of {", ".join(LAWS)}')
+                'none: zero current', changes=True,
+                constraints=f'one of {", ".join(LAWS)}')
         declare(self, 'breakaway_gain', 0.9,
-                'share of the mean breakaway current that is fed forward [1]', 0.0, 1.0)
-        declare(self, 'gravity', 'feed_forward',
-                "feed_forward, or left_to_robot: its own controller holds the limb's weight",
-                read_only=True, constraints=f'one of {", ".join(GRAVITY)}')
-        self._interface = command_interface(self)
+                'share of the mean breakaway current that is fed forward [1]', 0.0, 1.0,
+                changes=True)
+        declare_choice(self, 'gravity', GRAVITY, 'feed_forward, or left_to_robot: its own '
+                       "controller holds the limb's weight")
+        command_interface(self)
         declare(self, 'current_limit', 1000.0,
                 'largest current [A]; the limit of the model file applies if it is smaller; 0 '
-                'blocks all current', 0.0, LARGE)
+                'blocks all current', 0.0, LARGE, changes=True)
         declare(self, 'direction_timeout', 0.5,
-                'age or silence after which the direction counts as 0 [s]', 0.001, 3600.0)
-        self._timeout = round(NANO * declare(
-            self, 'joint_state_timeout', 0.05,
-            'age or silence of joint_states that leads to zero current; silence is measured in '
-            'real time [s]', 0.001, 10.0, read_only=True))
+                'age or silence after which the direction counts as 0 [s]', 0.001, 3600.0,
+                changes=True)
+        declare(self, 'joint_state_timeout', 0.05,
+                'age or silence of joint_states that leads to zero current; silence is measured in '
+                'real time [s]', 0.001, 10.0)
 
     def _start(self) -> None:
-        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-            raise InputError(self._failure or 'the node could not be configured')
-        if self.trigger_activate() != TransitionCallbackReturn.SUCCESS:
-            raise InputError(self._failure or 'the node could not be activated')
+        for trigger in (self.trigger_configure, self.trigger_activate):
+            if trigger() != TransitionCallbackReturn.SUCCESS:
+                raise InputError(self._failure or 'the node could not be configured and activated')
 
     # Parameters.
 
@@ -103,32 +108,24 @@ class CompensatorNode(LifecycleNode):
             try_model(model, self._value('gravity'), path)
         return models
 
-    def _get_models(self, files: Sequence[str]) -> list[FrictionModel]:
-        """Return the models of files; usually they are already loaded."""
-        files, loading = tuple(names_in(files)), self._loading
-        if loading is not None and loading.files == files:
-            self._loading = None
-            return loading.result()
-        return self._load(files)
-
     def _check_parameters(self, parameters: list[Any]) -> SetParametersResult:
         """Refuse unusable values; the node continues with the present ones."""
         models = None
-        for parameter in parameters:
-            if parameter.name == 'law' and parameter.value not in LAWS:
-                return self._refuse(
-                    f'law must be one of {", ".join(LAWS)}, not {parameter.value!r}')
-            if parameter.name == 'model_files' and self._configured is not None:
-                try:
-                    models = self._get_models(parameter.value)
-                except InputError as error:
-                    return self._refuse(str(error))
+        try:
+            for parameter in parameters:
+                if parameter.name == 'law':
+                    _check_law(parameter.value)
+                if parameter.name == 'model_files' and self._configured is not None:
+                    files = tuple(names_in(parameter.value))
+                    loading, self._loading = self._loading, None
+                    # Usually they are already loaded.
+                    models = (loading.result() if loading is not None and loading.files == files
+                              else self._load(files))
+        except InputError as error:
+            self.get_logger().warning(f'parameter refused: {error}')
+            return SetParametersResult(successful=False, reason=str(error))
         self._candidates = models
         return SetParametersResult(successful=True)
-
-    def _refuse(self, reason: str) -> SetParametersResult:
-        self.get_logger().warning(f'parameter refused: {reason}')
-        return SetParametersResult(successful=False, reason=reason)
 
     def _apply_parameters(self, parameters: list[Any]) -> None:
         models, self._candidates = self._candidates, None
@@ -144,7 +141,10 @@ class CompensatorNode(LifecycleNode):
         """Load the models and connect the topics."""
         self._failure = ''
         try:
-            self._configured = self._configure()
+            _check_law(self._value('law'))
+            self._configured = ConfiguredCompensator(
+                self, self._joints, self._load(names_in(self._value('model_files'))), self._qos,
+                self._faults, self._rate)
         except InputError as error:
             self._failure = str(error)
             self.get_logger().error(self._failure)
@@ -157,15 +157,6 @@ class CompensatorNode(LifecycleNode):
         self._configured.warn_left_out()
         self._set_state('inactive', 'configured')
         return super().on_configure(state)
-
-    def _configure(self) -> ConfiguredCompensator:
-        if self._value('law') not in LAWS:
-            raise InputError(
-                f'parameter law: must be one of {", ".join(LAWS)}, not {self._value("law")!r}')
-        models = self._load(names_in(self._value('model_files')))
-        return ConfiguredCompensator(
-            self, self._joints, models, self._interface, self._timeout, self._qos, self._faults,
-            self._rate)
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Start to answer joint states."""
@@ -214,15 +205,15 @@ class CompensatorNode(LifecycleNode):
         """Command zero current permanently; may be called from any thread."""
         configured = self._configured
         if configured is not None:
-            configured.stop_motor()
+            configured.loop.port.zero(permanent=True)
 
     def leave(self) -> None:
         """Command zero current, however the node ends."""
         self._disconnect()
         self._state = 'finalized'
 
-    def _on_reset(self, request: Any, response: Any) -> Any:
-        texts = [] if self._configured is None else self._configured.reset_faults()
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        texts = [] if self._configured is None else self._configured.loop.reset_faults()
         response.success = True
         response.message = '; '.join(texts) or 'nothing was latched'
         return response
@@ -246,6 +237,11 @@ class CompensatorNode(LifecycleNode):
         if configured is None or not configured.active:
             return OK, self._state, values
         return (*configured.status(), values)
+
+
+def _check_law(law: Any) -> None:
+    if law not in LAWS:
+        raise InputError(f'parameter law: must be one of {", ".join(LAWS)}, not {law!r}')
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -8,7 +8,6 @@ from collections.abc import Generator
 import time
 from typing import Any
 
-from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -20,8 +19,6 @@ _TIMEOUT = 20.0
 
 
 class _YieldOnce:
-    """Awaitable that returns control to the executor once."""
-
     def __await__(self) -> Generator[None, None, None]:
         yield
 
@@ -32,14 +29,7 @@ async def yield_to_executor() -> None:
 
 
 class CompensatorClient:
-    """A running compensator, and the model files of its joints.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    name : str
-        Name of its node.
-    """
+    """The running compensator with a node name, and the model files of its joints."""
 
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
@@ -48,46 +38,27 @@ class CompensatorClient:
         self._get = node.create_client(GetParameters, f'{name}/get_parameters')
         self._set = node.create_client(SetParameters, f'{name}/set_parameters')
 
-    @property
-    def is_available(self) -> bool:
-        """Whether a compensator answers."""
-        return self._get.service_is_ready() and self._set.service_is_ready()
-
     async def files(self) -> dict[str, str]:
-        """Return the model file of each joint; empty if no compensator is running.
-
-        Raises
-        ------
-        InputError
-            If it does not answer.
-        """
-        if not self.is_available:
+        """Return the model file of each joint; empty if no compensator is running."""
+        if not self._get.service_is_ready() or not self._set.service_is_ready():
             return {}
         reply = await self._wait_for(self._get.call_async(
             GetParameters.Request(names=['joints', 'model_files'])))
         joints, files = (parameter_value_to_python(value) for value in reply.values)
         return dict(zip(joints or (), files or ()))
 
-    async def load(self, joint: str, path: str) -> str:
-        """Load a model for one joint into the compensator, and return the previous file.
-
-        Raises
-        ------
-        InputError
-            If no compensator has the joint, or it refuses the model.
-        """
+    async def load(self, joint: str, path: str) -> None:
+        """Load a model for one joint; raise InputError if the compensator is missing or refuses."""
         files = await self.files()
         if joint not in files:
             raise InputError(f'no compensator of {joint} is running as {self.name}')
-        previous, files[joint] = files[joint], path
+        files[joint] = path
         reply = await self._wait_for(self._set.call_async(SetParameters.Request(parameters=[
-            ParameterMessage(name='model_files', value=Parameter(
-                'model_files', value=list(files.values())).get_parameter_value())])))
+            Parameter('model_files', value=list(files.values())).to_parameter_msg()])))
         result = reply.results[0]
         if not result.successful:
             raise InputError(f'{self.name} refuses the model: {result.reason}')
         self.model_changes += 1
-        return previous
 
     async def _wait_for(self, future: Any) -> Any:
         end = time.monotonic() + _TIMEOUT

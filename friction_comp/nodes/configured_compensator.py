@@ -18,7 +18,7 @@ from friction_comp.nodes.compensation_loop import CompensationLoop
 from friction_comp.nodes.diagnostics import OK, per_joint, Rate, WARN
 from friction_comp.nodes.faults import Faults
 from friction_comp.nodes.joint_io import CommandPort, rivals
-from friction_comp.nodes.joint_states import nanoseconds
+from friction_comp.nodes.joint_states import NANO, nanoseconds
 from friction_comp.nodes.model_loading import warm_up
 
 # Why a compensator does not know its model's residual, without and with the law `none`.
@@ -31,40 +31,22 @@ _BLIND = (
 class ConfiguredCompensator:
     """Law, command port and subscriptions of a compensator; exists only while it is configured.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        With the parameters of the compensator.
-    joints : list of str
-    models : list of FrictionModel
-    interface : str
-        Command interface, current or effort.
-    timeout : int
-        Age or silence of joint states that leads to zero current, ns.
-    qos : rclpy.qos.QoSProfile
-        Of the inputs.
-    faults : Faults
-    rate : Rate
-        Counts the joint states.
-
-    Attributes
-    ----------
-    active : bool
-        Whether joint states are answered.
+    Joint states are answered while it is `active`.
     """
 
-    def __init__(self, node: Any, joints: list[str], models: Sequence[FrictionModel],
-                 interface: str, timeout: int, qos: Any, faults: Faults, rate: Rate) -> None:
+    def __init__(self, node: Any, joints: list[str], models: Sequence[FrictionModel], qos: Any,
+                 faults: Faults, rate: Rate) -> None:
         self._node, self._joints, self._faults, self._rate = node, joints, faults, rate
         self.active = False
         law = CompensationLaw(models, *self._tuning(), gravity=self._value('gravity'))
         warm_up(law, len(joints))
         zeros = [0.0] * len(joints)
-        self._loop = CompensationLoop(
-            joints, law, CommandPort(node, zeros, zeros, interface), faults, timeout,
+        port = CommandPort(node, zeros, zeros, self._value('command_interface'))
+        self.loop = CompensationLoop(
+            joints, law, port, faults, round(NANO * self._value('joint_state_timeout')),
             self._value('direction_timeout'), simulated=self._value('use_sim_time'))
         self._set_limits()
-        self._loop.watchdog.start()
+        self.loop.watchdog.start()
         # The direction comes first: the executor takes its messages before the states.
         self._inputs = [node.create_subscription(*topic, qos) for topic in (
             (Int8MultiArray, 'direction', self._on_direction),
@@ -79,53 +61,35 @@ class ConfiguredCompensator:
         return self._value('law'), self._value('breakaway_gain'), self._value('current_limit')
 
     def _set_limits(self) -> None:
-        drives = [model.drive for model in self._loop.law.models]
-        self._loop.port.limits = [min(drive.current_limit, self._value('current_limit'))
-                                  for drive in drives]
-        self._loop.port.torques = [drive.torque_per_current for drive in drives]
-
-    # Transitions.
+        drives = [model.drive for model in self.loop.law.models]
+        self.loop.port.limits = [min(drive.current_limit, self._value('current_limit'))
+                                 for drive in drives]
+        self.loop.port.torques = [drive.torque_per_current for drive in drives]
 
     def activate(self) -> None:
         """Start to answer joint states."""
-        self._loop.activate(self._loop.port.others())
-        self._loop.port.open()
+        self.loop.activate(self.loop.port.others())
+        self.loop.port.open()
         self.active = True
 
     def deactivate(self) -> None:
         """Command zero current and stop publishing."""
         self.active = False
-        self._loop.stop()
-        self._loop.port.close()
+        self.loop.stop()
+        self.loop.port.close()
 
     def close(self) -> None:
         """Command zero current, and release topics and models."""
         self.deactivate()
-        self._loop.watchdog.close()
+        self.loop.watchdog.close()
         for subscription in self._inputs:
             self._node.destroy_subscription(subscription)
-
-    def stop_motor(self) -> None:
-        """Command zero current permanently; may be called from any thread."""
-        self._loop.port.zero(permanent=True)
-
-    def reset_faults(self) -> list[str]:
-        """Clear latched faults and history; return the texts of the faults."""
-        return self._loop.reset_faults()
 
     # Parameters.
 
     def apply(self, names: set[str], models: Sequence[FrictionModel] | None) -> None:
-        """Apply parameters that have changed.
-
-        Parameters
-        ----------
-        names : set of str
-            The parameters.
-        models : sequence of FrictionModel, optional
-            The models of `model_files`, if that is one of them.
-        """
-        loop, logger = self._loop, self._node.get_logger()
+        """Apply parameters that have changed; `models` if `model_files` is one of them."""
+        loop, logger = self.loop, self._node.get_logger()
         if 'direction_timeout' in names:
             loop.direction.timeout = self._value('direction_timeout')
         if models is not None:
@@ -142,7 +106,7 @@ class ConfiguredCompensator:
 
     def warn_left_out(self) -> None:
         """Log what is unusual about the law and the models, and which effects are not fed back."""
-        logger, law = self._node.get_logger(), self._loop.law
+        logger, law = self._node.get_logger(), self.loop.law
         if self._value('law') == 'paper':
             logger.warning(
                 "law: 'paper' is the note's, as printed, for comparison: it has no guards, and an "
@@ -156,15 +120,15 @@ class ConfiguredCompensator:
     # Topics.
 
     def _on_direction(self, message: Any) -> None:
-        self._loop.take_direction(message.data, self._node.get_clock().now().nanoseconds)
+        self.loop.take_direction(message.data, self._node.get_clock().now().nanoseconds)
 
     def _on_stamped_direction(self, message: Any) -> None:
-        self._loop.take_stamped_direction(
+        self.loop.take_stamped_direction(
             message.name, message.velocity, nanoseconds(message.header.stamp),
             self._node.get_clock().now().nanoseconds)
 
     def _on_temperature(self, message: Any) -> None:
-        self._loop.temperature.take(
+        self.loop.temperature.take(
             message.header.frame_id, message.temperature, nanoseconds(message.header.stamp))
 
     def _on_joint_states(self, message: Any, info: dict[str, Any]) -> None:
@@ -179,12 +143,12 @@ class ConfiguredCompensator:
             self._faults.report('clock', 'no /clock, although use_sim_time is set', WARN)
             return
         received = info['received_timestamp']
-        self._loop.take(message, now, 0 if self._loop.simulated else received,
-                        info['source_timestamp'], info['publication_sequence_number'] or 0)
+        self.loop.take(message, now, 0 if self.loop.simulated else received,
+                       info['source_timestamp'], info['publication_sequence_number'] or 0)
 
     def supervise(self) -> None:
         """Check for other commanders and planners, and for directions that are not renewed."""
-        loop = self._loop
+        loop = self.loop
         loop.states.publishers = rivals(self._node, 'joint_states')
         loop.direction.planners = rivals(self._node, 'direction', 'direction_stamped')
         loop.check_commanders(loop.port.others())
@@ -198,16 +162,16 @@ class ConfiguredCompensator:
 
     def status(self) -> tuple[Any, str]:
         """Return level and message while active and without faults."""
-        stamp = self._loop.states.stamp
+        stamp = self.loop.states.stamp
         if not stamp:
             return WARN, 'no joint_states yet'
-        if np.any(self._loop.direction.at(stamp)):
+        if np.any(self.loop.direction.at(stamp)):
             return OK, 'compensating'
         return OK, 'compensating; no direction'
 
     def values(self) -> dict[str, Any]:
         """Return the values for diagnostics."""
-        loop, joints = self._loop, self._joints
+        loop, joints = self.loop, self._joints
         stamp = loop.states.stamp
         values = {
             'law': self._value('law'), 'model_files': list(self._value('model_files')),
@@ -234,9 +198,9 @@ class ConfiguredCompensator:
         return [
             (index, effect, ', '.join(self._why_missing(index, signal) for signal in signals)
              or 'its value is not finite')
-            for index, effect, signals in self._loop.law.missing]
+            for index, effect, signals in self.loop.law.missing]
 
     def _why_missing(self, index: int, signal: str) -> str:
         if signal == 'temperature':
-            return self._loop.temperature.why_unknown(index, self._loop.states.stamp)
+            return self.loop.temperature.why_unknown(index, self.loop.states.stamp)
         return f'the {signal} is not measured here: the torque sensor is for evaluation only'

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Collection
 from functools import partial
 import struct
@@ -15,12 +15,13 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, Temperature
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.nodes.joint_states import NANO
-from friction_comp.nodes.recorded_topic import RecordedTopic
+from friction_comp.recordings.writer import qos_profile
 from friction_comp.topics import TOPICS
 
 STATES = 'joint_states'
@@ -43,33 +44,147 @@ RECORDED = {**TOPICS, '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray'}
 _MEMORY = 20_000
 # Real s between checks of the publishers.
 _CHECK_PERIOD = 0.1
-_STAMP = struct.Struct('<iI')
-_STAMP_BIG_ENDIAN = struct.Struct('>iI')
+# Length of the queue: ten seconds at a kilohertz.
+DEPTH = 10_000
+# Messages remembered to detect duplicates, with several subscriptions and with one: a second one
+# may receive earlier messages of a publisher.
+_MAX_SEEN, _MAX_SEEN_SINGLE = 2 * DEPTH, 2_000
+
+Offer = tuple[ReliabilityPolicy, DurabilityPolicy]
+_BEST_EFFORT: Offer = (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
+_RELIABLE: Offer = (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
+_LASTING: Offer = (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def stamp_of(cdr: bytes) -> int:
     """Return the stamp in ns of a serialised message that begins with a header.
 
-    Invalid stamps (before 1970, or with 1e9 ns or more) and messages that are too short give 0, as
-    an empty stamp does.
+    It is 0 if it is invalid (before 1970, or with 1e9 ns or more) or the message too short.
     """
-    if len(cdr) < 4 + _STAMP.size:
+    if len(cdr) < 12:
         return 0
-    kind = _STAMP if cdr[1] & 1 else _STAMP_BIG_ENDIAN
-    seconds, nanoseconds = kind.unpack_from(cdr, 4)
+    seconds, nanoseconds = struct.unpack_from('<iI' if cdr[1] & 1 else '>iI', cdr, 4)
     return int(seconds * NANO + nanoseconds) if seconds >= 0 and nanoseconds < NANO else 0
 
 
 def diagnosed_nodes(cdr: bytes) -> str:
-    """Return the nodes in a serialised diagnostic message; each node sends its own.
-
-    Empty if the message cannot be read.
-    """
+    """Return the nodes in a serialised diagnostic message, '' if it cannot be read."""
     try:
         message = deserialize_message(cdr, DiagnosticArray)
     except Exception:  # whatever the middleware raises
         return ''
     return ', '.join(status.name for status in message.status)
+
+
+class RecordedTopic:
+    """Subscribes to a topic with the quality of service (QoS) of its publishers.
+
+    Their QoS is known only after discovery, and messages may arrive earlier: the first subscription
+    is reliable. If another QoS fits the publishers better, a second subscription is added, and
+    duplicates are removed.
+
+    Each publisher numbers its messages, but a message does not name its publisher: a number that
+    continues no sequence belongs to a publisher that has not been heard, if there is one, and else
+    follows lost messages.
+
+    `take` is called with each serialised message and the middleware's message info. `sender`
+    returns the sender of a message, for topics with many publishers. `name` is the resolved name of
+    the topic, `lost` the number of lost messages.
+    """
+
+    def __init__(self, node: Node, kind: Any, topic: str,
+                 take: Callable[[bytes, dict[str, Any]], None],
+                 sender: Callable[[bytes], str] | None = None) -> None:
+        self.name = node.resolve_topic_name(topic)
+        self.lost = 0
+        self._node, self._kind, self._topic, self._take = node, kind, topic, take
+        self._sender = sender
+        self._subscriptions: dict[Offer, Any] = {}
+        # In the order of arrival; only the keys are used.
+        self._seen: dict[tuple[int, int], None] = {}
+        # Numbers of the next messages, by sender.
+        self._expected: defaultdict[str, set[int]] = defaultdict(set)
+        self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
+        self._subscribe(_RELIABLE)
+
+    def _subscribe(self, offer: Offer) -> None:
+        def take(message: bytes, info: dict[str, Any]) -> None:
+            self._receive(message, info)
+            # The executor takes one message per poll of all entities.
+            self._drain(self._subscriptions[offer])
+        self._subscriptions[offer] = self._node.create_subscription(
+            self._kind, self._topic, take, QoSProfile(
+                depth=DEPTH, reliability=offer[0], durability=offer[1]), raw=True)
+
+    @property
+    def publishers(self) -> int:
+        """Number of connected publishers."""
+        return max(subscription.get_publisher_count()
+                   for subscription in self._subscriptions.values())
+
+    def check_publishers(self) -> None:
+        """Check the publishers, and subscribe with a QoS that fits them."""
+        publishers = frozenset(
+            (bytes(info.endpoint_gid),
+             (info.qos_profile.reliability, info.qos_profile.durability))
+            for info in self._node.get_publishers_info_by_topic(self.name))
+        if publishers == self._publishers:
+            return
+        self._publishers = publishers
+        # A publisher that came or went explains a gap.
+        self._expected.clear()
+        offers = {offer for _, offer in publishers}
+        if any(reliability != ReliabilityPolicy.RELIABLE for reliability, _ in offers):
+            best = _BEST_EFFORT
+        else:
+            best = _LASTING if offers == {_LASTING} else _RELIABLE
+        if best not in self._subscriptions:
+            self._subscribe(best)
+
+    def offered(self) -> list[dict[str, Any]]:
+        """Return the publishers' QoS for a recording; empty if unknown."""
+        self.check_publishers()
+        return [qos_profile(reliability.name.lower(), durability.name.lower())
+                for reliability, durability in sorted({offer for _, offer in self._publishers})]
+
+    def drain(self) -> None:
+        """Process all messages that have arrived."""
+        for subscription in list(self._subscriptions.values()):
+            self._drain(subscription)
+
+    def _drain(self, subscription: Any) -> None:
+        with subscription.handle:
+            for _ in range(DEPTH):
+                message = subscription.handle.take_message(self._kind, True)
+                if message is None:
+                    return
+                self._receive(*message)
+
+    def _receive(self, message: bytes, info: dict[str, Any]) -> None:
+        sequence = info['publication_sequence_number'] or 0
+        key = info['source_timestamp'], sequence
+        if key in self._seen:
+            return
+        self._seen[key] = None
+        limit = _MAX_SEEN if len(self._subscriptions) > 1 else _MAX_SEEN_SINGLE
+        while len(self._seen) > limit:
+            del self._seen[next(iter(self._seen))]
+        if sequence:
+            self._count_lost(self._sender(message) if self._sender else '', sequence)
+        self._take(message, info)
+
+    def _count_lost(self, sender: str, sequence: int) -> None:
+        if sequence not in self._expected[sender]:
+            self.check_publishers()
+        expected = self._expected[sender]
+        if sequence in expected:
+            expected.remove(sequence)
+        elif len(expected) >= (1 if sender else len(self._publishers)):
+            before = max((number for number in expected if number < sequence), default=None)
+            if before is not None:
+                self.lost += sequence - before
+                expected.remove(before)
+        expected.add(sequence + 1)
 
 
 class DatedTopics:
@@ -80,26 +195,16 @@ class DatedTopics:
     states may have simulated time. A command thus gets the time of the state that it answers, even
     if one of them arrives late.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    take : callable
-        Called with topic, time in ns and the serialised message.
-    left_out : collection of str
-        Topics that are not subscribed to.
-
-    Attributes
-    ----------
-    topics : dict of str to RecordedTopic
-    waiting : deque
-        Messages without a stamp whose joint states have not arrived: system time of publication
-        in ns, topic and content.
+    `take` is called with topic, time in ns and the serialised message. `waiting` are the messages
+    without a stamp whose joint states have not arrived: system time of publication in ns, topic and
+    content.
     """
 
     def __init__(self, node: Node, take: Callable[[str, int, bytes], None],
                  left_out: Collection[str] = ()) -> None:
         self._take = take
         self._stamped = False
+        # System times of publication and stamps of the joint states.
         self._sent: deque[int] = deque(maxlen=_MEMORY)
         self._stamps: deque[int] = deque(maxlen=_MEMORY)
         self.waiting: deque[tuple[int, str, bytes]] = deque()
@@ -118,38 +223,40 @@ class DatedTopics:
         """Process all messages that have arrived or are waiting."""
         for topic in self.topics.values():
             topic.drain()
-        self._forward_waiting(flush=True)
+        while self.waiting:
+            self._forward()
 
     def _on_stamped(self, topic: str, cdr: bytes, info: dict[str, Any]) -> None:
         stamp, sent = stamp_of(cdr), info['source_timestamp']
         if not stamp:
             # If joint states have no stamp either, both clocks are the same.
-            stamp = (self._stamp_at(sent) if self._stamped else None) or sent
+            stamp = self._stamp_at(sent) if self._stamped else sent
         elif topic == STATES:
             self._stamped = True
         if topic == STATES:
             if not self._sent or sent >= self._sent[-1]:
                 self._sent.append(sent)
                 self._stamps.append(stamp)
-            self._forward_waiting()
+            self._forward_dated()
         self._take(topic, stamp, cdr)
 
     def _on_unstamped(self, topic: str, cdr: bytes, info: dict[str, Any]) -> None:
         self.waiting.append((info['source_timestamp'], topic, cdr))
-        self._forward_waiting()
+        self._forward_dated()
 
-    def _forward_waiting(self, flush: bool = False) -> None:
+    def _forward_dated(self) -> None:
         """Forward the messages without a stamp whose joint states have arrived."""
-        while self.waiting and (flush or (
-                self._sent and self._sent[-1] >= self.waiting[0][0])):
-            sent, topic, cdr = self.waiting.popleft()
-            stamp = self._stamp_at(sent)
-            self._take(topic, sent if stamp is None else stamp, cdr)
+        while self.waiting and self._sent and self._sent[-1] >= self.waiting[0][0]:
+            self._forward()
 
-    def _stamp_at(self, sent: int) -> int | None:
-        """Return the stamp in ns of the last joint state sent before; None if there is none."""
+    def _forward(self) -> None:
+        sent, topic, cdr = self.waiting.popleft()
+        self._take(topic, self._stamp_at(sent), cdr)
+
+    def _stamp_at(self, sent: int) -> int:
+        """Return the stamp in ns of the last joint state sent before; `sent` if there is none."""
         if not self._sent:
-            return None
+            return sent
         if sent >= self._sent[-1]:
             return self._stamps[-1]
         return self._stamps[max(0, bisect_right(self._sent, sent) - 1)]

@@ -18,17 +18,8 @@ class Diagnostics:
     """Publishes a node's state once per second of real time, even while simulated time stops.
 
     The name is ``node: task``, as in diagnostic_updater, so that aggregators and plotting tools
-    find it. Each value is a single number, one for each joint.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    report : callable
-        Returns (level, message, values), with values a dict.
-    hardware : str
-        Hardware of the node, for instance its joints.
-    task : str
-        Task of the node, in a word or two.
+    find it. `report` returns level, message and values, a dict with single numbers, one for each
+    joint. `hardware` is that of the node, for instance its joints.
     """
 
     def __init__(self, node: Any, report: Callable[[], tuple[Any, ...]], hardware: str = '',
@@ -57,7 +48,7 @@ def per_joint(joints: Sequence[str], key: str, values: Iterable[float]) -> dict[
 
 
 class Rate:
-    """Counts events and returns their rate since the last call."""
+    """Counts events and returns their rate in Hz since the last call."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -68,7 +59,7 @@ class Rate:
         self.count += 1
 
     def per_second(self) -> float:
-        """Return the rate in Hz since the last call."""
+        """Return the rate."""
         now = time.monotonic()
         before, count = self._last_call
         self._last_call = (now, self.count)

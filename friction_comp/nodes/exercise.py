@@ -16,7 +16,6 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
-from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
@@ -64,10 +63,9 @@ class ExerciseNode(Node):
     def _declare(self) -> float:
         """Declare the parameters; return the references per second of a timer."""
         self._movement = self._declare_movement()
-        self._moving = self._declare_moving()
         file = declare(
             self, 'exercise_file', '', 'YAML file with the movement of each joint, '
-            "instead of the note's movement", read_only=True)
+            "instead of the note's movement")
         self._script = load_exercise(file).of(self._joints) if file else None
         self._duration = (self._script or self._movement).duration
         self._when_done = declare_choice(
@@ -75,15 +73,30 @@ class ExerciseNode(Node):
             'their initial positions, or exit')
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
-            'subscriptions to the direction that must exist before the exercise begins',
-            0, 1000, read_only=True)
-        rate = declare(self, 'rate', 100.0, 'references per second of the node clock [Hz]', 1.0,
-                       1000.0, read_only=True)
+            'subscriptions to the direction that must exist before the exercise begins', 0, 1000)
+        rate = declare(
+            self, 'rate', 100.0, 'references per second of the node clock [Hz]', 1.0, 1000.0)
         clock = declare_choice(
             self, 'clock', ('timer', 'ticks'), 'timer: at `rate` by the node clock; ticks: once '
             'for each tick of /clock')
         self._ticking = clock == 'ticks'
         return float(rate)
+
+    def _declare_movement(self) -> ReferenceMovement:
+        default, turn = ReferenceMovement(), 2.0 * math.pi
+        values = {name: declare(
+            self, name, getattr(default, name), description, low, high)
+            for name, description, low, high in (
+                ('amplitude', 'angle between both ends [rad]; negative moves that way first',
+                 -turn, turn),
+                ('speed', 'of the constant velocity phase [rad/s]', 1e-3, 10.0),
+                ('acceleration_time', 'from standstill to that speed [s]', 0.01, 60.0),
+                ('standstill', 'rest before each movement [s]', 0.01, 600.0),
+                ('announcement', 'how long before a movement its direction is announced [s]',
+                 0.0, 600.0),
+                ('repetitions', 'movements each way', 1, 100_000))}
+        return ReferenceMovement(**values, compensated=declare(
+            self, 'announce_direction', True, "false keeps the direction at 0, the note's case 1"))
 
     def _connect(self, qos: QoSProfile, rate: float) -> None:
         self._reference = JointState(name=list(self._joints))
@@ -103,46 +116,9 @@ class ExerciseNode(Node):
             self.fast_timers = [self.create_timer(
                 1.0 / rate, lambda: self._on_tick(self.get_clock().now().nanoseconds))]
 
-    def _declare_movement(self) -> Any:
-        default = ReferenceMovement()
-        return ReferenceMovement(
-            amplitude=declare(
-                self, 'amplitude', default.amplitude,
-                'angle between both ends [rad]; negative moves that way first',
-                -2.0 * math.pi, 2.0 * math.pi, read_only=True),
-            speed=declare(
-                self, 'speed', default.speed, 'of the constant velocity phase [rad/s]',
-                1e-3, 10.0, read_only=True),
-            acceleration_time=declare(
-                self, 'acceleration_time', default.acceleration_time,
-                'from standstill to that speed [s]', 0.01, 60.0, read_only=True),
-            standstill=declare(
-                self, 'standstill', default.standstill, 'rest before each movement [s]',
-                0.01, 600.0, read_only=True),
-            announcement=declare(
-                self, 'announcement', default.announcement,
-                'how long before a movement its direction is announced [s]', 0.0, 600.0,
-                read_only=True),
-            repetitions=declare(
-                self, 'repetitions', default.repetitions, 'movements each way', 1, 100_000,
-                read_only=True),
-            compensated=declare(
-                self, 'announce_direction', True,
-                "false keeps the direction at 0, the note's case 1", read_only=True))
-
-    def _declare_moving(self) -> Any:
-        names = declare(
-            self, 'moving_joints', [], 'joints that move, the others are held; all when empty',
-            read_only=True)
-        names = [name for name in names if name]
-        unknown = sorted(set(names) - set(self._joints))
-        if unknown:
-            raise InputError(f'parameter moving_joints: {unknown} are not in parameter joints')
-        return np.array([not names or joint in names for joint in self._joints], dtype=float)
-
     def _on_joint_states(self, message: Any) -> None:
-        if self._ticking and (
-                self._first is None or nanoseconds(message.header.stamp) < self._first):
+        stamp = nanoseconds(message.header.stamp)
+        if self._ticking and (self._first is None or stamp < self._first):
             # States before the first tick arrive at random, and would make runs differ.
             return
         position, _, _ = self._columns.read(message)
@@ -207,19 +183,17 @@ class ExerciseNode(Node):
         """Return position, velocity and direction of each joint, (J,)."""
         if self._script is not None:
             return self._script.at(time)
-        return tuple(value * self._moving for value in self._movement.at(time))
+        return tuple(np.full(len(self._joints), value) for value in self._movement.at(time))
 
     def _report(self) -> Any:
         if self._time is None:
             return WARN, self._describe_wait(), {}
-        time = self._time
-        position, velocity, _ = self._at(time)
-        values = {
-            'time [s]': time, 'duration [s]': self._duration,
+        position, velocity, _ = self._at(self._time)
+        return OK, 'moving' if self._time < self._duration else 'done', {
+            'time [s]': self._time, 'duration [s]': self._duration,
             'reference [rad]': np.round(position, 6).tolist(),
             'reference velocity [rad/s]': np.round(velocity, 6).tolist(),
             'direction': self._values}
-        return OK, 'moving' if time < self._duration else 'done', values
 
     def _describe_wait(self) -> str:
         """Return what the exercise waits for before it begins."""

@@ -19,22 +19,13 @@ class _Fault:
     level: bytes
     begun: float
     seen: float
-    lasting: bool
 
 
 class Faults:
     """Present faults of a node, and latched ones that remain until they are reset.
 
-    May be used from several threads.
-
-    Parameters
-    ----------
-    logger : object
-        With methods `error`, `warning` and `info`.
-    hold : float
-        s without a report after which a fault has ended, so that an intermittent fault is one.
-    clock : callable
-        Returns s.
+    May be used from several threads. A fault that has not been reported for `hold` s has ended, so
+    that an intermittent fault is one.
     """
 
     def __init__(self, logger: Any, hold: float = 2.0,
@@ -45,35 +36,17 @@ class Faults:
         self._lock = threading.RLock()
         self.count = 0
 
-    def report(self, cause: str, text: str, level: bytes = ERROR, lasting: bool = False) -> None:
-        """Report a fault that is present now.
-
-        Parameters
-        ----------
-        cause : str
-            Identifies the fault; the text may vary.
-        text : str
-        level : bytes
-            WARN or ERROR.
-        lasting : bool
-            Whether it lasts until `end` is called.
-        """
+    def report(self, cause: str, text: str, level: bytes = ERROR) -> None:
+        """Report a fault that is present now; the cause identifies it, its text may vary."""
         now = self._clock()
         with self._lock:
             fault = self._faults.get(cause)
             if fault is not None:
-                fault.text, fault.seen, fault.lasting = text, now, lasting
+                fault.text, fault.seen = text, now
                 return
-            self._faults[cause] = _Fault(text, level, now, now, lasting)
+            self._faults[cause] = _Fault(text, level, now, now)
             self.count += 1
         self._log(level, text)
-
-    def end(self, cause: str) -> None:
-        """Record that a lasting fault has ended."""
-        with self._lock:
-            fault = self._faults.get(cause)
-            if fault is not None and fault.lasting:
-                fault.lasting, fault.seen = False, self._clock()
 
     def latch(self, cause: str, text: str) -> None:
         """Keep a fault until `reset`."""
@@ -94,12 +67,13 @@ class Faults:
 
     def expire(self) -> None:
         """End faults that are no longer reported; to be called regularly."""
-        now, ended = self._clock(), []
+        now = self._clock()
         with self._lock:
-            for cause, fault in list(self._faults.items()):
-                if not fault.lasting and now - fault.seen > self._hold:
-                    ended.append((fault, self._faults.pop(cause)))
-        for fault, _ in ended:
+            ended = {cause: fault for cause, fault in self._faults.items()
+                     if now - fault.seen > self._hold}
+            for cause in ended:
+                del self._faults[cause]
+        for fault in ended.values():
             self._logger.info(f'ended after {fault.seen - fault.begun:.3g} s: {fault.text}')
 
     def clear(self) -> None:
@@ -125,7 +99,7 @@ class Faults:
             return level, '; '.join(
                 fault.text for fault in self._faults.values() if fault.level == level)
 
-    def _log(self, level: Any, text: str) -> None:
+    def _log(self, level: bytes, text: str) -> None:
         # Separate calls: rclpy allows only one severity per source line.
         if level == ERROR:
             self._logger.error(text)

@@ -8,7 +8,7 @@ the joint, and end with zero current after every fault.
 
 from __future__ import annotations
 
-import functools
+from functools import partial
 import math
 from pathlib import Path
 import time
@@ -20,34 +20,18 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState, Temperature
+from sensor_msgs.msg import JointState
 
 from friction_comp.errors import InputError
 from friction_comp.files import check_folder
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.trajectory_run import TrajectoryRun
-from friction_comp.nodes import joint_states
+from friction_comp.nodes import goals, joint_io, joint_states
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, per_joint, Rate, WARN
-from friction_comp.nodes.goals import (
-    Action,
-    compile_ahead,
-    declare_defaults,
-    fill_result,
-    make_goal,
-    make_trajectory,
-    RunningGoal,
-)
-from friction_comp.nodes.joint_io import (
-    command_interface,
-    CommandPort,
-    currents_per_effort,
-    input_qos,
-    rivals,
-)
-from friction_comp.nodes.joint_states import JointStateInput, NANO, nanoseconds
+from friction_comp.nodes.goals import Action, RunningGoal
+from friction_comp.nodes.joint_states import JointStateInput, NANO
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
-from friction_comp.nodes.slow_inputs import MotorTemperature
 from friction_comp.nodes.watchdog import Watchdog
 
 # Real s between checks of the publishers of joint_states, other commanders, and the client.
@@ -71,25 +55,24 @@ class IdentificationNode(Node):
         self._joints = declare_joints(self)
         models = load_models(declare(
             self, 'model_files', [], "model file of each joint, of which only the section 'drive' "
-            'is used', read_only=True), self._joints)
+            'is used'), self._joints)
         self._drives = [model.drive for model in models]
-        self._output = declare(
+        declare(
             self, 'output_folder', '.', 'folder for the model files, which are named after '
-            'their joints')
+            'their joints', changes=True)
         timeout = declare(
             self, 'joint_state_timeout', 0.05, 'silence of joint_states that ends a goal, in real '
-            'time, and largest age [s]', 0.001, 10.0, read_only=True)
+            'time, and largest age [s]', 0.001, 10.0)
         self._feedback_period = declare(
-            self, 'feedback_period', 0.1, 'real time between feedback messages [s]', 0.01, 10.0,
-            read_only=True)
-        self._defaults = declare_defaults(self)
-        qos = input_qos(self)
+            self, 'feedback_period', 0.1, 'real time between feedback messages [s]', 0.01, 10.0)
+        self._defaults = goals.declare_defaults(self)
+        qos = joint_io.input_qos(self)
         self._states = JointStateInput(self._joints, round(NANO * timeout))
-        self._temperature = MotorTemperature(self._joints)
         torques = [drive.torque_per_current for drive in self._drives]
-        self._per_effort = currents_per_effort(self, torques)
-        self._port = CommandPort(self, [drive.current_limit for drive in self._drives], torques,
-                                 command_interface(self))
+        self._per_effort = joint_io.currents_per_effort(self, torques)
+        self._port = joint_io.CommandPort(
+            self, [drive.current_limit for drive in self._drives], torques,
+            joint_io.command_interface(self))
         self._watchdog = Watchdog(timeout, self._on_silence).start()
         self._rate = Rate()
         self._received = self._fresh = -math.inf
@@ -97,64 +80,58 @@ class IdentificationNode(Node):
         self._goal: RunningGoal | None = None
         self._last_end = ''
         self._refused = ''
-        compile_ahead(self._drives[0])
+        goals.compile_ahead(self._drives[0])
         self._connect(qos)
 
     def _connect(self, qos: QoSProfile) -> None:
-        self.create_subscription(Temperature, 'motor_temperature', self._on_temperature, qos)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, qos)
         self.create_timer(
             _CHECK_PERIOD, self._check_connections, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._actions = (
-            Action(IdentifyFriction, 'identify_friction', self._identification_goal,
-                   IdentificationRun, self._finish_identification),
-            Action(PlayTrajectory, 'play_trajectory', self._trajectory_goal, TrajectoryRun,
-                   self._finish_trajectory))
         self._servers = [ActionServer(
-            self, action.kind, action.name, functools.partial(self._execute, action),
-            goal_callback=functools.partial(self._on_goal, action),
-            cancel_callback=self._on_cancel) for action in self._actions]
+            self, action.kind, action.name, partial(self._execute, action),
+            goal_callback=partial(self._on_goal, action), cancel_callback=self._on_cancel)
+            for action in (
+                Action(IdentifyFriction, 'identify_friction', self._identification_goal,
+                       IdentificationRun, self._finish_identification),
+                Action(PlayTrajectory, 'play_trajectory', self._trajectory_goal, TrajectoryRun,
+                       self._finish_trajectory))]
         Diagnostics(self, self._report, ', '.join(self._joints), 'identification')
 
     # The actions.
 
     def _identification_goal(self, request: Any) -> tuple[int, Any]:
         check_folder(self.get_parameter('output_folder').value)
-        return make_goal(request, self._joints, self._drives, self._defaults)
+        return goals.make_goal(request, self._joints, self._drives, self._defaults)
 
     def _trajectory_goal(self, request: Any) -> tuple[int, Any]:
-        return make_trajectory(request, self._joints, self._drives, self._defaults)
+        return goals.make_trajectory(request, self._joints, self._drives, self._defaults)
 
     def _on_goal(self, action: Action, request: Any) -> Any:
         try:
             if self._busy:
                 raise InputError('another goal is running')
             index, _ = action.goal(request)
-            self._check_states(index)
-            self._check_other_commanders()
+            self._check_surroundings(self._joints[index])
         except InputError as error:
             self._refused = str(error)
             self.get_logger().warning(f'goal rejected: {error}')
             return GoalResponse.REJECT
-        self._refused = ''
-        self._busy = True
+        self._refused, self._busy = '', True
         return GoalResponse.ACCEPT
 
-    def _check_states(self, index: Any) -> None:
-        if time.monotonic() - self._received > _MAX_AGE:
+    def _check_surroundings(self, joint: str) -> None:
+        """Raise InputError without new states of a joint, or if another node may command it."""
+        now, others = time.monotonic(), self._port.others()
+        if now - self._received > _MAX_AGE:
             raise InputError('there are no joint_states')
-        if time.monotonic() - self._fresh > _MAX_AGE:
+        if now - self._fresh > _MAX_AGE:
             raise InputError(self._states.wrong or 'joint_states are not updated')
-        if self._joints[index] in self._states.missing:
-            raise InputError(f'joint_states lack {self._joints[index]}')
-
-    def _check_other_commanders(self) -> None:
-        """Raise InputError if another node may command the motor."""
-        others = self._port.others()
+        if joint in self._states.missing:
+            raise InputError(f'joint_states lack {joint}')
         if others:
             raise InputError(f'{", ".join(others)} may command the motor: deactivate it first')
 
-    def _on_cancel(self, goal_handle: Any) -> Any:
+    def _on_cancel(self, _: Any) -> Any:
         self._end('canceled', 'cancelled on request')
         return CancelResponse.ACCEPT
 
@@ -183,21 +160,16 @@ class IdentificationNode(Node):
         result.success = end == 'done'
         self._last_end = f'{end}: {result.message}'
         self.get_logger().info(self._last_end)
-        if end == 'done':
-            goal_handle.succeed()
-        elif end == 'canceled':
-            goal_handle.canceled()
-        else:
-            goal_handle.abort()
+        {'done': goal_handle.succeed, 'canceled': goal_handle.canceled,
+         'aborted': goal_handle.abort}[end]()
         return result
 
     def _finish_identification(self, run: Any, index: int, result: Any) -> None:
         """Fit the model, write its file, and fill the result."""
         outcome, joint = run.result(), self._joints[index]
-        path = Path(self.get_parameter('output_folder').value) / f'{joint}.yaml'
-        path = path.absolute()
+        path = (Path(self.get_parameter('output_folder').value) / f'{joint}.yaml').absolute()
         outcome.model(self._drives[index], joint).save(path)
-        fill_result(result, outcome)
+        goals.fill_result(result, outcome)
         result.model_file = str(path)
         result.message = '. '.join([f'identified {joint}, wrote {path}', *outcome.warnings])
 
@@ -215,10 +187,6 @@ class IdentificationNode(Node):
         goal.end.set_result((end, message))
 
     # Topics.
-
-    def _on_temperature(self, message: Any) -> None:
-        self._temperature.take(
-            message.header.frame_id, message.temperature, nanoseconds(message.header.stamp))
 
     def _on_joint_states(self, message: Any, info: Any) -> None:
         self._rate.tick()
@@ -261,35 +229,26 @@ class IdentificationNode(Node):
         if goal.started is None:
             goal.started = states.stamp
         at = (states.stamp - goal.started) / NANO
-        velocity = states.velocity
-        sample = [
-            float(states.position[index]),
-            math.nan if velocity is None else float(velocity[index]),
-            float(states.effort[index]) * self._per_effort[index]]
-        if not math.isfinite(sample[0]) or not math.isfinite(sample[2]):
+        position, effort = float(states.position[index]), float(states.effort[index])
+        velocity = math.nan if states.velocity is None else float(states.velocity[index])
+        if not math.isfinite(position) or not math.isfinite(effort):
             raise InputError(
                 f'joint_states hold no finite position and effort of {goal.joint}')
-        temperature = self._temperature.before(states.stamp)
-        current = run.update(
-            at, sample[0], sample[1], sample[2],
-            None if temperature is None else float(temperature[index]))
+        measured = effort * self._per_effort[index]
+        current = run.update(at, position, velocity, measured)
         commands = [0.0] * len(self._joints)
         commands[index] = 0.0 if run.finished else current
         simulated = self.get_clock().ros_time_is_active
         self._port.answer(commands, ticket, states.stamp if simulated else 0)
-        self._publish_feedback(goal, at, sample)
+        now = time.monotonic()
+        if now - goal.last_feedback >= self._feedback_period:
+            goal.last_feedback = now
+            goal.handle.publish_feedback(goal.action.kind.Feedback(
+                phase=run.phase, progress=float(run.progress),
+                remaining_seconds=float(run.remaining), time=at, position=position,
+                velocity=velocity, current=measured))
         if run.finished:
             self._end('done', '')
-
-    def _publish_feedback(self, goal: RunningGoal, at: float, sample: list[float]) -> None:
-        now = time.monotonic()
-        if now - goal.last_feedback < self._feedback_period:
-            return
-        goal.last_feedback = now
-        goal.handle.publish_feedback(goal.action.kind.Feedback(
-            phase=goal.run.phase, progress=float(goal.run.progress),
-            remaining_seconds=float(goal.run.remaining), time=at, position=sample[0],
-            velocity=sample[1], current=sample[2]))
 
     def _on_silence(self) -> None:
         """Command zero; called by the watchdog, in its thread."""
@@ -300,7 +259,7 @@ class IdentificationNode(Node):
 
     def _check_connections(self) -> None:
         """Check the publishers, and end a goal whose client is gone."""
-        self._states.publishers = rivals(self, 'joint_states')
+        self._states.publishers = joint_io.rivals(self, 'joint_states')
         goal = self._goal
         if goal is None:
             return

@@ -17,7 +17,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from friction_comp.nodes.joint_states import NANO
-from friction_comp.nodes.parameters import declare, declare_choice
+from friction_comp.nodes.parameters import declare_choice
 from friction_comp.topics import TORQUE_UNIT
 
 # Deep enough for a reader that pauses for seconds.
@@ -49,21 +49,15 @@ def input_qos(node: Any) -> QoSProfile:
     Best effort receives from every publisher. Reliable receives only from reliable ones, but
     without losses, which makes lockstep with the simulated plant faster.
     """
-    kind = declare(
-        node, 'input_reliability', 'best_effort',
+    kind = declare_choice(
+        node, 'input_reliability', ('best_effort', 'reliable'),
         'quality of service of the inputs: best_effort receives from every publisher, '
-        'reliable from reliable ones only', read_only=True, constraints='best_effort or reliable')
+        'reliable from reliable ones only')
     return RELIABLE if kind == 'reliable' else BEST_EFFORT
 
 
 def command_interface(node: Any) -> str:
-    """Declare `command_interface` and return it.
-
-    Raises
-    ------
-    InputError
-        If it is not a key of `UNIT_OF`.
-    """
+    """Declare `command_interface` and return it, a key of `UNIT_OF`."""
     return declare_choice(
         node, 'command_interface', list(UNIT_OF),
         'unit of current_command: current, A of the motor; or effort, k_t·n times that, N·m at the '
@@ -77,18 +71,9 @@ def command_unit(message: Any) -> str:
 
 
 def currents_per_effort(node: Any, torques: Sequence[float]) -> list[float]:
-    """Declare `effort_holds`; return the current per unit of effort in joint states by joint.
+    """Declare `effort_holds`; return the current in A per unit of effort in joint states.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    torques : sequence of float
-        Torque at each joint in N·m per A: k_t·n.
-
-    Raises
-    ------
-    InputError
-        If the parameter is neither torque nor current.
+    `torques` is k_t·n of each joint in N·m per A.
     """
     kind = declare_choice(
         node, 'effort_holds', ('torque', 'current'),
@@ -132,24 +117,11 @@ class CommandPort:
     motor, and the others can see it.
 
     Zero current may be commanded from any thread and takes precedence: currents with an earlier
-    `ticket` are not published after it.
+    `ticket` are not published after it. The ticket is to be read before a current is computed, and
+    increases with every zero command.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    limits : sequence of float
-        Largest current of each joint in A.
-    torques : sequence of float
-        Torque at each joint in N·m per A: k_t·n.
-    interface : str
-        A key of `UNIT_OF`.
-
-    Attributes
-    ----------
-    ticket : int
-        Number to be read before a current is computed; increases with every zero command.
-    last : list of float
-        The last command in A.
+    `limits` are the largest currents of the joints in A, `torques` the torques at the joints in N·m
+    per A: k_t·n. `last` is the last command in A.
     """
 
     def __init__(self, node: Any, limits: Sequence[float], torques: Sequence[float],
@@ -159,23 +131,18 @@ class CommandPort:
         self._by_torque = interface == 'effort'
         self.limits, self.torques = list(limits), list(torques)
         size = len(self.limits)
-        self._message, self._zero = (
-            self._make(label, size, UNIT_OF[interface]) for label in (JOINT, UNASKED))
-        self._stamp = 0
+        self._message, self._zero = (Float64MultiArray(data=array('d', bytes(8 * size)))
+                                     for _ in range(2))
+        for message, label in ((self._message, JOINT), (self._zero, UNASKED)):
+            message.layout.dim = [
+                MultiArrayDimension(label=label, size=size, stride=size),
+                MultiArrayDimension(label=UNIT_OF[interface], size=1, stride=1)]
         self._publisher: Any = None
         self._lock = threading.Lock()
         self._sealed = False
         self.ticket = 0
         self.last = [0.0] * size
-        self._answered = 0
-
-    @staticmethod
-    def _make(label: str, size: int, unit: str) -> Any:
-        message = Float64MultiArray(data=array('d', bytes(8 * size)))
-        message.layout.dim = [
-            MultiArrayDimension(label=label, size=size, stride=size),
-            MultiArrayDimension(label=unit, size=1, stride=1)]
-        return message
+        self._stamp = self._answered = 0
 
     def open(self) -> None:
         """Create the publisher."""
@@ -200,36 +167,18 @@ class CommandPort:
         if not self._discovered:
             known = self._node.count_subscribers(self._topic)
             self._discovered = (0 < known <= self.listeners
-                             or time.monotonic() - self._opened > _DISCOVERY_TIME)
+                                or time.monotonic() - self._opened > _DISCOVERY_TIME)
         return self._discovered
 
     def is_lost(self, sent: int) -> bool:
-        """Return whether a repeated state was sent because its answer was lost.
-
-        Parameters
-        ----------
-        sent : int
-            System time of its publication in ns.
-        """
+        """Return whether a state, repeated at a system time in ns, was because of a lost answer."""
         return sent > self._answered + _CROSSING_TIME
 
-    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> bool:
+    def answer(self, currents: Sequence[float] | np.ndarray, ticket: int, stamp: int = 0) -> None:
         """Publish currents in A, one per joint, unless zero was commanded since the ticket.
 
-        Values that are not finite become zero, values beyond the limit the limit.
-
-        Parameters
-        ----------
-        currents : sequence of float
-        ticket : int
-            Value of the attribute before they were computed.
-        stamp : int
-            Stamp of the simulated joint state that they answer, ns; 0 in real time.
-
-        Returns
-        -------
-        bool
-            Whether the currents were published.
+        Values that are not finite become zero, values beyond the limit the limit. `stamp` is that
+        of the simulated joint state that they answer, ns; 0 in real time.
         """
         values = []
         for value, limit in zip(np.asarray(currents).tolist(), self.limits):
@@ -242,7 +191,7 @@ class CommandPort:
             values.append(value)
         with self._lock:
             if ticket != self.ticket or self._sealed or self._publisher is None:
-                return False
+                return
             self._message.data = array('d', values if not self._by_torque else [
                 value * torque for value, torque in zip(values, self.torques)])
             self._message.layout.dim[0].label = str(stamp) if stamp else JOINT
@@ -252,9 +201,8 @@ class CommandPort:
                 # Zero was published while this publication was blocked: repeat it.
                 self.last = [0.0] * len(self.limits)
                 self._publisher.publish(self._zero)
-                return False
+                return
         self._answered = time.time_ns()
-        return True
 
     def repeat(self) -> None:
         """Publish the last answer again."""
@@ -286,7 +234,7 @@ class CommandPort:
         own_name = self._node.get_fully_qualified_name()
         if own and own_name in names:
             names.remove(own_name)
-        return sorted(names)
+        return names
 
     def wait(self) -> None:
         """Wait for a moment until all reliable readers have acknowledged the messages.

@@ -41,9 +41,8 @@ def set_stamp(stamp: Any, value: int) -> None:
 class JointColumns:
     """Selects the node's joints from joint states of any order and with other joints.
 
-    Parameters
-    ----------
-    joints : list of str
+    `missing` are the joints that are not in the message, `twice` those that are in it more than
+    once.
     """
 
     def __init__(self, joints: Sequence[str]) -> None:
@@ -57,8 +56,7 @@ class JointColumns:
     def read(self, message: Any) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         """Return position, velocity and effort, each (J,), NaN where there is no value.
 
-        Velocity is None if the message has none. The attribute `missing` lists the joints that
-        are not in the message, `twice` those that are in it more than once.
+        Velocity is None if the message has none.
         """
         if message.name != self._names:
             self.find(list(message.name))
@@ -68,11 +66,10 @@ class JointColumns:
 
     def find(self, names: list[str]) -> None:
         """Find the indices of the joints in the names of a message."""
-        index_of = {name: k for k, name in enumerate(names)}
-        columns = [index_of.get(name, -1) for name in self._joints]
+        columns = [names.index(name) if name in names else -1 for name in self._joints]
         # The same order, the most frequent case, needs no selection.
         self._columns = None if columns == list(range(len(names))) else columns
-        self.missing = [name for name in self._joints if name not in index_of]
+        self.missing = [name for name in self._joints if name not in names]
         self.twice = [name for name in self._joints if names.count(name) > 1]
         self._names, self._count = names, len(names)
 
@@ -95,48 +92,30 @@ class JointStateInput:
     and new, when all joints received within the timeout have arrived; the values of other joints
     are missing (NaN).
 
-    Parameters
-    ----------
-    joints : list of str
-    timeout : int
-        ns.
-
-    Attributes
-    ----------
-    stamp : int
-        Of the last new state, in ns; 0 before the first.
-    position, effort : ndarray, shape (J,)
-        rad, N·m; NaN where there is no value.
-    velocity : ndarray or None
-        rad/s. None if it is missing for a joint whose position is known; ros2_control publishes
-        NaN for a velocity that is not measured.
-    missing : list of str
-        Joints that are not in the last new state.
-    gap, restarted : bool
-        Whether the last new state followed a gap of stamps longer than the timeout, and whether
-        it began a new time base.
-    passed_over : int
-        Number of late states so far.
-    publishers : list of str
-        Publishers of joint states if there are several; to be updated by the node. Publishers
-        number their messages: if the numbers of a joint do not increase, two of them publish it,
-        and its value is ambiguous.
-    wrong : str
-        Fault of the last state, or empty.
+    Times are in ns. The attributes hold the last new state: `stamp` (0 before the first),
+    `position`, `velocity` and `effort`, shape (J,), NaN where there is no value, the `missing`
+    joints, and whether it followed a `gap` of stamps longer than the timeout or began a new time
+    base (`restarted`). `wrong` is the fault of the last state, if any.
     """
 
     def __init__(self, joints: Sequence[str], timeout: int) -> None:
         self._joints, self._timeout = list(joints), timeout
         self._columns = JointColumns(joints)
+        # Number of late states so far.
         self.passed_over = 0
+        # Publishers of joint states if there are several; updated by the node. Publishers number
+        # their messages: if the numbers of a joint do not increase, two of them publish it, and its
+        # value is ambiguous.
         self.publishers: list[str] = []
         self.forget()
 
     def forget(self) -> None:
         """Accept the next state as new, whatever its stamp."""
         size = len(self._joints)
-        self.stamp, self.gap, self.restarted, self.age = 0, False, False, 0
+        self.stamp, self.gap, self.restarted = 0, False, False
         self.position = self.effort = np.full(size, np.nan)
+        # None if it is missing for a joint whose position is known; ros2_control publishes NaN for
+        # a velocity that is not measured.
         self.velocity: np.ndarray | None = None
         self.missing = list(self._joints)
         self._last: dict[tuple[str, ...], int] = {}
@@ -151,22 +130,11 @@ class JointStateInput:
         self._clash_text = self.wrong = ''
 
     def take(self, message: Any, now: int, received: int = 0, sequence: int = 0) -> str:
-        """Validate a joint state, and keep its values if it is new.
+        """Validate a joint state, keep its values if it is new, and return the verdict.
 
-        Parameters
-        ----------
-        message : sensor_msgs.msg.JointState
-        now : int
-            The node's clock in ns.
-        received : int
-            When the middleware received it, ns of the same clock; replaces a stamp of zero.
-        sequence : int
-            Sequence number of its publisher; 0 if the middleware has none.
-
-        Returns
-        -------
-        str
-            NEW, or another verdict.
+        `now` is the node's clock in ns. `received`, when the middleware received the state by that
+        clock, replaces a stamp of zero. `sequence` is the number that its publisher gave it, 0 if
+        the middleware has none.
         """
         self.wrong = ''
         stamp = nanoseconds(message.header.stamp)
@@ -185,10 +153,15 @@ class JointStateInput:
             if 0 < last - stamp <= self._timeout:
                 self.passed_over += 1
                 return LATE
-        self.age = now - stamp
-        if abs(self.age) > self._timeout:
-            self.wrong = self._describe_age()
-            return STALE if self.age > 0 else AHEAD
+        age = now - stamp
+        if age > self._timeout:
+            self.wrong = (f'joint_states are {age / NANO:.3g} s old'
+                          ' (clocks differ, or use_sim_time is not set alike?)')
+            return STALE
+        if age < -self._timeout:
+            self.wrong = (f'joint_states are stamped {-age / NANO:.3g} s ahead'
+                          ' (clocks differ, or /clock stands still?)')
+            return AHEAD
         if self._malformed(message, len(names)):
             return MALFORMED
         restarted = stamp < last
@@ -225,10 +198,9 @@ class JointStateInput:
         if velocity is None:
             velocity = np.full(len(self._joints), np.nan)
         for j, joint in enumerate(self._joints):
-            if joint in absent:
-                continue
-            self._round[:, j] = position[j], velocity[j], effort[j]
-            self._received[j], self._fresh[j] = stamp, True
+            if joint not in absent:
+                self._round[:, j] = position[j], velocity[j], effort[j]
+                self._received[j], self._fresh[j] = stamp, True
         lost = [not fresh and stamp - max(last_received, self._whole) > self._timeout
                 for fresh, last_received in zip(self._fresh, self._received)]
         if not all(fresh or gone for fresh, gone in zip(self._fresh, lost)):
@@ -264,13 +236,6 @@ class JointStateInput:
         self.wrong = self._clash_text
         return True
 
-    def _describe_age(self) -> str:
-        if self.age < 0:
-            return (f'joint_states are stamped {-self.age / NANO:.3g} s ahead'
-                    ' (clocks differ, or /clock stands still?)')
-        return (f'joint_states are {self.age / NANO:.3g} s old'
-                ' (clocks differ, or use_sim_time is not set alike?)')
-
 
 def are_finite(values: np.ndarray) -> bool:
     """Return whether all of a few values are finite; several times faster than with numpy."""
@@ -285,13 +250,9 @@ def within(values: np.ndarray, limit: float) -> bool:
 def _velocity_if_complete(velocity: np.ndarray | None,
                           position: np.ndarray) -> np.ndarray | None:
     """Return the velocity if it is known for every joint with a position, else None."""
-    if velocity is None:
-        return None
-    if are_finite(velocity):
+    if velocity is None or are_finite(velocity):
         return velocity
     unknown = np.isnan(velocity)
-    if not unknown.any():
-        return velocity
     if (unknown & ~np.isnan(position)).any():
         return None
     return np.where(unknown, 0.0, velocity)

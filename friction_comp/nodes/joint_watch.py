@@ -4,19 +4,16 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from dataclasses import dataclass
 import math
-import struct
-from typing import Any
 
-from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState, Temperature
 
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.monitoring.live_residual import LiveResidual
+from friction_comp.recordings.cdr import decode
+from friction_comp.topics import TOPICS
 
 # Period of the states that are used, and largest age of a load and of a temperature, ns.
 _STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 200_000_000, 60_000_000_000
@@ -28,141 +25,123 @@ _MAX_KEPT = 10_000
 _FEWEST_BLOCKS, _TRIAL_BLOCKS = 30, 300
 # A new model is worse if its error is larger by this factor.
 _WORSE_FACTOR = 1.05
+# Topics, and which fields of their messages are used.
+STATES, _LOAD, _TEMPERATURE = 'joint_states', 'interaction_wrench', 'motor_temperature'
+_FIELDS = {STATES: ('position', 'velocity', 'effort'), _LOAD: ('wrench',),
+           _TEMPERATURE: ('temperature',)}
+# Index of the torque about z in a wrench.
+_TORQUE_Z = 5
 
 
-def frame_of(cdr: bytes) -> str:
-    """Return the frame_id of a serialised message that begins with a header; '' without one."""
-    if len(cdr) < 16:
-        return ''
-    length, = struct.unpack_from('<I' if cdr[1] & 1 else '>I', cdr, 12)
-    return bytes(cdr[16:15 + length]).decode(errors='replace')
+class _Signal:
+    """Values of a signal and their stamps in ns, in order."""
 
+    def __init__(self, width: int) -> None:
+        self.stamps, self.values = np.empty(0, dtype=np.int64), np.empty((0, width))
 
-def value_at(values: Any, index: int) -> float:
-    """Return an element of an array in a message; NaN if the array is shorter."""
-    return float(values[index]) if len(values) > index else math.nan
+    def add(self, stamps: np.ndarray, values: np.ndarray) -> None:
+        self.stamps = np.concatenate((self.stamps, stamps))
+        self.values = np.concatenate((self.values, values))
+        # Where time went back, another run began.
+        back = np.flatnonzero(np.diff(self.stamps) < 0)
+        self.keep_from(back[-1] + 1 if len(back) else 0)
 
+    def keep_from(self, index: int) -> None:
+        self.stamps, self.values = self.stamps[index:], self.values[index:]
 
-def values_of(message: Any, joint: str) -> tuple[float, float, float]:
-    """Return position, velocity and effort of a joint in a joint state."""
-    index = message.name.index(joint)
-    return (value_at(message.position, index), value_at(message.velocity, index),
-            value_at(message.effort, index))
+    def at(self, stamps: np.ndarray, age: int) -> np.ndarray:
+        """Return the values at some stamps, NaN where they are older or later than an age."""
+        if not len(self.stamps):
+            return np.full(len(stamps), math.nan)
+        index = np.maximum(np.searchsorted(self.stamps, stamps, 'right') - 1, 0)
+        return np.where(np.abs(stamps - self.stamps[index]) <= age, self.values[index, 0], math.nan)
 
 
 class LiveSignals:
-    """Converts serialised messages to rows for `LiveResidual`, some hundred per second.
-
-    Parameters
-    ----------
-    joints : list of str
-    torque_per_current : list of float
-        N·m/A at each joint.
-    """
+    """Converts serialised messages to rows for `LiveResidual`, some hundred per second."""
 
     def __init__(self, joints: list[str], torque_per_current: list[float]) -> None:
-        self._joints, self._gains = joints, torque_per_current
+        self._gains = dict(zip(joints, torque_per_current))
         self._due = self._last = 0
-        self._held: dict[tuple[str, str], deque[tuple[int, bytes]]] = {}
-        self._states: list[deque[tuple[int, list[float]]]] = [deque() for _ in joints]
+        self._new: defaultdict[str, deque[tuple[int, bytes]]] = defaultdict(
+            lambda: deque(maxlen=_MAX_KEPT))
+        self._signals = {(topic, joint): _Signal(len(fields))
+                         for topic, fields in _FIELDS.items() for joint in joints}
 
     def add_message(self, topic: str, stamp: int, cdr: bytes) -> None:
         """Keep a message about one joint (its frame_id) for the states of its time."""
-        held = self._held.setdefault((topic, frame_of(cdr)), deque(maxlen=_MAX_KEPT))
-        if held and stamp < held[-1][0]:
-            # Time went back.
-            held.clear()
-        held.append((stamp, bytes(cdr)))
+        self._new[topic].append((stamp, cdr))
 
     def add_state(self, stamp: int, cdr: bytes) -> None:
         """Add a joint state, unless it is within a period of the last one."""
         if stamp < self._last:
             # Time went back.
             self._due = 0
-            for states in self._states:
-                states.clear()
         self._last = stamp
-        if stamp < self._due:
-            return
-        self._due = stamp + _STEP
-        message = deserialize_message(bytes(cdr), JointState)
-        for index, joint in enumerate(self._joints):
-            if joint not in message.name:
-                continue
-            position, velocity, effort = values_of(message, joint)
-            self._states[index].append((
-                stamp, [stamp * 1e-9, position, velocity, effort / self._gains[index]]))
-
-    def _load(self, joint: str, stamp: int) -> Any:
-        message = self._fresh('interaction_wrench', joint, stamp, WrenchStamped, _LOAD_AGE)
-        return math.nan if message is None else message.wrench.torque.z
-
-    def _temperature(self, joint: str, stamp: int) -> Any:
-        message = self._fresh('motor_temperature', joint, stamp, Temperature, _TEMPERATURE_AGE)
-        return math.nan if message is None else message.temperature
-
-    def _fresh(self, topic: str, joint: str, stamp: int, kind: Any, age: Any) -> Any:
-        held = self._held.get((topic, joint))
-        if held is None:
-            return None
-        # Several may have been read at once, the newest of them long after this state.
-        while len(held) > 1 and held[1][0] <= stamp:
-            held.popleft()
-        return None if abs(stamp - held[0][0]) > age else deserialize_message(held[0][1], kind)
+        if stamp >= self._due:
+            self._due = stamp + _STEP
+            self._new[STATES].append((stamp, cdr))
 
     def take(self) -> list[np.ndarray]:
         """Return the new rows of each joint whose load is known, or has not come in time."""
-        rows = []
-        for joint, states in zip(self._joints, self._states):
-            held = self._held.get(('interaction_wrench', joint))
-            complete = max(held[-1][0], self._last - _PATIENCE) if held else self._last
-            joint_rows = []
-            while states and states[0][0] <= complete:
-                stamp, row = states.popleft()
-                joint_rows.append([*row, self._load(joint, stamp), self._temperature(joint, stamp)])
-            rows.append(np.array(joint_rows).reshape(-1, 6))
+        self._decode()
+        return [self._rows(joint) for joint in self._gains]
+
+    def _decode(self) -> None:
+        for topic, messages in self._new.items():
+            stamps = np.array([stamp for stamp, _ in messages], dtype=np.int64)
+            found = defaultdict(list)
+            for index, names, fields in decode(
+                    TOPICS[topic], [cdr for _, cdr in messages], broken=[]):
+                for column, joint in enumerate(names):
+                    if joint in self._gains:
+                        found[joint].append((index, _columns(topic, fields, column)))
+            for joint, groups in found.items():
+                index = np.concatenate([index for index, _ in groups])
+                order = index.argsort()
+                signal = self._signals[topic, joint]
+                signal.add(stamps[index[order]],
+                           np.concatenate([values for _, values in groups])[order])
+                if topic != STATES:
+                    signal.keep_from(-_MAX_KEPT)
+            messages.clear()
+
+    def _rows(self, joint: str) -> np.ndarray:
+        states, load, temperature = (self._signals[topic, joint] for topic in _FIELDS)
+        complete = max(load.stamps[-1], self._last - _PATIENCE) if len(load.stamps) else self._last
+        count = int(np.searchsorted(states.stamps, complete, 'right'))
+        stamps = states.stamps[:count]
+        rows = np.column_stack((
+            1e-9 * stamps, states.values[:count, :2], states.values[:count, 2] / self._gains[joint],
+            load.at(stamps, _LOAD_AGE),
+            temperature.at(stamps, _TEMPERATURE_AGE)))
+        states.keep_from(count)
         return rows
+
+
+def _columns(topic: str, fields: dict[str, np.ndarray], column: int) -> np.ndarray:
+    """Return the values of one joint in decoded messages, NaN where there is none."""
+    if topic == _LOAD:
+        column = _TORQUE_Z
+    return np.column_stack([
+        fields[name][:, column] if fields[name].shape[1] > column
+        else np.full(len(fields[name]), math.nan) for name in _FIELDS[topic]])
 
 
 @dataclass(frozen=True)
 class Trial:
-    """The model that a new one replaced, compared on the same motion.
-
-    Parameters
-    ----------
-    file : str
-        Path of the previous model.
-    residual : LiveResidual
-    """
+    """The model that a new one replaced, compared on the same motion."""
 
     file: str
     residual: LiveResidual
 
 
 class JointWatch:
-    """Watches one joint's model, and a new model while it is on trial.
-
-    Parameters
-    ----------
-    tolerance : float
-        As for `ResidualWatch`.
-    path : str
-        Model file to begin with.
-
-    Attributes
-    ----------
-    last_load : float
-        Stamp of the last sample with a measured load, s.
-    file : str
-        Path of the model in use.
-    residual : LiveResidual
-        Of that model.
-    trial : Trial or None
-        None if no model is on trial.
-    """
+    """Watches the model in one joint's `file`, and a new model while it is on trial."""
 
     def __init__(self, tolerance: float, path: str) -> None:
         self._tolerance = tolerance
+        # Stamp of the last sample with a measured load, s.
         self.last_load = -math.inf
         self.trial: Trial | None = None
         self.file, self.residual = path, self._load(path)
@@ -191,14 +170,11 @@ class JointWatch:
     def end_trial(self) -> tuple[str, str] | None:
         """End the trial if the new model is worse, or if there was enough motion.
 
-        Returns
-        -------
-        tuple of str, or None
-            File of the previous model and why the new one is worse; None if it is not.
+        Return the file of the previous model and why the new one is worse; None if it is not.
         """
         if self.trial is None:
             return None
-        previous, old, new = self.trial.file, self.trial.residual.watch, self.residual.watch
+        previous, old, new = self.trial.file, self.trial.residual.monitor, self.residual.monitor
         blocks = min(old.blocks, new.blocks)
         if blocks < _FEWEST_BLOCKS:
             return None

@@ -4,10 +4,11 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Sequence
 import contextlib
 import math
+import struct
 import threading
 import time
 from typing import Any
@@ -15,10 +16,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -29,58 +27,29 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.dated_topics import stamp_of
 from friction_comp.nodes.executor import StreamExecutor
 from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.joint_watch import frame_of, value_at, values_of
-from friction_comp.nodes.ros_start import start_ros
+from friction_comp.nodes.ros_start import own_node
 from friction_comp.recordings.activity import compensator_activity
 from friction_comp.samples import Samples
 from friction_comp.topics import TORQUE_UNIT
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-# A command must still be in its queue when the state measured under it is read, which may be the
-# oldest of five.
-_COMMAND_QOS = QoSProfile(depth=25, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Commands that are kept, and intervals for which one is valid, at least a step of the page.
-_MAX_COMMANDS, _VALID_INTERVALS = 64, 3
-# Period of the states shown, ns; rows kept for each joint; age of an outdated status, s.
-_STEP, _MAX_ROWS, _STATUS_AGE = 20_000_000, 3000, 5.0
+# Real s between batches of messages: the page is drawn five times a second.
+_NAP = 0.01
+# Period of the states shown, ns; rows kept for each joint; ages of an outdated status and of an
+# outdated command, s.
+_STEP, _MAX_ROWS, _STATUS_AGE, _COMMAND_AGE = 20_000_000, 3000, 5.0, 0.2
 _COLUMNS = ('time', 'position', 'velocity', 'torque', 'load', 'command', 'direction',
             'reference_velocity')
 _LEVELS = {0: 'ok', 1: 'warning', 2: 'problem', 3: 'problem'}
+_WORST_FIRST = ('problem', 'warning', 'note', 'ok')
 
 
-class _Listener(Node):
-    """Processes messages in batches: the page is drawn five times a second."""
-
-    nap = 0.01
-
-    def __init__(self, context: Context) -> None:
-        super().__init__('friction_comp_watch', context=context)
-
-
-class SentCommands:
-    """The last commands and their send times, to find the one under which a state was measured.
-
-    The page may run on a busy machine and subscribes best effort, so the last command received may
-    be older or newer than the last state.
-    """
-
-    def __init__(self) -> None:
-        self._received: deque[tuple[int, bytes]] = deque(maxlen=_MAX_COMMANDS)
-
-    def take(self, cdr: bytes, sent: int) -> None:
-        """Add a serialised command, sent at a system time in ns."""
-        self._received.append((sent, cdr))
-
-    def at(self, sent: int) -> Any:
-        """Return the command that was valid at a system time in ns; None if unknown."""
-        times = [time for time, _ in self._received]
-        last = next((k for k in reversed(range(len(times))) if times[k] <= sent), None)
-        if last is None:
-            return None
-        interval = np.median(np.diff(times)) if len(times) > 1 else 0
-        if sent - times[last] > max(_VALID_INTERVALS * interval, _STEP):
-            return None
-        return deserialize_message(self._received[last][1], Float64MultiArray)
+def frame_of(cdr: bytes) -> str:
+    """Return the frame_id of a serialised message that begins with a header; '' without one."""
+    if len(cdr) < 16:
+        return ''
+    length, = struct.unpack_from('<I' if cdr[1] & 1 else '>I', cdr, 12)
+    return bytes(cdr[16:15 + length]).decode(errors='replace')
 
 
 class LiveFeed:
@@ -105,18 +74,20 @@ class LiveFeed:
             raise InputError(f'--model: one file per joint is needed, {len(joints)} for '
                              f'{", ".join(joints)}')
         self.joints, self._fixed = list(joints), bool(joints)
-        self._models, self._given = list(models), bool(models)
+        self._models = list(models)
+        # Of the compensator, with their paths.
         self._loaded: dict[str, tuple[str, FrictionModel | None]] = {}
-        self._rows: dict[str, deque[tuple[float, ...]]] = {}
+        self._rows: defaultdict[str, deque[tuple[float, ...]]] = defaultdict(
+            lambda: deque(maxlen=_MAX_ROWS))
         self._lock = threading.Lock()
-        self._held: dict[Any, Any] = {}
+        # Type, content and time of arrival of the last messages.
+        self._last: dict[str, tuple[Any, bytes, float]] = {}
         self._status: dict[str, tuple[str, str, float]] = {}
         self._due, self._received = 0, 0.0
         self._first: int | None = None
-        self._context = Context()
-        start_ros('watch', arguments, self._context)
-        self._node = _Listener(self._context)
-        self._commands = SentCommands()
+        self._ros = contextlib.ExitStack()
+        self._node = self._ros.enter_context(own_node('friction_comp_watch', arguments))
+        self._node.nap = _NAP
         self._subscribe()
         self._executor = StreamExecutor(self._node)
         self._stopped = threading.Event()
@@ -125,24 +96,31 @@ class LiveFeed:
 
     def _subscribe(self) -> None:
         # The first subscription of a topic, that of a motor's driver, costs its publisher 45 us per
-        # command, a second one little (bench/watch_cost.py).
-        self._node.create_subscription(
-            Float64MultiArray, 'current_command', lambda cdr, info: self._commands.take(
-                cdr, info['source_timestamp']), _COMMAND_QOS, raw=True)
-        self._node.create_subscription(
-            JointState, 'reference', lambda cdr: self._held.__setitem__('reference', cdr), _QOS,
-            raw=True)
-        # A planner uses one of them; with both, the later message is valid.
-        for kind, topic in ((Int8MultiArray, 'direction'), (JointState, 'direction_stamped')):
+        # command, a second one little (bench/watch_cost.py). Of the two directions a planner uses
+        # one; with both, the later message is valid.
+        for kind, topic, key in (
+                (Float64MultiArray, 'current_command', 'command'),
+                (JointState, 'reference', 'reference'), (Int8MultiArray, 'direction', 'direction'),
+                (JointState, 'direction_stamped', 'direction')):
             self._node.create_subscription(
-                kind, topic, lambda cdr, kind=kind: self._held.__setitem__('direction', (
-                    kind, cdr)), _QOS, raw=True)
+                kind, topic, lambda cdr, key=key, kind=kind: self._hold(key, kind, cdr), _QOS,
+                raw=True)
         self._node.create_subscription(
-            WrenchStamped, 'interaction_wrench', lambda cdr: self._held.__setitem__(
-                ('load', frame_of(cdr)), cdr), _QOS, raw=True)
+            WrenchStamped, 'interaction_wrench', lambda cdr: self._hold(
+                f'load of {frame_of(cdr)}', WrenchStamped, cdr), _QOS, raw=True)
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _QOS)
         self._node.create_subscription(
             JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
+
+    def _hold(self, key: str, kind: Any, cdr: bytes) -> None:
+        self._last[key] = kind, cdr, time.monotonic()
+
+    def _message(self, key: str, age: float = math.inf) -> Any:
+        """Return the last message, None if there is none or if it is older than s."""
+        kind, cdr, arrival = self._last.get(key, (None, b'', 0.0))
+        if kind is None or time.monotonic() - arrival > age:
+            return None
+        return deserialize_message(cdr, kind)
 
     def _spin(self) -> None:
         with contextlib.suppress(ExternalShutdownException):
@@ -153,7 +131,7 @@ class LiveFeed:
         for status in message.status:
             self._status[status.name] = (
                 _LEVELS.get(ord(status.level), 'note'), status.message, time.monotonic())
-            activity = None if self._given else compensator_activity(status)
+            activity = None if self._models else compensator_activity(status)
             for joint, path in activity.models.items() if activity else ():
                 self._use(joint, path)
 
@@ -166,7 +144,7 @@ class LiveFeed:
                 model = FrictionModel.load(path, joint)
             self._loaded[joint] = path, model
 
-    def _on_joint_states(self, cdr: bytes, info: dict[str, Any]) -> None:
+    def _on_joint_states(self, cdr: bytes) -> None:
         stamp = stamp_of(cdr) or time.time_ns()
         if self._due - 10 * _STEP < stamp < self._due:
             return
@@ -178,41 +156,39 @@ class LiveFeed:
         message = deserialize_message(cdr, JointState)
         if not self._fixed:
             self.joints = list(message.name)
-        command, directions = self._commands.at(info['source_timestamp']), self._directions()
-        reference = self._held.get('reference')
-        reference = reference and deserialize_message(reference, JointState)
+        measured = [_by_joint(message.name, values)
+                    for values in (message.position, message.velocity, message.effort)]
+        reference = self._message('reference')
+        others = [self._loads(), self._commands(), self._directions(),
+                  _by_joint(reference.name, reference.velocity) if reference else {}]
         with self._lock:
-            for index, joint in enumerate(self.joints):
-                if joint in message.name:
-                    row = (1e-9 * (stamp - self._first), *values_of(message, joint),
-                           self._load(joint), self._current(command, joint, index),
-                           directions.get(joint, math.nan),
-                           value_at(reference.velocity, list(reference.name).index(joint))
-                           if reference and joint in reference.name else math.nan)
-                    self._rows.setdefault(joint, deque(maxlen=_MAX_ROWS)).append(row)
+            for joint in set(self.joints) & set(message.name):
+                self._rows[joint].append((1e-9 * (stamp - self._first), *(
+                    signal.get(joint, math.nan) for signal in (*measured, *others))))
+
+    def _loads(self) -> dict[str, float]:
+        messages = {joint: self._message(f'load of {joint}') for joint in self.joints}
+        return {joint: message.wrench.torque.z for joint, message in messages.items() if message}
+
+    def _commands(self) -> dict[str, float]:
+        """Return the command in A; a torque without a model is not known in A."""
+        command = self._message('command', _COMMAND_AGE)
+        if command is None:
+            return {}
+        values = _by_joint(self.joints, command.data)
+        if command_unit(command) != TORQUE_UNIT:
+            return values
+        models = {joint: self._model(joint) for joint in values}
+        return {joint: values[joint] / model.drive.torque_per_current
+                for joint, model in models.items() if model is not None}
 
     def _directions(self) -> dict[str, float]:
-        kind, cdr = self._held.get('direction', (None, b''))
-        if kind is None:
+        message = self._message('direction')
+        if message is None:
             return {}
-        message = deserialize_message(cdr, kind)
-        if kind is Int8MultiArray:
-            return dict(zip(self.joints, map(float, message.data)))
-        return dict(zip(message.name, np.sign(message.velocity).tolist()))
-
-    def _current(self, command: Any, joint: str, index: int) -> float:
-        """Return a joint's command in A; NaN if unknown, or if it is a torque and has no model."""
-        if command is None:
-            return math.nan
-        value = value_at(command.data, index)
-        if command_unit(command) != TORQUE_UNIT:
-            return value
-        model = self._model(joint)
-        return math.nan if model is None else value / model.drive.torque_per_current
-
-    def _load(self, joint: str) -> float:
-        cdr = self._held.get(('load', joint))
-        return math.nan if cdr is None else deserialize_message(cdr, WrenchStamped).wrench.torque.z
+        if isinstance(message, JointState):
+            return _by_joint(message.name, np.sign(message.velocity))
+        return _by_joint(self.joints, message.data)
 
     def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
         """Return the signals of the last `length` s."""
@@ -229,17 +205,15 @@ class LiveFeed:
         return data
 
     def _model(self, joint: str) -> FrictionModel | None:
-        if not self._given:
+        if not self._models:
             return self._loaded.get(joint, ('', None))[1]
-        index = self.joints.index(joint) if joint in self.joints else len(self._models)
-        return self._models[index] if index < len(self._models) else None
+        return dict(zip(self.joints, self._models)).get(joint)
 
     @staticmethod
     def _compare(data: dict[str, np.ndarray], model: FrictionModel) -> None:
-        gain = model.drive.torque_per_current
-        data['current'] = data['torque'] / gain
-        velocity = data['velocity'] if np.isfinite(data['velocity']).all() else None
-        load = data['load'] if np.isfinite(data['load']).all() else None
+        data['current'] = data['torque'] / model.drive.torque_per_current
+        velocity, load = (data[name] if np.isfinite(data[name]).all() else None
+                          for name in ('velocity', 'load'))
         samples = Samples(time=data['time'], position=data['position'], current=data['current'],
                           velocity=velocity, load=load)
         with contextlib.suppress(InputError):
@@ -255,8 +229,7 @@ class LiveFeed:
             self._status.items()) if now - since < _STATUS_AGE]
         if now - self._received > 1.0:
             entries.append(('problem', 'joint_states', 'none'))
-        order = list(dict.fromkeys(('problem', 'warning', 'note', 'ok')))
-        return sorted(entries, key=lambda item: order.index(item[0])) or [
+        return sorted(entries, key=lambda item: _WORST_FIRST.index(item[0])) or [
             ('note', 'nodes', 'no diagnostics')]
 
     def close(self) -> None:
@@ -265,5 +238,8 @@ class LiveFeed:
         self._stopped.set()
         self._thread.join()
         self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.try_shutdown(context=self._context)
+        self._ros.close()
+
+
+def _by_joint(joints: Sequence[str], values: Any) -> dict[str, float]:
+    return dict(zip(joints, map(float, values)))

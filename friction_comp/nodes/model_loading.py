@@ -29,14 +29,7 @@ _TRIAL = 300
 
 
 class Loading:
-    """Models that are being loaded.
-
-    Parameters
-    ----------
-    files : sequence of str
-    load : callable
-        Called with the files; returns the models or raises InputError.
-    """
+    """Models that are being loaded: the result of `load` for some files."""
 
     def __init__(self, files: Sequence[str], load: Callable[[Sequence[str]], Any]) -> None:
         self.files = tuple(files)
@@ -59,27 +52,14 @@ class Loading:
         return self._future.done() or time.monotonic() > self._deadline
 
     def result(self) -> Any:
-        """Return the models.
-
-        Raises
-        ------
-        InputError
-            If loading failed or timed out.
-        """
+        """Return the models; raise InputError if loading failed or timed out."""
         if not self._future.done():
-            raise InputError(
-                f'{", ".join(self.files)}: not read within {_PATIENCE:g} s')
+            raise InputError(f'{", ".join(self.files)}: not read within {_PATIENCE:g} s')
         return self._future.result()
 
 
 def try_model(model: FrictionModel, gravity: str, path: str) -> None:
-    """Run a model in a separate law for a movement to and fro.
-
-    Raises
-    ------
-    InputError
-        If the law fails or gives currents that are not finite.
-    """
+    """Run a model in a separate law for a movement to and fro; raise InputError if it fails."""
     try:
         law = CompensationLaw([model], gravity=gravity)
         for k in range(_TRIAL):
@@ -106,22 +86,18 @@ def warm_up(law: CompensationLaw, joints: int) -> None:
 class PatientParameterService(ParameterService):
     """Parameter services that wait for models to be loaded without blocking the node.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Its method `prepare` is called with the parameters that are about to be set and returns a
-        Loading, or None if there is nothing to load.
+    The node's method `prepare` is called with the parameters that are about to be set and returns a
+    Loading, or None if there is nothing to load.
     """
 
     def __init__(self, node: Any) -> None:
         before = set(node.services)
         super().__init__(node)
         # In the node's default group, a waiting service would block all other callbacks.
-        group = ReentrantCallbackGroup()
+        self._group = ReentrantCallbackGroup()
         for service in set(node.services) - before:
-            service.callback_group = group
-            group.add_entity(service)
-        self._group = group
+            service.callback_group = self._group
+            self._group.add_entity(service)
 
     async def _set_parameters_callback(self, request: Any, response: Any) -> Any:
         await self._prepare(request)

@@ -24,7 +24,7 @@ from rclpy.utilities import remove_ros_args
 from friction_comp.compiling import compile_rest, import_numba
 from friction_comp.errors import InputError
 from friction_comp.nodes.executor import StreamExecutor
-from friction_comp.nodes.peers import Peers
+from friction_comp.nodes.peers import look_for_peers
 from friction_comp.nodes.ros_start import start_ros, without_source_locations
 
 _FINAL_SPINS = 10
@@ -48,18 +48,9 @@ def run(name: str, description: str, make_node: Callable[[], Any],
     Signals are not handled by rclpy, which would shut the context down at once, so that zero
     current could no longer be published.
 
-    Parameters
-    ----------
-    name : str
-        Name of the executable.
-    description : str
-        One sentence for ``--help``.
-    make_node : callable
-        Returns the node. Its method `leave()` is always called at the end. Its method
-        `stop_motor()`, if any, is called in another thread as soon as a signal arrives. It ends by
-        itself when its attribute `finished` is True; `fast_timers` is for the executor.
-    argv : list of str, optional
-        Arguments, ROS arguments included; those of the process when omitted.
+    The node's method `leave()` is always called at the end. Its method `stop_motor()`, if any, is
+    called in another thread as soon as a signal arrives. It ends by itself when its attribute
+    `finished` is True.
 
     Returns
     -------
@@ -93,7 +84,7 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             # For instance missing keys, or a middleware without security.
             raise InputError(without_source_locations(error)) from None
         signals.set_callback(getattr(node, 'stop_motor', None))
-        Peers(node)
+        look_for_peers(node)
         executor = StreamExecutor(node)
         # Exclude long-lived objects from garbage collection between samples.
         gc.collect()
@@ -155,7 +146,7 @@ class _Signals:
                     self._callback()
 
 
-def _spin(executor: Any, node: Any, caught: Any) -> Any:
+def _spin(executor: Any, node: Any, caught: list[int]) -> int:
     try:
         while not caught and not node.finished:
             executor.spin_once()

@@ -20,23 +20,12 @@ LARGE = 1e6
 
 
 def declare(node: Any, name: str, default: Any, description: str, low: float | None = None,
-            high: float | None = None, read_only: bool = False, constraints: str = '') -> Any:
+            high: float | None = None, changes: bool = False, constraints: str = '') -> Any:
     """Declare a parameter with its descriptor and return its value.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    name : str
-    default : bool, int, float, str or list of str
-        Also determines the type; an empty list is a list of strings.
-    description : str
-        Meaning and unit.
-    low, high : float or int, optional
-        Range of a number, inclusive.
-    read_only : bool
-        Whether a change needs a restart.
-    constraints : str
-        Further constraints, as text.
+    The default determines the type; an empty list is a list of strings. The description has meaning
+    and unit. Numbers are limited to `low` to `high`, if `low` is given. The parameter is read-only
+    unless it `changes` while the node runs. `constraints` are words.
 
     Raises
     ------
@@ -44,19 +33,15 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
         If the initial value has another type or is out of range.
     """
     descriptor = ParameterDescriptor(
-        description=description, read_only=read_only, additional_constraints=constraints)
-    if low is not None or high is not None:
-        if isinstance(default, int):
-            descriptor.integer_range = [IntegerRange(
-                from_value=0 if low is None else int(low),
-                to_value=2**31 - 1 if high is None else int(high))]
-        else:
-            descriptor.floating_point_range = [FloatingPointRange(
-                from_value=-LARGE if low is None else float(low),
-                to_value=LARGE if high is None else float(high))]
+        description=description, read_only=not changes, additional_constraints=constraints)
+    if low is not None and isinstance(default, int):
+        descriptor.integer_range = [IntegerRange(
+            from_value=int(low), to_value=int(high or 2**31 - 1))]
+    elif low is not None:
+        descriptor.floating_point_range = [FloatingPointRange(
+            from_value=float(low), to_value=float(high or LARGE))]
     if isinstance(default, list):
-        declared = Parameter(name, Parameter.Type.STRING_ARRAY, default)
-        default = declared.value if default else ['']
+        default = Parameter(name, Parameter.Type.STRING_ARRAY, default or ['']).value
     try:
         return node.declare_parameter(name, default, descriptor).value
     except Exception as error:
@@ -65,23 +50,9 @@ def declare(node: Any, name: str, default: Any, description: str, low: float | N
 
 
 def declare_choice(node: Any, name: str, choices: Sequence[str], description: str) -> str:
-    """Declare a read-only parameter that has one of a few values, and return it.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    name : str
-    choices : sequence of str
-        The first is the default.
-    description : str
-
-    Raises
-    ------
-    InputError
-        If the value is none of the choices.
-    """
+    """Declare a read-only parameter with one of a few values, by default the first; return it."""
     words = ' or '.join(choices)
-    value = declare(node, name, choices[0], description, read_only=True, constraints=words)
+    value = declare(node, name, choices[0], description, constraints=words)
     if value not in choices:
         raise InputError(f'parameter {name}: must be {words}, not {value!r}')
     return str(value)
@@ -93,16 +64,10 @@ def names_in(values: Sequence[str]) -> list[str]:
 
 
 def declare_joints(node: Any) -> list[str]:
-    """Declare `joints` and return them.
-
-    Raises
-    ------
-    InputError
-        If a name is empty or duplicate.
-    """
+    """Declare `joints` and return them; raise InputError if a name is empty or duplicate."""
     joints = declare(
         node, 'joints', ['joint'],
-        'names of the joints, in the order of all arrays on topics', read_only=True)
+        'names of the joints, in the order of all arrays on topics')
     if not joints or not all(joints) or len(set(joints)) != len(joints):
         raise InputError(f'parameter joints: names must be given and differ, not {list(joints)}')
     return list(joints)
@@ -110,41 +75,24 @@ def declare_joints(node: Any) -> list[str]:
 
 def load_models(model_files: Sequence[str], joints: Sequence[str],
                 for_motor: bool = False) -> list[FrictionModel]:
-    """Load the model file of each joint.
+    """Load the model file of each joint; models that drive a motor are checked more strictly.
 
-    Parameters
-    ----------
-    model_files : list of str
-        One path per joint; the file of an arm may be given for each of its joints.
-    joints : list of str
-    for_motor : bool
-        Whether a motor will be driven by the models; they are then checked more strictly.
-
-    Returns
-    -------
-    list of FrictionModel
-
-    Raises
-    ------
-    InputError
-        If the number of files is wrong, or one of them cannot be used.
+    The file of an arm may be given for each of its joints.
     """
+    # Imported here: nodes without a model start in half the time.
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.model.motor_check import check_for_motor
+
     files = names_in(model_files)
     if len(files) != len(joints):
         raise InputError(
             f'parameter model_files: one file per joint is needed, {len(joints)} for '
             f'{list(joints)}, not {len(files)}')
-    return [_load(path, joint, joints if for_motor else None)
-            for path, joint in zip(files, joints)]
-
-
-def _load(path: str, joint: str, joints: Sequence[str] | None) -> FrictionModel:
-    # Imported here: nodes without a model start in half the time.
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.model.schema import check_for_motor
-
-    model = FrictionModel.load(path, joint)
-    if joints is not None:
-        with errors_name(path):
-            check_for_motor(model, joint, joints)
-    return model
+    models = []
+    for path, joint in zip(files, joints):
+        model = FrictionModel.load(path, joint)
+        if for_motor:
+            with errors_name(path):
+                check_for_motor(model, joint, joints)
+        models.append(model)
+    return models

@@ -14,39 +14,25 @@ from friction_comp.monitoring.network import alone
 PATIENCE = 10.0
 """Real s without another node after which a warning is logged; discovery takes seconds at most."""
 
-_CHECK_PERIOD = 1.0   # s
 
+def look_for_peers(node: Any) -> None:
+    """Warn once if no other node is found in time: nobody would receive diagnostics."""
+    begin, warned = time.monotonic(), False
 
-class Peers:
-    """Waits for other nodes, and warns once if none is found.
-
-    Diagnostics would not be received then, so the warning is logged.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    patience : float, optional
-        s; `PATIENCE` by default.
-    """
-
-    def __init__(self, node: Any, patience: float | None = None) -> None:
-        self._node = node
-        self._patience = PATIENCE if patience is None else patience
-        self._begin, self._warned = time.monotonic(), False
-        self._timer = node.create_timer(
-            min(_CHECK_PERIOD, self._patience), self._check,
-            clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def _check(self) -> None:
-        passed = time.monotonic() - self._begin
+    def check() -> None:
+        nonlocal warned
+        passed = time.monotonic() - begin
         # Hidden nodes of tools, such as the daemon of `ros2`, are not counted.
-        others = [name for name in self._node.get_node_names() if not name.startswith('_')]
-        if self._node.get_name() in others:
-            others.remove(self._node.get_name())
+        others = [name for name in node.get_node_names() if not name.startswith('_')]
+        if node.get_name() in others:
+            others.remove(node.get_name())
         if others:
-            self._timer.cancel()
-            if self._warned:
-                self._node.get_logger().info(f'found {", ".join(others)} after {passed:.3g} s')
-        elif passed >= self._patience and not self._warned:
-            self._warned = True
-            self._node.get_logger().warning(alone(self._patience))
+            timer.cancel()
+            if warned:
+                node.get_logger().info(f'found {", ".join(others)} after {passed:.3g} s')
+        elif passed >= PATIENCE and not warned:
+            warned = True
+            node.get_logger().warning(alone(PATIENCE))
+
+    timer = node.create_timer(
+        min(1.0, PATIENCE), check, clock=Clock(clock_type=ClockType.STEADY_TIME))

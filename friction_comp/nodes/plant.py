@@ -17,13 +17,7 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.errors import InputError
 from friction_comp.nodes.diagnostics import Diagnostics, OK, Rate, WARN
-from friction_comp.nodes.joint_io import (
-    command_interface,
-    command_unit,
-    RELIABLE,
-    UNASKED,
-    UNIT_OF,
-)
+from friction_comp.nodes.joint_io import command_interface, command_unit, RELIABLE, UNASKED, UNIT_OF
 from friction_comp.nodes.joint_states import JointColumns, NANO, nanoseconds, set_stamp
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_choice, declare_joints, load_models
@@ -50,14 +44,9 @@ class Pace:
         self._due = 0.0
 
     def may_step(self, pace: float, step: int, now: int) -> bool:
-        """Return whether a step may be taken now; if so, it is counted as taken.
+        """Return whether a step of ns may be taken now; if so, it is counted as taken.
 
-        Parameters
-        ----------
-        pace : float
-            Simulated per real time; 0: no limit.
-        step, now : int
-            Length of the step and present real time, ns.
+        `pace` is simulated per real time, 0: no limit; `now` the real time in ns.
         """
         if not pace:
             return True
@@ -81,16 +70,15 @@ class PlantNode(Node):
     def __init__(self) -> None:
         super().__init__('plant')
         self._joints = declare_joints(self)
-        models = load_models(declare(
-            self, 'model_files', [], 'model file of each joint', read_only=True), self._joints)
+        models = load_models(
+            declare(self, 'model_files', [], 'model file of each joint'), self._joints)
         undeclared = self._load_undeclared()
-        seed = declare(self, 'seed', 0, 'of all noise and scatter', 0, read_only=True)
+        seed = declare(self, 'seed', 0, 'of all noise and scatter', 0)
         clock = declare_choice(
             self, 'clock', ('real_time', 'lockstep'),
             'real_time, or lockstep: steps when the command for the last state has come and '
             'publishes /clock')
-        sample_time = declare(
-            self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2, read_only=True)
+        sample_time = declare(self, 'sample_time', 1e-3, 'time between samples [s]', 1e-4, 1e-2)
         self._declare_periods(sample_time)
 
         self._plant = self._make_plant(models, seed, undeclared, sample_time)
@@ -100,7 +88,6 @@ class PlantNode(Node):
         self._command = np.zeros(len(self._joints))
         self._columns = JointColumns(self._joints)
         self._rate = Rate()
-        self._make_messages()
         self._make_ports()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._lockstep = clock == 'lockstep'
@@ -111,36 +98,40 @@ class PlantNode(Node):
 
     def _declare_periods(self, sample_time: float) -> None:
         def every(name: str, default: float, text: str, least: float, most: float) -> int:
-            period = declare(self, name, default, text, least, most, read_only=True)
+            period = declare(self, name, default, text, least, most)
             return max(1, round(period / sample_time))
 
         self._clock_every = every(
-            'clock_period', 0.01, 'simulated time between ticks of /clock in lockstep [s]',
-            1e-4, 1.0)
+            'clock_period', 0.01, 'simulated time between ticks of /clock, in lockstep [s]', 1e-4,
+            1.0)
         self._wrench_every = every(
             'wrench_period', sample_time, 'time between interaction wrenches [s]', 1e-4, 1.0)
         self._temperature_every = every(
             'temperature_period', 0.1, 'time between motor temperatures [s]', 1e-3, 60.0)
         declare(
             self, 'wait_for_reference', False,
-            'in lockstep, wait at every tick for the reference with its stamp')
+            'in lockstep, wait at every tick for the reference with its stamp', changes=True)
         declare(
             self, 'pace', 0.0, 'in lockstep, largest rate of simulated to real time; '
-            '0: as fast as the others answer', 0.0, 1000.0)
+            '0: as fast as the others answer', 0.0, 1000.0, changes=True)
         self._listeners = declare(
             self, 'wait_for_listeners', 0,
             'in lockstep, subscriptions to joint_states that must exist before time starts',
-            0, 1000, read_only=True)
+            0, 1000)
         self._hold = ReferenceHold(declare(
             self, 'reference_timeout', 0.5,
-            'time without reference after which the person lets go [s]', 0.01, 60.0,
-            read_only=True))
+            'time without reference after which the person lets go [s]', 0.01, 60.0))
         self._command_timeout = round(NANO * declare(
             self, 'command_timeout', 0.1,
-            'time without command after which a real-time plant assumes zero [s]', 0.001, 10.0,
-            read_only=True))
+            'time without command after which a real-time plant assumes zero [s]', 0.001, 10.0))
 
     def _make_ports(self) -> None:
+        self._state_message = JointState(name=list(self._joints))
+        self._wrench_messages = [WrenchStamped() for _ in self._joints]
+        self._temperature_messages = [Temperature() for _ in self._joints]
+        for messages in (self._wrench_messages, self._temperature_messages):
+            for joint, message in zip(self._joints, messages):
+                message.header.frame_id = joint
         self._states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._wrench = self.create_publisher(WrenchStamped, 'interaction_wrench', RELIABLE)
         self._temperature = self.create_publisher(Temperature, 'motor_temperature', RELIABLE)
@@ -172,9 +163,8 @@ class PlantNode(Node):
     def _make_plant(self, models: Any, seed: int, undeclared: Any, sample_time: float) -> Plant:
         engine = declare(
             self, 'engine', 'own', 'own: each joint moves by itself; mujoco: on the links of '
-            '`arm_file`', read_only=True, constraints='own or mujoco')
-        file = declare(
-            self, 'arm_file', '', 'MJCF or URDF of the arm, with engine mujoco', read_only=True)
+            '`arm_file`', constraints='own or mujoco')
+        file = declare(self, 'arm_file', '', 'MJCF or URDF of the arm, with engine mujoco')
         if engine == 'mujoco':
             if not file:
                 raise InputError('parameter arm_file: engine mujoco needs an MJCF or URDF')
@@ -190,7 +180,7 @@ class PlantNode(Node):
     def _load_undeclared(self) -> Any:
         files = declare(
             self, 'undeclared_effect_files', [],
-            "per joint, a file with an effect that is in no model, or ''", read_only=True)
+            "per joint, a file with an effect that is in no model, or ''")
         if not any(files):
             return None
         if len(files) != len(self._joints):
@@ -198,15 +188,6 @@ class PlantNode(Node):
                 'parameter undeclared_effect_files: one per joint is needed (empty for none), '
                 f'not {len(files)}')
         return [Undeclared.from_file(path) if path else None for path in files]
-
-    def _make_messages(self) -> None:
-        self._state_message = JointState(name=list(self._joints))
-        self._wrench_messages = [WrenchStamped() for _ in self._joints]
-        self._temperature_messages = [Temperature() for _ in self._joints]
-        for joint, wrench, temperature_message in zip(
-                self._joints, self._wrench_messages, self._temperature_messages):
-            wrench.header.frame_id = temperature_message.header.frame_id = joint
-        self._clock_message = ClockMessage()
 
     # Both clocks.
 
@@ -216,8 +197,7 @@ class PlantNode(Node):
         return self._origin + self._samples * self._sample
 
     def _step(self) -> None:
-        time = (self._stamp - self._origin) / NANO
-        position, velocity = self._hold.at(time)
+        position, velocity = self._hold.at((self._stamp - self._origin) / NANO)
         active = None
         if position is not None and velocity is not None:
             active = np.isfinite(position) & np.isfinite(velocity)
@@ -234,11 +214,11 @@ class PlantNode(Node):
                 wrench.wrench.torque.z = torque
                 self._wrench.publish(wrench)
         if self._samples % self._temperature_every == 0:
-            for message, temperature in zip(self._temperature_messages,
-                                            state.temperature.tolist()):
-                set_stamp(message.header.stamp, stamp)
-                message.temperature = temperature
-                self._temperature.publish(message)
+            for reading, temperature in zip(
+                    self._temperature_messages, state.temperature.tolist()):
+                set_stamp(reading.header.stamp, stamp)
+                reading.temperature = temperature
+                self._temperature.publish(reading)
         message = self._state_message
         set_stamp(message.header.stamp, stamp)
         message.position = array('d', state.position.tobytes())
@@ -310,8 +290,9 @@ class PlantNode(Node):
     def _tick(self) -> None:
         """Publish the present tick, possibly again."""
         since = self._samples % self._clock_every
-        set_stamp(self._clock_message.clock, self._stamp - since * self._sample)
-        self._ticks.publish(self._clock_message)
+        message = ClockMessage()
+        set_stamp(message.clock, self._stamp - since * self._sample)
+        self._ticks.publish(message)
 
     def _repeat_requests(self) -> None:
         """Repeat requests without an answer, since discovery takes time."""
@@ -344,10 +325,9 @@ class PlantNode(Node):
             self._publish()
 
     def _report(self) -> Any:
-        state = self._plant.state
         values = {
             'clock': 'lockstep' if self._lockstep else 'real_time',
-            'time [s]': state.time,
+            'time [s]': self._plant.state.time,
             'samples per second of real time': self._rate.per_second(),
             'command [A]': self._command.tolist(),
             'commands not usable': self._bad_commands}

@@ -5,13 +5,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
-from friction_comp.errors import InputError
 from friction_comp.nodes.joint_states import NANO
-from friction_comp.recordings.writer import RecordingWriter
 
 # Two successive stamps this much older than the newest of their topic, ns, mean that time went
 # back; a single one is an outlier. Topics are compared separately, since their queues may be read
@@ -29,15 +25,7 @@ class Message(NamedTuple):
 
 
 class RecentPast:
-    """Keeps messages for a limited time and within a limited memory.
-
-    Parameters
-    ----------
-    seconds : float
-        How long a message is kept, in the time of the messages.
-    size : int
-        Largest size of the contents, bytes; the oldest messages are removed first.
-    """
+    """Keeps messages for `seconds` of their own time, at most `size` bytes of them."""
 
     def __init__(self, seconds: float, size: int):
         self._seconds, self._max_size = seconds, size
@@ -48,14 +36,14 @@ class RecentPast:
         self._outliers: dict[str, Message] = {}
 
     def add(self, message: Message) -> None:
-        """Add a message, and remove those beyond the limits."""
+        """Add a message, and remove the oldest ones beyond the limits."""
         outlier = self._outliers.pop(message.topic, None)
         newest = self._newest_of.get(message.topic)
         if newest is not None and not self._is_plausible_after(message.stamp, newest):
             if outlier is None or not self._is_plausible_after(message.stamp, outlier.stamp):
                 self._outliers[message.topic] = message
                 return
-            self.forget()
+            self._forget()
             self.add(outlier)
         self._newest_of[message.topic] = max(
             self._newest_of.get(message.topic, 0), message.stamp)
@@ -70,8 +58,7 @@ class RecentPast:
     def _is_plausible_after(self, stamp: int, before: int) -> bool:
         return -_BACK <= stamp - before <= self._seconds * NANO
 
-    def forget(self) -> None:
-        """Remove all messages."""
+    def _forget(self) -> None:
         self._outliers.clear()
         self._messages.clear()
         self._newest_of.clear()
@@ -80,28 +67,9 @@ class RecentPast:
     @property
     def span(self) -> float:
         """Duration of the messages, s."""
-        if not self._messages:
-            return 0.0
-        return (self._newest - self._messages[0].stamp) / NANO
+        return (self._newest - self._messages[0].stamp) / NANO if self._messages else 0.0
 
     def last(self, seconds: float = 0.0) -> list[Message]:
         """Return the messages of the last s; all of them for zero or less."""
-        if seconds <= 0.0:
-            return list(self._messages)
         since = self._newest - seconds * NANO
-        return [message for message in self._messages if message.stamp >= since]
-
-
-def write_messages(path: Path, messages: Sequence[Message]) -> None:
-    """Write messages as a recording.
-
-    Raises
-    ------
-    InputError
-        If there are no messages, or the folder cannot be written.
-    """
-    if not messages:
-        raise InputError('no messages are kept')
-    with RecordingWriter(path, {'recorded_by': 'friction_comp refinement'}) as writer:
-        for message in sorted(messages, key=lambda one: one.stamp):
-            writer.write(message.topic, message.type_name, message.stamp, message.cdr)
+        return [message for message in self._messages if seconds <= 0.0 or message.stamp >= since]

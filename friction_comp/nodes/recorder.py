@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -31,23 +32,18 @@ class RecorderNode(Node):
 
     def __init__(self) -> None:
         super().__init__('recorder')
-        output = declare(
-            self, 'output', 'recording', 'folder to create', read_only=True)
-        model = declare(
-            self, 'model_file', '', 'active model, stored in the metadata', read_only=True)
-        compression = declare(
-            self, 'compression', 'none', 'none, message or storage', read_only=True)
-        size = declare(
-            self, 'max_file_size', 0.0, 'MB after which the next file begins, at least 0.01; 0: '
-            'never', low=0.0, read_only=True)
-        duration = declare(
-            self, 'max_file_duration', 0.0, 's after which the next file begins, at least 0.1; 0: '
-            'never', low=0.0, read_only=True)
+        output = declare(self, 'output', 'recording', 'folder to create')
+        model = declare(self, 'model_file', '', 'active model, stored in the metadata')
+        compression = declare(self, 'compression', 'none', 'none, message or storage')
+        size = declare(self, 'max_file_size', 0.0,
+                       'MB after which the next file begins, at least 0.01; 0: never', 0.0)
+        duration = declare(self, 'max_file_duration', 0.0,
+                           's after which the next file begins, at least 0.1; 0: never', 0.0)
         self._rate = Rate()
         self._counts = dict.fromkeys(RECORDED, 0)
         self._failed = ''
         # No more messages are written.
-        self._finished = False
+        self._ended = False
         self._lost_before = self._lost_reported = 0
         data = {'recorded_by': 'friction_comp recorder'}
         if model:
@@ -60,18 +56,21 @@ class RecorderNode(Node):
         self.create_timer(_FLUSH, self._flush, clock=Clock(clock_type=ClockType.STEADY_TIME))
         Diagnostics(self, self._report, output, 'recording')
 
-    def _flush(self) -> None:
-        if self._failed or self._finished:
-            return
+    @contextmanager
+    def _note_failure(self) -> Iterator[None]:
         try:
-            self._writer.flush()
+            yield
         except InputError as error:
-            self._failed = str(error)
+            self._failed, self._ended = str(error), True
             raise
 
+    def _flush(self) -> None:
+        if not self._ended:
+            with self._note_failure():
+                self._writer.flush()
+
     def _write(self, topic: str, stamp: int, cdr: bytes) -> None:
-        if self._failed or self._finished:
-            # The node is about to end.
+        if self._ended:
             return
         source, kind = self._topics[topic], RECORDED[topic]
         if not self._counts[topic]:
@@ -79,12 +78,9 @@ class RecorderNode(Node):
             self._writer.add_topic(source.name, kind, source.offered())
         self._counts[topic] += 1
         self._rate.tick()
-        try:
+        with self._note_failure():
             # With the resolved name, so that namespaces and remappings are kept in playback.
             self._writer.write(source.name, kind, stamp, cdr)
-        except InputError as error:
-            self._failed = str(error)
-            raise
 
     def _describe_lost(self) -> str:
         """Return the number of lost messages by topic as text; '' if none."""
@@ -117,19 +113,17 @@ class RecorderNode(Node):
         """Write the waiting messages and finish the recording."""
         if self._failed:
             return
-        try:
+        with self._note_failure():
             self._dated.finish()
             for topic, kind in RECORDED.items():
                 self._writer.add_topic(self._topics[topic].name, kind)
-            if self._describe_lost():
-                self._writer.custom_data['messages_lost'] = self._describe_lost()
-            self._finished = True
+            lost = self._describe_lost()
+            if lost:
+                self._writer.custom_data['messages_lost'] = lost
+            self._ended = True
             self._writer.close()
-        except InputError as error:
-            self._failed = str(error)
-            raise
-        if self._describe_lost():
-            self.get_logger().error(f'{self._writer.path}: messages lost: {self._describe_lost()}')
+        if lost:
+            self.get_logger().error(f'{self._writer.path}: messages lost: {lost}')
         self.get_logger().info(f'{self._writer.path}: ' + ', '.join(
             f'{count} {topic}' for topic, count in self._counts.items() if count))
 

@@ -18,7 +18,8 @@ from typing import Any
 
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.recent_past import Message, write_messages
+from friction_comp.nodes.recent_past import Message
+from friction_comp.recordings.writer import RecordingWriter
 
 # The control loop has priority over refinement.
 _NICE = 10
@@ -27,15 +28,7 @@ _KILL_TIMEOUT = 2.0
 
 @dataclass(frozen=True)
 class JobResult:
-    """Result of a refinement.
-
-    Parameters
-    ----------
-    report : dict
-        As in report.json.
-    model : FrictionModel
-    model_file, page : Path
-    """
+    """Result of a refinement: the content of report.json, the model, and the files of both."""
 
     report: dict[str, Any]
     model: FrictionModel
@@ -77,83 +70,63 @@ class JobResult:
 
 
 class RefineJob:
-    """Runs the tool `refine`.
+    """Runs the tool `refine` on a recording, or on messages that are first written as one.
 
-    Parameters
-    ----------
-    joint : str
-    model_file : path-like
-        Model to start from.
-    output : path-like
-        Folder for report and model.
-    recording : path-like, optional
-        Recording to refine from.
-    messages : sequence of Message, optional
-        Messages to refine from instead; they are first written as a recording to `output`.
-
-    Attributes
-    ----------
-    share : float
-        Progress, 0 to 1.
-    step : str
-        Present step.
+    The attributes `share` (0 to 1) and `step` are its progress.
     """
 
     def __init__(self, joint: str, model_file: str | Path, output: str | Path,
                  recording: str | Path = '', messages: Sequence[Message] = ()):
-        self.share, self.step = 0.0, 'writing the recording' if not recording else 'reading'
-        self._joint, self._model_file, self._output = joint, model_file, Path(output)
-        self._recording, self._messages = recording, messages
+        self.share, self.step = 0.0, 'writing the recording'
+        self._output = Path(output)
+        # With the same Python and environment, which may have been set up for ROS.
+        self._command = [
+            sys.executable, '-m', 'friction_comp', 'refine',
+            str(recording or self._output / 'recording'), '--model', str(model_file),
+            '--joint', joint, '--output', str(output)]
         self._error: InputError | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._log = tempfile.TemporaryFile('w+')
         self._cancelled = False
-        self._thread: threading.Thread | None = None
-        if recording:
-            self._start_process()
-        else:
-            # Writing minutes of messages takes seconds.
-            self._thread = threading.Thread(target=self._write, daemon=True)
-            self._thread.start()
+        # Writing minutes of messages takes seconds.
+        self._thread = threading.Thread(
+            target=self._write, args=('' if recording else messages,), daemon=True)
+        self._thread.start()
 
-    def _write(self) -> None:
+    def _write(self, messages: Sequence[Message]) -> None:
         try:
-            self._output.mkdir(parents=True, exist_ok=True)
-            self._recording = self._output / 'recording'
-            write_messages(self._recording, self._messages)
+            if messages:
+                self._output.mkdir(parents=True, exist_ok=True)
+                with RecordingWriter(self._output / 'recording', {
+                        'recorded_by': 'friction_comp refinement'}) as writer:
+                    for message in sorted(messages, key=lambda one: one.stamp):
+                        writer.write(message.topic, message.type_name, message.stamp, message.cdr)
         except (InputError, OSError) as error:
             self._error = InputError(str(error))
-        self._messages = ()
 
     def _start_process(self) -> None:
         self.share, self.step = 0.05, 'reading'
-        # With the same Python and environment, which may have been set up for ROS.
         self._process = subprocess.Popen(
-            [sys.executable, '-m', 'friction_comp', 'refine', str(self._recording),
-             '--model', str(self._model_file), '--joint', self._joint,
-             '--output', str(self._output)],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._log,
+            self._command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._log,
             env={**os.environ, 'FRICTION_COMP_PROGRESS': 'lines'})
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, self._process.pid, _NICE)
 
     def poll(self) -> bool:
         """Update the progress, and return whether the job is done."""
-        if self._thread is not None:
+        if self._process is None:
             if self._thread.is_alive():
                 return False
-            self._thread = None
-            if self._error is None and not self._cancelled:
-                self._start_process()
-        if self._process is None:
-            return True
+            if self._error is not None or self._cancelled:
+                return True
+            self._start_process()
         for line in reversed(self._lines()):
             word, _, rest = line.partition(' ')
             if word == 'progress':
                 share, _, self.step = rest.partition(' ')
                 self.share = max(self.share, min(1.0, float(share)))
                 break
-        return self._process.poll() is not None
+        return self._process is not None and self._process.poll() is not None
 
     def _lines(self) -> list[str]:
         self._log.seek(0)
@@ -171,23 +144,14 @@ class RefineJob:
                 self._process.wait()
 
     def result(self) -> JobResult:
-        """Return the result.
-
-        Raises
-        ------
-        InputError
-            If the refinement failed; the text says why.
-        """
+        """Return the result of a job that is done; raise InputError if the refinement failed."""
         if self._cancelled:
             raise InputError('cancelled on request')
         if self._error is not None:
             raise self._error
-        if self._process is None or self._process.returncode is None:
-            raise InputError('the refinement is not finished')
-        if self._process.returncode != 0:
+        if self._process is None or self._process.returncode != 0:
             messages = [line for line in self._lines() if not line.startswith('progress ')]
-            raise InputError(messages[-1] if messages else
-                             f'refine ended with status {self._process.returncode}')
+            raise InputError(messages[-1] if messages else 'refine ended without a result')
         model_file = (self._output / 'model.yaml').absolute()
         report = json.loads((self._output / 'report.json').read_text(encoding='utf-8'))
         return JobResult(report, FrictionModel.load(model_file), model_file,

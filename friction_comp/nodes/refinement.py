@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 import time
 import traceback
@@ -30,8 +31,6 @@ _LOOK, _WATCH = 0.2, 1.0
 # Time without a measured load after which it counts as not measured, s.
 _LOAD_SILENCE = 5.0
 _NOT_KEPT = ('reference', '/diagnostics')
-# Topics for `LiveSignals` besides the joint states.
-_SIGNALS = ('interaction_wrench', 'motor_temperature')
 
 
 class RefinementNode(Node):
@@ -50,23 +49,21 @@ class RefinementNode(Node):
         self._joints = declare_joints(self)
         files = declare(
             self, 'model_files', [], 'model file of each joint, used if no compensator reports '
-            'its own', read_only=True)
+            'its own')
         models = load_models(files, self._joints)
         self._files = dict(zip(self._joints, (path for path in files if path)))
-        self._output = declare(
+        declare(
             self, 'output_folder', '.', 'folder that receives a folder with model and report for '
-            'each goal')
+            'each goal', changes=True)
         tolerance = declare(
             self, 'tolerance', 0.25, 'error of a model as a share of the friction above which it '
-            'no longer fits [1]', 0.01, 10.0, read_only=True)
-        self._past = RecentPast(declare(
-            self, 'memory', 600.0, 'duration of the messages kept [s]', 1.0, 86400.0,
-            read_only=True), round(1e6 * declare(
-                self, 'memory_size', 500.0, 'largest size of the messages kept [MB]', 1.0, 1e5,
-                read_only=True)))
+            'no longer fits [1]', 0.01, 10.0)
+        self._past = RecentPast(
+            declare(self, 'memory', 600.0, 'duration of the messages kept [s]', 1.0, 86400.0),
+            round(1e6 * declare(
+                self, 'memory_size', 500.0, 'largest size of the messages kept [MB]', 1.0, 1e5)))
         self._compensator = CompensatorClient(self, declare(
-            self, 'compensator', 'compensator', 'name of the node that loads refined models',
-            read_only=True))
+            self, 'compensator', 'compensator', 'name of the node that loads refined models'))
         self._signals = LiveSignals(
             self._joints, [model.drive.torque_per_current for model in models])
         self._watches = {joint: JointWatch(tolerance, path) for joint, path in self._files.items()}
@@ -74,18 +71,16 @@ class RefinementNode(Node):
         self._job: RefineJob | None = None
         self._busy = self._comparing = False
         self._fits = dict.fromkeys(self._joints, True)
-        self._goal_handle = None
         self._last_result = self._last_refusal = self._error = ''
         self._connect()
         Diagnostics(self, self._report, ', '.join(self._joints))
 
     def _connect(self) -> None:
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_LOOK, self._publish_progress, clock=steady)
         # In the node's default group, waiting for the compensator would block all callbacks.
         self.create_timer(
-            _WATCH, self._watch, clock=steady, callback_group=ReentrantCallbackGroup())
+            _WATCH, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME),
+            callback_group=ReentrantCallbackGroup())
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
             cancel_callback=self._on_cancel)
@@ -98,7 +93,7 @@ class RefinementNode(Node):
         if topic == STATES:
             self._rate.tick()
             self._signals.add_state(stamp, cdr)
-        elif topic in _SIGNALS:
+        elif topic in ('interaction_wrench', 'motor_temperature'):
             self._signals.add_message(topic, stamp, cdr)
 
     # Monitoring.
@@ -177,20 +172,12 @@ class RefinementNode(Node):
             self._job.cancel()
         return CancelResponse.ACCEPT
 
-    def _publish_progress(self) -> None:
-        """Publish the progress of a refinement."""
-        if self._job is not None and self._goal_handle is not None:
-            self._job.poll()
-            self._goal_handle.publish_feedback(RefineModel.Feedback(
-                progress=float(self._job.share), step=self._job.step))
-
     async def _execute(self, goal_handle: Any) -> RefineModel.Result:
         result = RefineModel.Result()
         request = goal_handle.request
         joint = request.joint or self._joints[0]
-        self._goal_handle = goal_handle
         try:
-            refined, start = await self._refine(joint, request)
+            refined, start = await self._refine(joint, request, goal_handle)
             _fill(result, refined)
             result.message = await self._load_if_requested(joint, request, refined, start, result)
             goal_handle.succeed()
@@ -205,17 +192,18 @@ class RefinementNode(Node):
             result.message = 'an error in the node, see its log'
             goal_handle.abort()
         finally:
-            self._job = self._goal_handle = None
-            self._busy = False
+            self._job, self._busy = None, False
         self._last_result = f'{joint}: {result.message}'
         self.get_logger().info(self._last_result)
         return result
 
-    async def _refine(self, joint: str, request: RefineModel.Goal) -> tuple[JobResult, str]:
+    async def _refine(self, joint: str, request: RefineModel.Goal, goal_handle: Any
+                      ) -> tuple[JobResult, str]:
         """Return the result of refinement and the initial model file."""
         files = await self._compensator.files()
         start = files.get(joint, self._files[joint])
-        output = _new_folder(Path(self.get_parameter('output_folder').value).absolute(), joint)
+        output = Path(self.get_parameter('output_folder').value).absolute() / (
+            f'{joint}_{datetime.now():%Y-%m-%d_%H-%M-%S.%f}')
         messages = []
         if not request.recording:
             if self._watches[joint].residual.blind:
@@ -227,6 +215,8 @@ class RefinementNode(Node):
                 raise InputError('no messages are kept')
         job = self._job = RefineJob(joint, start, output, request.recording, messages)
         while not job.poll():
+            goal_handle.publish_feedback(RefineModel.Feedback(
+                progress=float(job.share), step=job.step))
             end = time.monotonic() + _LOOK
             while time.monotonic() < end:
                 # The executor does not sleep while a coroutine is pending.
@@ -285,16 +275,6 @@ class RefinementNode(Node):
         """End a running refinement."""
         if self._job is not None:
             self._job.cancel()
-
-
-def _new_folder(parent: Path, joint: str) -> Path:
-    """Return a folder that does not exist yet."""
-    stem = time.strftime(f'{joint}_%Y-%m-%d_%H-%M-%S')
-    for attempt in range(1, 1000):
-        path = parent / (stem if attempt == 1 else f'{stem}_{attempt}')
-        if not path.exists():
-            return path
-    raise InputError(f'{parent}: too many folders named {stem}')
 
 
 def _fill(result: RefineModel.Result, refined: JobResult) -> None:

@@ -4,33 +4,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 import re
 
 import rclpy
 from rclpy.context import Context
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from friction_comp.errors import InputError
 
 
 def start_ros(name: str, arguments: Sequence[str], context: Context | None = None) -> None:
-    """Initialise ROS 2 without its signal handlers.
-
-    Parameters
-    ----------
-    name : str
-        Name of the executable.
-    arguments : sequence of str
-        Including ROS arguments.
-    context : rclpy.context.Context, optional
-        Global context by default.
-
-    Raises
-    ------
-    InputError
-        If an argument or parameter file cannot be used, or the log cannot be written.
-    """
+    """Initialise ROS 2, by default its global context, without its signal handlers."""
     try:
         rclpy.init(args=[name, *arguments], context=context,
                    signal_handler_options=SignalHandlerOptions.NO)
@@ -41,6 +28,19 @@ def start_ros(name: str, arguments: Sequence[str], context: Context | None = Non
             raise InputError(f'ROS 2 cannot write its log: {words}. Set the environment variable '
                              'ROS_LOG_DIR to a folder that can be written') from None
         raise InputError(f'ROS arguments: {words}') from None
+
+
+@contextmanager
+def own_node(name: str, arguments: Sequence[str] = ()) -> Iterator[Node]:
+    """Yield a node of a tool, in a context of its own."""
+    context = Context()
+    start_ros(name, arguments, context)
+    node = Node(name, context=context)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
 
 
 def without_source_locations(error: Exception) -> str:

@@ -11,29 +11,19 @@ import numpy as np
 
 # Largest age of a temperature, ns; friction follows it within minutes.
 _TEMPERATURE_TIMEOUT = 60_000_000_000
+_NEVER = -math.inf
 
 
 class Direction:
     """Holds the last direction d per joint; 0 if it is malformed or old.
 
-    Directions arrive with or without the planner's stamp; for each joint the later one is used. If
-    there are several planners, and a joint's direction changes and changes back within the timeout,
-    they contradict each other: the direction counts as 0 for twice that time.
+    Directions arrive with or without the planner's stamp; for each joint the later one is used, and
+    0 after `timeout` s of silence. If there are several `planners`, which the node updates, and a
+    joint's direction changes and changes back within the timeout, they contradict each other: the
+    direction counts as 0 for twice that time. `refused` is the number of invalid messages so far,
+    and `why` the fault of the last of them.
 
-    Parameters
-    ----------
-    joints : list of str
-    timeout : float
-        s of silence after which d is 0.
-
-    Attributes
-    ----------
-    planners : list of str
-        Known publishers of directions; to be updated by the node.
-    refused : int
-        Number of invalid messages so far.
-    why : str
-        Fault of the last of them.
+    Times are in ns.
     """
 
     def __init__(self, joints: Sequence[str], timeout: float) -> None:
@@ -47,23 +37,22 @@ class Direction:
 
     def forget(self) -> None:
         """Reset to 0 until the next message."""
-        self._values = self._zeros
-        self._times: list[int | None] = [None] * len(self._zeros)
+        count = len(self._zeros)
+        self._values, self._times = self._zeros, [_NEVER] * count
         # Previous direction of each joint, and the times of its change and of its change back.
-        self._before = self._zeros
-        self._changed: list[int | None] = [None] * len(self._zeros)
-        self._disputed: list[int | None] = [None] * len(self._zeros)
+        self._before, self._changed, self._disputed = (
+            [0.0] * count, [_NEVER] * count, [_NEVER] * count)
 
     def begin(self, time: int) -> None:
-        """Joint states begin at a time in ns; earlier announcements count from then.
+        """Joint states begin; earlier announcements count from then.
 
         Earlier announcements are dated by the node's clock. If the driver's clock is behind it,
         they would otherwise override later announcements.
         """
-        self._times = [stamp if stamp is None else min(stamp, time) for stamp in self._times]
+        self._times = [min(stamp, time) for stamp in self._times]
 
     def take(self, values: Sequence[int], time: int) -> bool:
-        """Take a message received at a time in ns; return whether it is valid.
+        """Take a message received at a time; return whether it is valid.
 
         A message of the wrong length counts as 0 for all joints, a value other than -1, 0 or +1
         as 0 for its joint.
@@ -81,16 +70,10 @@ class Direction:
                      now: int) -> bool:
         """Take a message with the planner's stamp; return whether it is valid.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Joints. Unknown joints are ignored, joints that are not named keep their direction, and
-            a joint that is named twice gets 0.
-        velocities : sequence of float
-            Their signs are the directions; values that are not finite count as 0.
-        stamp, now : int
-            Stamp of the message and time of the joint states, ns. A direction with a stamp ahead by
-            more than the timeout counts as 0, since its age is unknown.
+        The signs of the velocities are the directions; values that are not finite count as 0.
+        Unknown joints are ignored, joints that are not named keep their direction, and a joint that
+        is named twice gets 0. A direction whose stamp is ahead of `now`, the time of the joint
+        states, by more than the timeout counts as 0, since its age is unknown.
         """
         if len(names) != len(velocities):
             return self._refuse(f'{len(velocities)} velocities for {len(names)} names',
@@ -110,71 +93,58 @@ class Direction:
         return True
 
     def _refuse(self, why: str, indices: Sequence[int], time: int) -> bool:
-        """Set the direction of joints to 0 from a time in ns, and return False."""
-        self.refused += 1
-        self.why = why
+        """Set the direction of joints to 0 from a time on, and return False."""
+        self.refused, self.why = self.refused + 1, why
         self._set(indices, [0.0] * len(indices), time)
         return False
 
     def _set(self, indices: Sequence[int], values: Sequence[float], time: int) -> None:
-        updated, times = self._values.copy(), list(self._times)
+        # Who has got the values keeps them.
+        self._values = self._values.copy()
         for index, value in zip(indices, values):
-            last = times[index]
-            if last is None or time >= last:
-                if value != updated[index]:
-                    self._note_change(index, value, time)
-                updated[index], times[index] = value, time
-        self._values, self._times = updated, times
-
-    def _note_change(self, index: int, value: float, time: int) -> None:
-        before, changed = self._before[index], self._changed[index]
-        if (len(self.planners) > 1 and changed is not None and value == before
-                and time - changed <= self.timeout * 1e9):
-            self._disputed[index] = time
-        self._before = self._before.copy()
-        self._before[index], self._changed[index] = self._values[index], time
+            if time < self._times[index]:
+                continue
+            last = float(self._values[index])
+            if value != last:
+                if (len(self.planners) > 1 and value == self._before[index]
+                        and time - self._changed[index] <= self.timeout * 1e9):
+                    self._disputed[index] = time
+                self._before[index], self._changed[index] = last, time
+            self._values[index], self._times[index] = value, time
 
     def disputed(self, time: int) -> list[str]:
-        """Return the joints whose planners contradict each other at a time in ns."""
-        return [joint for joint, index in self._indices.items()
-                if self._is_disputed(index, time)]
+        """Return the joints whose planners contradict each other at a time."""
+        return [joint for joint, index in self._indices.items() if self._is_disputed(index, time)]
 
     def _is_disputed(self, index: int, time: int) -> bool:
-        since = self._disputed[index]
-        return since is not None and time - since <= 2.0 * self.timeout * 1e9
+        return time - self._disputed[index] <= 2.0 * self.timeout * 1e9
 
     def at(self, time: int) -> np.ndarray:
-        """Return d at a time in ns, shape (J,)."""
+        """Return d at a time, shape (J,)."""
         limit = time - self.timeout * 1e9
         for index, stamp in enumerate(self._times):
-            if stamp is None or stamp < limit or self._disputed[index] is not None:
+            if stamp < limit or self._disputed[index] > _NEVER:
                 return np.array([
-                    0.0 if stamp is None or stamp < limit or self._is_disputed(index, time)
-                    else value
+                    0.0 if stamp < limit or self._is_disputed(index, time) else value
                     for index, (value, stamp) in enumerate(zip(self._values, self._times))])
         return self._values
 
     def age(self, index: int, time: int) -> float:
-        """Return the age of a joint's direction at a time in ns, s; NaN if there is none."""
+        """Return the age of a joint's direction at a time, s; NaN if there is none."""
         stamp = self._times[index]
-        return math.nan if stamp is None else (time - stamp) * 1e-9
+        return (time - stamp) * 1e-9 if stamp > _NEVER else math.nan
 
     def silent(self, time: int) -> list[str]:
         """Return the joints whose direction, +1 or -1, has timed out."""
         return [joint for joint, index in self._indices.items()
-                if self._values[index] != 0.0
-                and self.age(index, time) > self.timeout]
+                if self._values[index] != 0.0 and self.age(index, time) > self.timeout]
 
 
 class MotorTemperature:
     """Holds the last motor temperature per joint.
 
     A reading applies to joint states later than itself. The order in which topics arrive may vary;
-    this rule makes simulations reproducible.
-
-    Parameters
-    ----------
-    joints : list of str
+    this rule makes simulations reproducible. Times are in ns.
     """
 
     def __init__(self, joints: Sequence[str]) -> None:
@@ -190,31 +160,28 @@ class MotorTemperature:
         self._fresh_until = math.inf
 
     def take(self, joint: str, value: float, time: int) -> None:
-        """Add a reading in degrees Celsius with its stamp in ns."""
+        """Add a reading in degrees Celsius with its stamp."""
         if joint in self._indices and np.isfinite(value):
             self._pending.append((time, self._indices[joint], value))
 
     def why_unknown(self, index: int, time: int) -> str:
-        """Return why there is no reading of a joint for a state stamped `time` ns, as text."""
+        """Return why there is no reading of a joint for a state with a stamp, as text."""
         if self._times[index] == 0:
             return 'no motor_temperature received'
         return f'last motor_temperature is {(time - self._times[index]) * 1e-9:.0f} s old'
 
     def before(self, time: int) -> np.ndarray | None:
-        """Return the temperatures for a state stamped `time` ns, shape (J,), or None.
+        """Return the temperatures for a state with a stamp, shape (J,), or None.
 
         NaN where a joint has no fresh reading; None where no joint has one.
         """
         if not self._pending and time <= self._fresh_until:
             return self._current
-        later = []
-        for reading in self._pending:
-            if reading[0] < time:
-                self._times[reading[1]], self._values[reading[1]] = reading[0], reading[2]
-            else:
-                later.append(reading)
+        for stamp, index, value in self._pending:
+            if stamp < time:
+                self._times[index], self._values[index] = stamp, value
         # Limited, since readings of another clock would accumulate.
-        self._pending = later[-100:]
+        self._pending = [reading for reading in self._pending if reading[0] >= time][-100:]
         for index, stamp in enumerate(self._times):
             if time - stamp > _TEMPERATURE_TIMEOUT:
                 self._values[index] = np.nan

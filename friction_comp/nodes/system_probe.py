@@ -13,10 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from rcl_interfaces.srv import GetParameters, ListParameters
-import rclpy
-from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
@@ -26,7 +23,7 @@ from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
 from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
 from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.ros_start import start_ros
+from friction_comp.nodes.ros_start import own_node
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 NAME = 'friction_comp_doctor'
@@ -34,6 +31,9 @@ NAME = 'friction_comp_doctor'
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Timeout of parameter requests, s, and largest number of parameters per node.
 _TIMEOUT, _MAX_PARAMETERS = 3.0, 500
+_KINDS = {'joint_states': JointState, 'current_command': Float64MultiArray,
+          'direction': Int8MultiArray, 'interaction_wrench': WrenchStamped,
+          '/diagnostics': DiagnosticArray, '/clock': Clock}
 
 
 def middleware() -> str:
@@ -43,134 +43,103 @@ def middleware() -> str:
 
 def observe(seconds: float, arguments: list[str],
             progress: Callable[[float, str], None]) -> Observation:
-    """Observe a running system.
+    """Observe a running system for s, under ROS arguments for namespace and remappings.
 
-    Parameters
-    ----------
-    seconds : float
-    arguments : list of str
-        ROS arguments, for namespace and remappings.
-    progress : callable
-        Called with progress 0..1 and the present step.
+    `progress` is called with progress 0..1 and the present step.
     """
-    context = Context()
-    start_ros('doctor', arguments, context)
-    node = Node(NAME, context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    try:
-        return _Probe(node, executor, seconds, progress).result()
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)
-
-
-class _Probe:
-    def __init__(self, node: Any, executor: Any, seconds: Any, progress: Any) -> None:
-        self._node, self._executor = node, executor
-        self._seconds, self._progress = seconds, progress
-        self._states: list[Any] = []
-        self._load: dict[str, Any] = {}
-        self._commands: list[Any] = []
-        self.seen = Observation(seconds, names={
-            name: node.resolve_topic_name(name) for name in TOPICS})
-        for kind, topic, take in (
-                (JointState, 'joint_states', self._on_state),
-                (Float64MultiArray, 'current_command', self._on_command),
-                (Int8MultiArray, 'direction', lambda m: self.seen.directions.append(
-                    [int(value) for value in m.data])),
-                (WrenchStamped, 'interaction_wrench', self._on_wrench),
-                (DiagnosticArray, '/diagnostics', self._on_diagnostics),
-                (Clock, '/clock', self._on_clock)):
-            node.create_subscription(kind, topic, take, _QOS)
-
-    def _on_state(self, message: Any) -> None:
-        self._states.append((time.time(), message))
-
-    def _on_command(self, message: Any) -> None:
-        self._commands.append((time.time(), list(message.data)))
-        self.seen.command_unit = 'N·m' if command_unit(message) == TORQUE_UNIT else 'A'
-
-    def _on_wrench(self, message: Any) -> None:
-        self._load.setdefault(message.header.frame_id, []).append(
-            (time.time(), message.wrench.torque.z))
-
-    def _on_diagnostics(self, message: Any) -> None:
-        for status in message.status:
-            self.seen.diagnostics[status.name] = ord(status.level), status.message
-
-    def _on_clock(self, message: Any) -> None:
-        self.seen.clock = True
-
-    def result(self) -> Any:
-        """Observe, and return the observation."""
-        begin = time.monotonic()
-        while (passed := time.monotonic() - begin) < self._seconds:
-            self._progress(0.8 * passed / self._seconds, 'listening')
-            self._executor.spin_once(timeout_sec=0.05)
-        seen = self.seen
-        seen.nodes = sorted(
-            f'{space.rstrip("/")}/{name}'
-            for name, space in self._node.get_node_names_and_namespaces()
-            if name != NAME and not name.startswith('_'))
-        self._observe_topics()
-        seen.states = _to_arrays(self._states)
-        width = max((len(command) for _, command in self._commands), default=0)
-        complete = [(received, command) for received, command in self._commands
-                    if len(command) == width]
-        seen.commands = np.array([command for _, command in complete])
-        seen.commanded = np.array([received for received, _ in complete])
-        seen.load = {joint: np.array(values) for joint, values in self._load.items()}
-        for index, name in enumerate(seen.nodes):
-            self._progress(0.8 + 0.2 * index / len(seen.nodes), f'asking {name}')
-            seen.parameters[name] = self._parameters(name)
-        return seen
-
-    def _observe_topics(self) -> None:
-        wanted = {*TOPICS.values()}
-        for name, types in self._node.get_topic_names_and_types():
-            if not wanted & set(types):
-                continue
-            self.seen.topics[name] = TopicSeen(
-                list(types),
-                self._endpoints(self._node.get_publishers_info_by_topic(name)),
-                self._endpoints(self._node.get_subscriptions_info_by_topic(name)))
-
-    @staticmethod
-    def _endpoints(infos: Any) -> Any:
-        return [Endpoint(
-            f'{info.node_namespace.rstrip("/")}/{info.node_name}',
-            info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
-            info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
-            for info in infos if info.node_name != NAME]
-
-    def _parameters(self, name: str) -> Any:
-        """Return a node's parameters; empty where it does not answer."""
-        listed = self._call(ListParameters, f'{name}/list_parameters', ListParameters.Request())
-        names = list(listed.result.names)[:_MAX_PARAMETERS] if listed else []
-        values = self._call(GetParameters, f'{name}/get_parameters',
-                            GetParameters.Request(names=names)) if names else None
-        if values is None:
-            return {}
-        return dict(zip(names, map(parameter_value_to_python, values.values)))
-
-    def _call(self, kind: Any, name: str, request: Any) -> Any:
-        client = self._node.create_client(kind, name)
+    with own_node(NAME, arguments) as node:
+        executor = SingleThreadedExecutor(context=node.context)
+        executor.add_node(node)
         try:
-            end = time.monotonic() + _TIMEOUT
-            while not client.service_is_ready():
-                if time.monotonic() > end:
-                    return None
-                self._executor.spin_once(timeout_sec=0.05)
-            future = client.call_async(request)
-            while not future.done():
-                if time.monotonic() > end:
-                    return None
-                self._executor.spin_once(timeout_sec=0.05)
-            return future.result()
+            seen = _observation(node, seconds, _listen(node, executor, seconds, progress))
+            for index, name in enumerate(seen.nodes):
+                progress(0.8 + 0.2 * index / len(seen.nodes), f'asking {name}')
+                seen.parameters[name] = _parameters(node, executor, name)
+            return seen
         finally:
-            self._node.destroy_client(client)
+            executor.shutdown()
+
+
+def _listen(node: Any, executor: Any, seconds: float, progress: Callable[[float, str], None]
+            ) -> dict[str, list[tuple[float, Any]]]:
+    """Return the messages of each topic, with the system time in s of their arrival."""
+    heard: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in _KINDS}
+    for topic, kind in _KINDS.items():
+        node.create_subscription(kind, topic, lambda message, topic=topic: heard[topic].append(
+            (time.time(), message)), _QOS)
+    begin = time.monotonic()
+    while (passed := time.monotonic() - begin) < seconds:
+        progress(0.8 * passed / seconds, 'listening')
+        executor.spin_once(timeout_sec=0.05)
+    return heard
+
+
+def _observation(node: Any, seconds: float, heard: dict[str, list[tuple[float, Any]]]
+                 ) -> Observation:
+    width = max((len(command.data) for _, command in heard['current_command']), default=0)
+    commands = [(received, command) for received, command in heard['current_command']
+                if len(command.data) == width]
+    load: dict[str, list[Any]] = {}
+    for received, message in heard['interaction_wrench']:
+        load.setdefault(message.header.frame_id, []).append(
+            (received, message.wrench.torque.z))
+    return Observation(
+        seconds,
+        nodes=sorted(f'{space.rstrip("/")}/{name}'
+                     for name, space in node.get_node_names_and_namespaces()
+                     if name != NAME and not name.startswith('_')),
+        topics={name: TopicSeen(
+            list(types), _endpoints(node.get_publishers_info_by_topic(name)),
+            _endpoints(node.get_subscriptions_info_by_topic(name)))
+            for name, types in node.get_topic_names_and_types()
+            if {*TOPICS.values()} & set(types)},
+        names={name: node.resolve_topic_name(name) for name in TOPICS},
+        states=_to_arrays(heard['joint_states']),
+        commands=np.array([list(command.data) for _, command in commands]),
+        commanded=np.array([received for received, _ in commands]),
+        command_unit='N·m' if commands and command_unit(commands[-1][1]) == TORQUE_UNIT else 'A',
+        directions=[[int(value) for value in message.data] for _, message in heard['direction']],
+        load={joint: np.array(values) for joint, values in load.items()},
+        diagnostics={status.name: (ord(status.level), status.message)
+                     for _, message in heard['/diagnostics'] for status in message.status},
+        clock=bool(heard['/clock']))
+
+
+def _endpoints(infos: Any) -> list[Endpoint]:
+    return [Endpoint(
+        f'{info.node_namespace.rstrip("/")}/{info.node_name}',
+        info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
+        info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+        for info in infos if info.node_name != NAME]
+
+
+def _parameters(node: Any, executor: Any, name: str) -> dict[str, Any]:
+    """Return a node's parameters; empty where it does not answer."""
+    listed = _call(node, executor, ListParameters, f'{name}/list_parameters',
+                   ListParameters.Request())
+    names = list(listed.result.names)[:_MAX_PARAMETERS] if listed else []
+    values = _call(node, executor, GetParameters, f'{name}/get_parameters',
+                   GetParameters.Request(names=names)) if names else None
+    if values is None:
+        return {}
+    return dict(zip(names, map(parameter_value_to_python, values.values)))
+
+
+def _call(node: Any, executor: Any, kind: Any, name: str, request: Any) -> Any:
+    """Return the answer of a service, None if there is none in time."""
+    client = node.create_client(kind, name)
+    end = time.monotonic() + _TIMEOUT
+    future = None
+    try:
+        while time.monotonic() < end:
+            if future is None and client.service_is_ready():
+                future = client.call_async(request)
+            if future is not None and future.done():
+                return future.result()
+            executor.spin_once(timeout_sec=0.05)
+        return None
+    finally:
+        node.destroy_client(client)
 
 
 def _to_arrays(messages: Any) -> Any:

@@ -10,7 +10,6 @@ from typing import Any
 
 from friction_comp_interfaces.action import PlayTrajectory
 import numpy as np
-from rclpy.action import ActionClient
 from rclpy.duration import Duration
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -59,14 +58,10 @@ class TrajectoryClient(DemoClient):
         InputError
             If the goal is refused or fails.
         """
-        action = ActionClient(self._node, PlayTrajectory, 'play_trajectory')
-        try:
-            self.reach(action, PlayTrajectory.Goal(
-                trajectory=message_of(trajectory), ramp_slope=ramp_slope,
-                ramp_period=ramp_period), PlayTrajectory.Goal(),
-                lambda feedback: report(feedback.progress, feedback.phase), 'identification')
-        finally:
-            action.destroy()
+        self.reach(PlayTrajectory, 'play_trajectory', PlayTrajectory.Goal(
+            trajectory=message_of(trajectory), ramp_slope=ramp_slope, ramp_period=ramp_period),
+            PlayTrajectory.Goal(), lambda feedback: report(feedback.progress, feedback.phase),
+            'identification')
 
     def play_on(self, controller: str, trajectory: Trajectory,
                 report: Callable[[float, str], None]) -> None:
@@ -97,28 +92,22 @@ class TrajectoryClient(DemoClient):
         speed = _APPROACH_SPEED * np.abs(trajectory.velocity).max()
         later = max(_MIN_APPROACH_TIME, 1.875 * distance / speed)
         end = later + trajectory.time[-1]
-        action = ActionClient(self._node, kind, f'{controller}/follow_joint_trajectory')
 
         def tell(feedback: Any) -> None:
             at = feedback.desired.time_from_start
             report((at.sec + 1e-9 * at.nanosec) / end, 'trajectory')
-        try:
-            # A trajectory of unknown joints is refused.
-            self.reach(action, kind.Goal(trajectory=message_of(trajectory, later)), kind.Goal(
-                trajectory=JointTrajectory(joint_names=['nobody'])), tell, controller)
-        finally:
-            action.destroy()
+        # A trajectory of unknown joints is refused.
+        self.reach(kind, f'{controller}/follow_joint_trajectory',
+                   kind.Goal(trajectory=message_of(trajectory, later)),
+                   kind.Goal(trajectory=JointTrajectory(joint_names=['nobody'])), tell, controller)
 
     def _positions(self, joints: tuple[str, ...]) -> np.ndarray:
         """Return the positions of the joints, rad."""
         positions: dict[str, float] = {}
-        subscription = self._node.create_subscription(
-            JointState, 'joint_states',
-            lambda message: positions.update(zip(message.name, message.position)),
-            qos_profile_sensor_data)
-        try:
+        with self.subscribed(
+                JointState, 'joint_states',
+                lambda message: positions.update(zip(message.name, message.position)),
+                qos_profile_sensor_data):
             self.until(
                 lambda: set(joints) <= set(positions), f'joint_states of {", ".join(joints)}')
-        finally:
-            self._node.destroy_subscription(subscription)
         return np.array([positions[joint] for joint in joints])

@@ -26,18 +26,9 @@ _EARLY_COMPILING, _MAX_EARLY_COMPILING = 0.3, 0.02
 
 
 class Watchdog:
-    """Calls an alarm if it is not fed within a timeout.
+    """Calls an alarm, in its thread, if it is not fed within a timeout in s.
 
     It starts with the first `feed`, calls the alarm once, and restarts with the next `feed`.
-
-    Parameters
-    ----------
-    timeout : float
-        s.
-    alarm : callable
-        Called in the watchdog's thread.
-    clock : callable
-        Returns s; another one than `time.monotonic` is for tests.
     """
 
     def __init__(self, timeout: float, alarm: Callable[[], None],
@@ -90,13 +81,7 @@ class Watchdog:
 
 
 class _Thread:
-    """Calls a check whenever it is due or after `wake`.
-
-    Parameters
-    ----------
-    check : callable
-        Returns the time in s until it is due again, None if only `wake` makes it due.
-    """
+    """Calls a check after `wake`, and again after the time in s that it returns, if any."""
 
     def __init__(self, check: Callable[[], float | None]) -> None:
         self._check = check

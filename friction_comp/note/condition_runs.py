@@ -32,35 +32,21 @@ STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
 
 @dataclass(frozen=True)
 class ConditionRun:
-    """One condition: evaluation, and what was recorded of it.
+    """Evaluation and log, arrays of shape (R, N), of one condition.
 
-    Attributes
-    ----------
-    name : str
-        One of `CONDITIONS`.
-    evaluation : Evaluation
-    peak : float
-        Mean over both directions of the ensemble average's peak, N·m.
-    time : ndarray, shape (N,)
-    log : dict of str to ndarray, shape (R, N)
+    `peak` is the mean over both directions of the ensemble average's peak, N·m.
     """
 
-    name: str
     evaluation: Evaluation
     peak: float
-    time: np.ndarray
     log: dict[str, np.ndarray]
 
 
 def persons_reference(movement: ReferenceMovement, time: np.ndarray, repetitions: int,
                       seed: int) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Return what the person aims at in each repetition: position, velocity, direction.
+    """Return what the person aims at in each repetition, and factors of the person's stiffness.
 
-    Returns
-    -------
-    tuple of ndarray, shape (repetitions, N)
-    factors : ndarray, shape (repetitions,)
-        Of the person's stiffness.
+    Position, velocity and direction have the shape (repetitions, N).
     """
     rng = np.random.default_rng(seed)
     begin = movement.begins(0)
@@ -93,10 +79,6 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
     dead_speed : float
         rad/s up to which the printed kinetic term is left out; for showing what it does there.
     repetitions : int
-
-    Returns
-    -------
-    ConditionRun
     """
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
@@ -124,4 +106,4 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
         for r in range(repetitions)]
     evaluation = evaluate(recordings, [f'repetition {r + 1}' for r in range(repetitions)])
     peak = float(np.mean([condition.peak_torque for condition in evaluation.conditions]))
-    return ConditionRun(name, evaluation, peak, time, log)
+    return ConditionRun(evaluation, peak, log)

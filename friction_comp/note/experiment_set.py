@@ -11,14 +11,13 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.beside import process_beside
 from friction_comp.note.condition_runs import CONDITIONS, run_trial
 from friction_comp.note.identify import identified_model, identify_breakaway, identify_table
 from friction_comp.note.published import EXPERIMENTS
 from friction_comp.note.standstill import stand_still
+from friction_comp.parallel import child_process
 
 if TYPE_CHECKING:
-
     from friction_comp.identification.goal import IdentificationResult
     from friction_comp.model.friction_model import Breakaway, FrictionModel
     from friction_comp.note.condition_runs import ConditionRun
@@ -45,9 +44,11 @@ class ExperimentOutcome:
     model : FrictionModel
         As identified.
     trials : dict of str to ConditionRun
+        By condition.
     standstills : dict of str to Standstill
-        Per law, an hour each with breakaway currents 10 % too large.
+        By law, an hour each with breakaway currents 10 % too large.
     sweep : dict of str to list of (gain, peak in N·m, false starts, standstills)
+        By law.
     dead : list of (speed in rad/s, peak in N·m)
         Peak with d = 0 when the kinetic term is left out up to a speed.
     drive_time : float
@@ -99,23 +100,7 @@ class ExperimentOutcome:
 def run_experiment(experiment: Experiment, table: Callable[[], tuple[IdentificationResult, float]],
                    cycles: int, seed: int, report: Callable[[float, str], None]
                    ) -> ExperimentOutcome:
-    """Run everything but the look-up table, which is made in another process.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    table : callable
-        Returns the `IdentificationResult` and its drive time when it is needed.
-    cycles : int
-        Ramps per direction.
-    seed : int
-    report : callable
-        ``report(share, what)``.
-
-    Returns
-    -------
-    ExperimentOutcome
-    """
+    """Run everything but the look-up table, which `table` gets from another process."""
     report(0.0, 'current ramps')
     ramps = identify_breakaway(experiment, cycles, seed)
     report(0.15, 'look-up table')
@@ -141,7 +126,7 @@ def run_experiment(experiment: Experiment, table: Callable[[], tuple[Identificat
             sweep[law].append((gain, peak, still.false_starts, still.standstills))
     report(1.0, 'done')
     return ExperimentOutcome(experiment, result, ramps, model, trials, standstills, sweep, dead,
-                   table_time + ramps.duration)
+                             table_time + ramps.duration)
 
 
 def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None],
@@ -159,13 +144,9 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
     report : callable
         ``report(share, description)``.
     experiments : sequence of Experiment
-
-    Returns
-    -------
-    list of ExperimentOutcome
     """
     outcomes = []
-    with process_beside() as pool:
+    with child_process() as pool:
         tables = [pool.submit(identify_table, experiment, seed) for experiment in experiments]
         for k, experiment in enumerate(experiments):
             def tell(share: float, what: str, k: int = k,

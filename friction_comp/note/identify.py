@@ -38,16 +38,7 @@ CUT_SAMPLES = round(CUT_WINDOW / SAMPLE_TIME)
 
 @dataclass(frozen=True)
 class Ramps:
-    """Current ramps: what was recorded of the first cycle, and every breakaway.
-
-    Attributes
-    ----------
-    time, position, current : ndarray, shape (N,)
-        First cycle, s, rad, A.
-    records : BreakawayRecords
-    duration : float
-        s of drive time.
-    """
+    """Current ramps: the first cycle (s, rad, A), every breakaway, and s of drive time."""
 
     time: np.ndarray
     position: np.ndarray
@@ -59,17 +50,8 @@ class Ramps:
 def identify_table(experiment: Experiment, seed: int) -> tuple[IdentificationResult, float]:
     """Run the identification procedure itself, sample by sample, for the look-up table.
 
-    Parameters
-    ----------
-    experiment : Experiment
-    seed : int
-
-    Returns
-    -------
-    result : IdentificationResult
-        With the breakaway of one cycle only: `identify_breakaway` has the others.
-    duration : float
-        s of drive time.
+    Returns its result, with the breakaway of one cycle only (`identify_breakaway` has the others),
+    and s of drive time.
     """
     model = experiment.model()
     goal = IdentificationGoal(
@@ -103,14 +85,12 @@ def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs:
             if now != half:
                 half, home, free = now, position, False
                 past[:] = position
-            command = at_ramp(t - math.floor(t / period) * period, slope, period)
             speed = (position - past[k % CUT_SAMPLES]) / (CUT_SAMPLES * sample_time)
             past[k % CUT_SAMPLES] = position
-            if abs(position - home) > CUT_COUNTS * p.resolution and abs(
-                    speed) > CUT_SPEED:
+            if abs(position - home) > CUT_COUNTS * p.resolution and abs(speed) > CUT_SPEED:
                 free = True
-            if free:
-                command = 0.0
+            ramp = at_ramp(t - math.floor(t / period) * period, slope, period)
+            command = 0.0 if free else ramp
             log[r, k, 0] = position
             log[r, k, 1] = out.current
             log[r, k, 2] = command
@@ -119,19 +99,7 @@ def _ramp_runs(joints: np.ndarray, random: np.ndarray, states: np.ndarray, outs:
 
 
 def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
-    """Run the current ramps of Eq. 8, many cycles at once.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    cycles : int
-        Ramps per direction.
-    seed : int
-
-    Returns
-    -------
-    Ramps
-    """
+    """Run the current ramps of Eq. 8, so many cycles in each direction, many at once."""
     model = experiment.model()
     each = min(CYCLES_PER_RUN, cycles)
     runs = -(-cycles // each)
@@ -141,29 +109,22 @@ def identify_breakaway(experiment: Experiment, cycles: int, seed: int) -> Ramps:
                np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED), experiment.ramp_slope,
                RAMP_PERIOD, count, SAMPLE_TIME, log)
     time = np.arange(count) * SAMPLE_TIME
-    parts = [breakaway_currents(time, position, current, command,
-                                resolution=model.drive.position_resolution)
+    found = [breakaway_currents(time, position, current, command,
+                                model.drive.position_resolution or 1e-6)
              for position, current, command in (rows.T for rows in log)]
-    records = BreakawayRecords.join(parts)
+    columns = {name: np.concatenate([getattr(part, name) for part in found])
+               for name in vars(found[0])}
     # The last run may be longer than requested.
-    records = _first(records, cycles)
+    first = np.sort(np.concatenate([
+        np.flatnonzero(columns['direction'] == sign)[:cycles] for sign in (1, -1)]))
+    records = BreakawayRecords(**{name: column[first] for name, column in columns.items()})
     shown = slice(0, round(RAMP_PERIOD / SAMPLE_TIME))
     return Ramps(time[shown], log[0, shown, 0].copy(), log[0, shown, 1].copy(), records,
                  runs * count * SAMPLE_TIME)
 
 
-def _first(records: BreakawayRecords, cycles: int) -> BreakawayRecords:
-    keep = np.zeros(len(records), dtype=bool)
-    for sign in (1, -1):
-        keep[np.nonzero(records.direction == sign)[0][:cycles]] = True
-    changes = {name: getattr(records, name)[keep] for name in (
-        'time', 'current', 'direction', 'position', 'rest_time', 'temperature', 'slope', 'cycle')}
-    return replace(records, **changes)
-
-
 def identified_model(experiment: Experiment, table: IdentificationResult,
                      ramps: Ramps) -> FrictionModel:
     """Return the model that the compensation is given: only what was measured."""
-    model = experiment.model()
-    return replace(model, sigmoid=table.sigmoid, breakaway=ramps.records.statistics(),
-                   simulation={}, notes={})
+    return replace(experiment.model(), sigmoid=table.sigmoid,
+                   breakaway=ramps.records.statistics(), simulation={}, notes={})

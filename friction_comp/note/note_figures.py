@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -113,15 +114,13 @@ def gain_figure(outcomes: list[ExperimentOutcome]) -> Figure:
             upper.plot(gains, peaks, 'o-', markersize=3.5, color=COLOURS[colour], label=label)
             lower.plot(gains, 100.0 * starts / tried, 'o-', markersize=3.5,
                        color=COLOURS[colour], label=label)
-            limit = safe_gain(outcome, law)
-            if limit is not None:
+            limit, bottom = safe_gain(outcome, law), 0.0 if law == 'paper' else 0.03
+            for axes in (upper, lower) if limit is not None else ():
                 # The safe region of each law as a strip at the bottom of the axes.
-                for axes in (upper, lower):
-                    bottom = 0.0 if law == 'paper' else 0.03
-                    axes.axvspan(gains[0], limit, ymin=bottom, ymax=bottom + 0.03,
-                                 color=COLOURS[colour], alpha=0.6, linewidth=0)
-        upper.axvline(0.9, color=COLOURS['grey'], linestyle='--', linewidth=1.0)
-        lower.axvline(0.9, color=COLOURS['grey'], linestyle='--', linewidth=1.0)
+                axes.axvspan(gains[0], limit, ymin=bottom, ymax=bottom + 0.03,
+                             color=COLOURS[colour], alpha=0.6, linewidth=0)
+        for axes in (upper, lower):
+            axes.axvline(0.9, color=COLOURS['grey'], linestyle='--', linewidth=1.0)
         upper.set_title(f'configuration {outcome.experiment.number}')
         upper.set_ylim(bottom=0.0)
         lower.set_ylim(-6.0, 106.0)
@@ -152,12 +151,8 @@ def mechanism_figure(outcomes: list[ExperimentOutcome]) -> Figure:
 
 def safe_gain(outcome: ExperimentOutcome, law: str) -> float | None:
     """Return the largest gain of the sweep below which no start was false; None if none is."""
-    limit = None
-    for gain, _, starts, _ in outcome.sweep[law]:
-        if starts:
-            break
-        limit = gain
-    return limit
+    safe = itertools.takewhile(lambda entry: not entry[2], outcome.sweep[law])
+    return max((gain for gain, *_ in safe), default=None)
 
 
 def _condition(trial: ConditionRun, name: str) -> Condition:

@@ -25,16 +25,7 @@ if TYPE_CHECKING:
 
 
 def reproduction_report(outcomes: list[ExperimentOutcome]) -> Report:
-    """Return the report of all configurations.
-
-    Parameters
-    ----------
-    outcomes : list of ExperimentOutcome
-
-    Returns
-    -------
-    Report
-    """
+    """Return the report of all configurations."""
     report = Report(
         'The technical note, repeated in simulation',
         'Improving backdrivability in geared rehabilitation robots: all its experiments')
@@ -79,32 +70,32 @@ def _verdict(outcomes: list[ExperimentOutcome]) -> str:
             f"Breakaway currents are within {100 * off:.1g} % of the note's.")
 
 
+def compared(outcome: ExperimentOutcome) -> list[tuple[str, str, str]]:
+    """Return a configuration's figures: name, what the note says or '', and what is found here."""
+    experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
+    return [
+        ('breakaway, positive (mA)',
+         f'{1e3 * experiment.breakaway:.1f} ± {1e3 * experiment.breakaway_std:.1f}',
+         f'{1e3 * both.positive_mean:.1f} ± {1e3 * both.positive_std:.1f}'),
+        ('breakaway, negative (mA)', 'the same',
+         f'{1e3 * both.negative_mean:.1f} ± {1e3 * both.negative_std:.1f}'),
+        ('peak without compensation (N·m)', '', f'{peaks["none"]:.2f}'),
+        ('peak with d = 0, calibrated (N·m)', f'{experiment.peak_kinetic:.2f}',
+         f'{peaks["kinetic"]:.2f}'),
+        ('peak with d = ±1, printed law (N·m)', f'{experiment.peak_compensated:.2f}',
+         f'{peaks["paper"]:.2f}'),
+        ('peak with d = ±1, continuous law (N·m)', '', f'{peaks["continuous"]:.2f}'),
+        ('peak of the inertia alone (N·m)', '', f'{peaks["inertia"]:.2f}'),
+        ('reduction by the printed law', f'{100 * experiment.reduction:.0f} %',
+         f'{100 * outcome.reduction("paper"):.0f} %'),
+        ('reduction by the continuous law', '', f'{100 * outcome.reduction("continuous"):.0f} %')]
+
+
 def _add_result(report: Report, outcomes: list[ExperimentOutcome]) -> None:
-    header = ['', 'configuration', 'note', 'here']
-    rows = []
-    for outcome in outcomes:
-        experiment, both, peaks = outcome.experiment, outcome.breakaway, outcome.peaks
-        rows += [
-            ['breakaway, positive (mA)', experiment.number,
-             f'{1e3 * experiment.breakaway:.1f} ± {1e3 * experiment.breakaway_std:.1f}',
-             f'{1e3 * both.positive_mean:.1f} ± {1e3 * both.positive_std:.1f}'],
-            ['breakaway, negative (mA)', experiment.number, 'the same',
-             f'{1e3 * both.negative_mean:.1f} ± {1e3 * both.negative_std:.1f}'],
-            ['peak without compensation (N·m)', experiment.number, '', f'{peaks["none"]:.2f}'],
-            ['peak with d = 0, calibrated (N·m)', experiment.number,
-             f'{experiment.peak_kinetic:.2f}', f'{peaks["kinetic"]:.2f}'],
-            ['peak with d = ±1, printed law (N·m)', experiment.number,
-             f'{experiment.peak_compensated:.2f}', f'{peaks["paper"]:.2f}'],
-            ['peak with d = ±1, continuous law (N·m)', experiment.number, '',
-             f'{peaks["continuous"]:.2f}'],
-            ['peak of the inertia alone (N·m)', experiment.number, '', f'{peaks["inertia"]:.2f}'],
-            ['reduction by the printed law', experiment.number,
-             f'{100 * experiment.reduction:.0f} %', f'{100 * outcome.reduction("paper"):.0f} %'],
-            ['reduction by the continuous law', experiment.number, '',
-             f'{100 * outcome.reduction("continuous"):.0f} %'],
-        ]
-    report.table(header, rows, 'Peaks are those of the average over ten repetitions, mean of both '
-                 'directions.')
+    rows = [[name, outcome.experiment.number, note, here]
+            for outcome in outcomes for name, note, here in compared(outcome)]
+    report.table(['', 'configuration', 'note', 'here'], rows,
+                 'Peaks are those of the average over ten repetitions, mean of both directions.')
     above = '; '.join(
         f'{o.peaks["continuous"] / o.peaks["inertia"]:.1f} times in configuration '
         f'{o.experiment.number}' for o in outcomes)
@@ -133,19 +124,16 @@ def _add_table(report: Report, outcomes: list[ExperimentOutcome]) -> None:
          'largest difference to Eq. 11 from 5 deg/s on (mA)'], rows,
         "Rows 2 and 3 of Eq. 11 are taken in each other's place, as Fig. 4 and the breakaway "
         'currents ask for. Eq. 6 leaves the scale of c1, c3, c4 and c5 free: here c4 + c5 = 2.')
-    text = []
-    for outcome in outcomes:
-        printed = outcome.experiment.model().sigmoid
-        rest = float(printed(0.0))
-        text.append(f'{1e3 * rest:+.0f} mA in configuration {outcome.experiment.number}')
-    worst = max(outcomes, key=lambda o: abs(float(o.experiment.model().sigmoid(0.0))))
-    level = worst.experiment.breakaway
-    total = abs(float(worst.experiment.model().sigmoid(0.0))) + 0.9 * level
+    rests = {o.experiment.number: float(o.experiment.model().sigmoid(0.0)) for o in outcomes}
+    worst = max(outcomes, key=lambda o: abs(rests[o.experiment.number])).experiment
+    level = worst.breakaway
+    total = abs(rests[worst.number]) + 0.9 * level
+    shown = ', '.join(f'{1e3 * rest:+.0f} mA in configuration {k}' for k, rest in rests.items())
     report.text(f"""
 **Standstill under Eq. 6 as printed.** The fitted transition does not pass through zero: f̂(0) is
-{', '.join(text)}. No point of a table lies there, so that this value is an accident of the fit.
+{shown}. No point of a table lies there, so that this value is an accident of the fit.
 Added to 0.9 · i_b it would make {1e3 * total:.0f} mA in configuration
-{worst.experiment.number}, where {1e3 * level:.0f} mA set the joint in motion. The printed law is
+{worst.number}, where {1e3 * level:.0f} mA set the joint in motion. The printed law is
 therefore understood as: kinetic compensation acts on a joint that moves, breakaway compensation
 on one that does not.
 """)

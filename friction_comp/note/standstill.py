@@ -27,23 +27,14 @@ ANNOUNCED = 0.5
 
 @dataclass(frozen=True)
 class Standstill:
-    """Outcome of many standstills.
-
-    Attributes
-    ----------
-    false_starts : int
-        Standstills in which the joint went farther than `FALSE_START`.
-    farthest : float
-        rad.
-    standstills : int
-    duration : float
-        s in all.
-    """
+    """Outcome of many standstills; in false starts the joint went farther than `FALSE_START`."""
 
     false_starts: int
     farthest: float
+    """rad"""
     standstills: int
     duration: float
+    """s in all"""
 
 
 def with_breakaway_error(model: FrictionModel, error: float) -> FrictionModel:
@@ -60,40 +51,19 @@ def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: in
                 each: float = 10.0) -> Standstill:
     """Leave the joint alone with a direction announced, again and again.
 
-    Every standstill is a new rest with breakaway levels of its own: one rest of an hour would try
-    a single pair of them.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    model : FrictionModel
-        As identified.
-    law : {'paper', 'continuous'}
-    seed : int
-    error : float
-        Share by which the breakaway currents in use are too large.
-    gain : float
-        breakaway_gain.
-    standstills : int
-        Half of them with d = 1, half with d = -1.
-    each : float
-        s.
-
-    Returns
-    -------
-    Standstill
+    Every standstill, of `each` s, is a new rest with breakaway levels of its own: one rest of an
+    hour would try a single pair of them. Half of them have d = 1, half d = -1. The breakaway
+    currents in use are too large by the share `error`; `gain` is the breakaway_gain.
     """
     count = round(each / SAMPLE_TIME)
-    direction = np.zeros((2, count))
-    direction[0, round(ANNOUNCED / SAMPLE_TIME):] = 1.0
-    direction[1, round(ANNOUNCED / SAMPLE_TIME):] = -1.0
-    parameters = joint_parameters(experiment.model())
-    law_row = law_parameters(with_breakaway_error(model, error), law, gain)
+    still, direction = np.zeros((2, count)), np.zeros((2, count))
+    direction[:, round(ANNOUNCED / SAMPLE_TIME):] = [[1.0], [-1.0]]
     _, extremes, _ = closed_loops(
-        np.tile(parameters, standstills), random_states((seed, 2), standstills),
-        np.tile(law_row, standstills),
-        (np.zeros_like(direction), np.zeros_like(direction), direction),
-        np.arange(standstills) % 2, released=0, sample_time=SAMPLE_TIME, every=0)
+        np.tile(joint_parameters(experiment.model()), standstills),
+        random_states((seed, 2), standstills),
+        np.tile(law_parameters(with_breakaway_error(model, error), law, gain), standstills),
+        (still, still, direction), np.arange(standstills) % 2, released=0,
+        sample_time=SAMPLE_TIME, every=0)
     farthest = np.abs(extremes).max(axis=1)
     return Standstill(int(np.sum(farthest > FALSE_START)), float(farthest.max()), standstills,
                       standstills * each)

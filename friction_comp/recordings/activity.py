@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import re
 from typing import Any
@@ -13,7 +12,7 @@ from rosbags.typesys import get_typestore, Stores
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 # Nodes that command the motor; their diagnostics report it.
-SOURCES = (b'compensator', b'identification')
+_SOURCES = (b'compensator', b'identification')
 # A running compensator reports within this time of a recording, ns: it does so every second of real
 # time, in which a simulation may advance by several.
 _FIRST_REPORT = 10_000_000_000
@@ -21,26 +20,13 @@ _FIRST_REPORT = 10_000_000_000
 
 @dataclass(frozen=True)
 class Activity:
-    """State of a compensator from one time on, as it reported it.
+    """State of a compensator from one time on, as it reported it; '' what it did not report."""
 
-    Attributes
-    ----------
-    time : int
-        Receive time in ns.
-    state : str
-        Its lifecycle state, for instance 'active'; '' if not reported; 'identification' while
-        that node moved the joint.
-    law, model : str
-        Compensation law and model file; '' if not reported.
-    joints : str
-        The joints of the files in `model`, in the same order; '' if not reported.
-    """
-
-    time: int
-    state: str
+    time: int           # received at, ns
+    state: str          # its lifecycle state; 'identification' while that node moved the joint
     law: str
-    model: str
-    joints: str = ''
+    model: str          # model files
+    joints: str = ''    # of these files, in the same order
 
     @property
     def models(self) -> dict[str, str]:
@@ -53,57 +39,49 @@ class Activity:
         return replace(self, model=self.models.get(joint, self.model))
 
 
-def from_diagnostics(messages: Sequence[tuple[int, bytes]], begin: int) -> list[Activity]:
-    """Return the changes of activity in order of time.
+class ActivityLog:
+    """Collects the changes of activity from diagnostics, in the order they were received."""
 
-    A compensator's first report also holds for the time just before it, since reports come every
-    second.
+    def __init__(self) -> None:
+        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self.changes: list[Activity] = []
 
-    Parameters
-    ----------
-    messages : sequence of (int, bytes)
-        Receive time in ns and serialised DiagnosticArray.
-    begin : int
-        Receive time in ns of the recording's first message.
+    def add(self, time: int, raw: bytes, begin: int) -> None:
+        """Add a serialised DiagnosticArray; one that is truncated is skipped.
 
-    Returns
-    -------
-    list of Activity
-        Successive ones differ in state, law or model.
-    """
-    store = get_typestore(Stores.ROS2_JAZZY)
-    activities: list[Activity] = []
-    for time, raw in sorted(messages):
+        A compensator's first report also holds for the time just before it, down to the begin of
+        the recording, since reports come every second.
+        """
+        if not any(node in raw for node in _SOURCES):
+            return
         try:
-            message: Any = store.deserialize_cdr(raw, DIAGNOSTICS)
-        # Skip a truncated message.
+            message: Any = self._store.deserialize_cdr(raw, DIAGNOSTICS)
         except Exception:
-            continue
+            return
+        before = len(self.changes)
         for status in message.status:
             if 'identification' in status.name:
                 # The node reports a phase only while it moves a joint.
                 if any(item.key == 'phase' for item in status.values):
-                    _append_if_new(activities, Activity(time, 'identification', '', ''))
-                elif activities and activities[-1].state == 'identification':
-                    _append_if_new(activities, Activity(time, '', '', ''))
+                    self._append(Activity(time, 'identification', '', ''))
+                elif self.changes and self.changes[-1].state == 'identification':
+                    self._append(Activity(time, '', '', ''))
             elif (activity := compensator_activity(status, time)) is not None:
-                _append_if_new(activities, activity)
-    if activities:
-        first = activities[0]
-        if first.time - begin < _FIRST_REPORT and first.state != 'identification':
-            activities[0] = replace(first, time=min(first.time, begin))
-    return activities
+                self._append(activity)
+        if not before and self.changes:
+            first = self.changes[0]
+            if first.time - begin < _FIRST_REPORT and first.state != 'identification':
+                self.changes[0] = replace(first, time=min(first.time, begin))
+
+    def _append(self, activity: Activity) -> None:
+        """Append an activity if it differs from the last one."""
+        last = self.changes[-1] if self.changes else None
+        if last is None or replace(activity, time=last.time, joints=last.joints) != last:
+            self.changes.append(activity)
 
 
 def compensator_activity(status: Any, time: int = 0) -> Activity | None:
-    """Return a compensator's state from a diagnostic status; None for another node's.
-
-    Parameters
-    ----------
-    status : diagnostic_msgs/msg/DiagnosticStatus
-    time : int
-        Receive time in ns.
-    """
+    """Return a compensator's state from a DiagnosticStatus; None if it is another node's."""
     if 'compensator' not in f'{status.name} {status.hardware_id}':
         return None
     values = {item.key: item.value for item in status.values}
@@ -112,10 +90,3 @@ def compensator_activity(status: Any, time: int = 0) -> Activity | None:
     # One file per joint is reported as a list: remove its brackets and quotes.
     return Activity(time, values.get('state', ''), values.get('law', ''),
                     re.sub(r"""['"\[\]]""", '', model), status.hardware_id)
-
-
-def _append_if_new(activities: list[Activity], activity: Activity) -> None:
-    """Append an activity if it differs from the last one."""
-    if not activities or (activities[-1].state, activities[-1].law, activities[-1].model) != (
-            activity.state, activity.law, activity.model):
-        activities.append(activity)

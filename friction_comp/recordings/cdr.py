@@ -9,7 +9,7 @@ strings are then decoded together with numpy. Messages with other layouts form f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 import math
 import struct
 
@@ -21,23 +21,13 @@ INT8_ARRAY = 'std_msgs/msg/Int8MultiArray'
 WRENCH = 'geometry_msgs/msg/WrenchStamped'
 TEMPERATURE = 'sensor_msgs/msg/Temperature'
 
-
+# Largest number of values or names in one message, more than any robot has joints. Without a limit
+# one corrupt message could fill the memory, since all messages share one array.
 MOST_VALUES = 200
-"""Largest number of values or names in one message, more than any robot has joints. Without a limit
-one corrupt message could fill the memory, since all messages share one array."""
 
 
 class _Cursor:
-    """Walks through one message and notes the offset of each field.
-
-    Attributes
-    ----------
-    fixed : list of int
-        Byte positions that determine the layout: byte order, counts and strings. Padding is
-        excluded, since its content is undefined.
-    fields : dict
-        Name to (numpy type, byte position, number of values).
-    """
+    """Walks through one message and notes the offset of each field."""
 
     def __init__(self, data: bytes) -> None:
         if len(data) < 4 or data[0] != 0 or data[1] not in (0, 1):
@@ -45,10 +35,14 @@ class _Cursor:
         self.data = data
         self.order = '<' if data[1] == 1 else '>'
         self.position = 4
+        # Byte positions that determine the layout: byte order, counts and strings, but no padding,
+        # whose content is undefined.
         self.fixed = [0, 1]
+        # Name to (numpy type, byte position, number of values).
         self.fields: dict[str, tuple[str, int, int]] = {}
 
-    def _advance(self, size: int, alignment: int) -> int:
+    def advance(self, size: int, alignment: int) -> int:
+        """Pass a field, and return where it starts."""
         start = self.position + -(self.position - 4) % alignment
         if start + size > len(self.data):
             raise ValueError('message is shorter than its fields')
@@ -57,7 +51,7 @@ class _Cursor:
 
     def count(self, most: float = math.inf) -> int:
         """Read a length, check its limit, and add it to the fixed bytes."""
-        start = self._advance(4, 4)
+        start = self.advance(4, 4)
         self.fixed.extend(range(start, start + 4))
         count = int(struct.unpack_from(self.order + 'I', self.data, start)[0])
         if count > most:
@@ -67,77 +61,50 @@ class _Cursor:
     def string(self) -> str:
         """Read a string and add it to the fixed bytes."""
         size = self.count()
-        start = self._advance(size, 1)
+        start = self.advance(size, 1)
         self.fixed.extend(range(start, start + size))
         return self.data[start:start + size].rstrip(b'\0').decode('utf-8', 'replace')
-
-    def skip_string(self) -> None:
-        """Skip a string, of which only the length is fixed."""
-        self._advance(self.count(), 1)
 
     def values(self, name: str, code: str, count: int | None = 1) -> None:
         """Add a field of `count` values; None reads the count first."""
         if count is None:
             count = self.count(MOST_VALUES)
         size = np.dtype(code).itemsize
-        start = self._advance(size * count, size) if count else self.position
+        start = self.advance(size * count, size) if count else self.position
         self.fields[name] = (self.order + code, start, count)
 
 
-_Walk = Callable[[_Cursor], tuple[str, ...]]
-
-
-def _header(cursor: _Cursor) -> str:
-    cursor.values('sec', 'i4')
-    cursor.values('nanosec', 'u4')
-    return cursor.string()
-
-
-def _joint_state(cursor: _Cursor) -> tuple[str, ...]:
-    _header(cursor)
-    names = tuple(cursor.string() for _ in range(cursor.count(MOST_VALUES)))
-    for name in ('position', 'velocity', 'effort'):
-        cursor.values(name, 'f8', None)
-    return names
-
-
-def _multi_array(code: str) -> _Walk:
-    def walk(cursor: _Cursor) -> tuple[str, ...]:
+def _walk(cursor: _Cursor, kind: str) -> tuple[str, ...]:
+    """Pass all fields of a message, and return the names in it."""
+    if kind in (FLOAT_ARRAY, INT8_ARRAY):
         unit: tuple[str, ...] = ()
         for k in range(cursor.count(MOST_VALUES)):
             if k == 1:
                 unit = (cursor.string(),)
             else:
-                # Labels may differ between messages.
-                cursor.skip_string()
+                # Labels may differ between messages: only their length is fixed.
+                cursor.advance(cursor.count(), 1)
             cursor.values('size', 'u4')
             cursor.values('stride', 'u4')
         cursor.values('data_offset', 'u4')
-        cursor.values('data', code, None)
+        cursor.values('data', 'f8' if kind == FLOAT_ARRAY else 'i1', None)
         return unit
-    return walk
-
-
-def _stamped(name: str, count: int) -> _Walk:
-    def walk(cursor: _Cursor) -> tuple[str, ...]:
-        frame = _header(cursor)
-        cursor.values(name, 'f8', count)
-        return (frame,)
-    return walk
-
-
-_WALKS = {
-    JOINT_STATE: _joint_state,
-    FLOAT_ARRAY: _multi_array('f8'),
-    INT8_ARRAY: _multi_array('i1'),
-    WRENCH: _stamped('wrench', 6),
-    TEMPERATURE: _stamped('temperature', 2),
-}
+    cursor.values('sec', 'i4')
+    cursor.values('nanosec', 'u4')
+    frame = cursor.string()
+    if kind == JOINT_STATE:
+        names = tuple(cursor.string() for _ in range(cursor.count(MOST_VALUES)))
+        for name in ('position', 'velocity', 'effort'):
+            cursor.values(name, 'f8', None)
+        return names
+    name, count = {WRENCH: ('wrench', 6), TEMPERATURE: ('temperature', 2)}[kind]
+    cursor.values(name, 'f8', count)
+    return (frame,)
 
 
 def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None = None
            ) -> Iterator[tuple[np.ndarray, tuple[str, ...], dict[str, np.ndarray]]]:
-    """Decode serialised messages of one type.
+    """Decode serialised messages of one type, in groups of the same layout.
 
     Parameters
     ----------
@@ -146,26 +113,19 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
     payloads : list of bytes
         The messages with their four-byte encapsulation header.
     broken : list of int, optional
-        Receives the indices of the messages that are skipped because they are too short for their
-        fields, are not CDR, or hold more than `MOST_VALUES` values or names.
+        Receives the indices of messages that are too short for their fields, are not CDR, or hold
+        more than `MOST_VALUES` values or names. Without it, they raise ValueError.
 
     Yields
     ------
     index : ndarray of int
         Indices of the messages of this group, shape (K,).
     names : tuple of str
-        Joint names, the frame of a stamped message, or the label of an array's second dimension;
-        the same throughout the group.
+        Joint names, the frame of a stamped message, or the label of an array's second dimension.
     fields : dict of ndarray
         Each field's values, shape (K, number of values). Stamped messages have ``stamp`` in
         nanoseconds, shape (K,).
-
-    Raises
-    ------
-    ValueError
-        If a message is broken and `broken` is None.
     """
-    walk = _WALKS[type_name]
     lengths = np.fromiter(map(len, payloads), dtype=np.int64, count=len(payloads))
     for length in np.unique(lengths):
         index = np.nonzero(lengths == length)[0]
@@ -174,7 +134,7 @@ def decode(type_name: str, payloads: Sequence[bytes], broken: list[int] | None =
         while len(index):
             try:
                 cursor = _Cursor(bytes(block[0]))
-                names = walk(cursor)
+                names = _walk(cursor, type_name)
             except ValueError:
                 if broken is None:
                     raise

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from friction_comp.recordings.scan import Track
+from friction_comp.recordings.tracks import Track
 
 _SECOND = 1_000_000_000
 # A leading stamp of zero is a time, not an empty field, if the next one is smaller than this.
@@ -24,23 +24,13 @@ GAPS = ' gaps in the joint states'
 
 @dataclass
 class Shifts:
-    """Offsets added to times, so that time never decreases.
-
-    Attributes
-    ----------
-    at : list of int
-        First message of each offset, by its `Track.order`.
-    by : list of int
-        Offsets in ns.
-    """
+    """Offsets in ns, each added from a message (by `Track.order`) on: time never decreases."""
 
     at: list[int] = field(default_factory=list)
     by: list[int] = field(default_factory=list)
 
     def of(self, times: np.ndarray, order: np.ndarray) -> np.ndarray:
         """Return shifted times in ns, shape (N,)."""
-        if not self.at:
-            return times
         index = np.searchsorted(self.at, order, side='right')
         shifted: np.ndarray = times + np.array([0, *self.by], dtype=np.int64)[index]
         return shifted
@@ -82,17 +72,10 @@ def far_off(times: np.ndarray) -> np.ndarray:
 
 def set_backs(times: np.ndarray, order: np.ndarray, receive: np.ndarray,
               notes: list[str]) -> Shifts:
-    """Return the offsets that make times continue where the clock was set back.
+    """Return the offsets that make times continue where the clock was set back, in ns.
 
     After a set-back, time continues by the difference of receive times where it is positive, else
     by a gap.
-
-    Parameters
-    ----------
-    times, order, receive : ndarray of int
-        Time, index and receive time of the messages in the order of the file, shape (N,).
-    notes : list of str
-        Receives a line for each set-back.
     """
     shifts = Shifts()
     steps = np.diff(times)

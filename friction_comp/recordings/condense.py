@@ -19,8 +19,10 @@ import numpy as np
 
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
-from friction_comp.recordings.reader import read_recording_with_info, RecordingInfo
-from friction_comp.recordings.scan import AnyPath, find_recordings, Progress
+from friction_comp.recordings.joint_samples import RecordingInfo
+from friction_comp.recordings.reader import read_recording_with_info
+from friction_comp.recordings.sources import find_recordings, part_of, Progress
+from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.stream import stream_recording_with_info
 from friction_comp.samples import Samples
 
@@ -40,15 +42,7 @@ _SMALLEST = 10
 
 @dataclass(frozen=True)
 class Condensing:
-    """Averaging and selection of samples.
-
-    Parameters
-    ----------
-    length : int
-        Samples per average.
-    share : float
-        Share of the pieces that is kept.
-    """
+    """Averages over `length` samples, of which a share of all pieces is kept."""
 
     length: int = 1
     share: float = 1.0
@@ -68,41 +62,29 @@ class Condensing:
 
 
 def condensed(samples: Samples, limit: int) -> Samples:
-    """Return averages at 100 Hz or more, spread over a recording.
-
-    Parameters
-    ----------
-    samples : Samples
-        Of one recording.
-    limit : int
-        Approximate number of averages.
-    """
-    length = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
+    """Return some `limit` averages at 100 Hz or more, spread over one recording."""
+    length = _longest(samples)
     return Condensing(length, min(1.0, limit * length / max(len(samples), 1))).of(samples)
+
+
+def _longest(samples: Samples) -> int:
+    """Return the number of samples in an average at the slowest rate."""
+    return max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
 
 
 def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    torque_constant: float = 1.0, gear_ratio: float = 1.0,
                    progress: Progress | None = None, layout: Layout | None = None,
                    limit: int = LIMIT) -> list[tuple[Samples, RecordingInfo]]:
-    """Read recordings of one joint in a bounded amount of memory.
+    """Read recordings of one joint as `read_recording_with_info`, in a bounded amount of memory.
 
     Parameters
     ----------
     paths, joint, torque_constant, gear_ratio, progress, layout
         As for `read_recording`.
     limit : int
-        Approximate number of samples kept of all recordings together; fewer are kept unchanged.
-
-    Returns
-    -------
-    list of (Samples, RecordingInfo)
-        One per recording. The notes of the first say whether samples were averaged.
-
-    Raises
-    ------
-    InputError
-        As `read_recording`.
+        Approximate number of samples kept of all recordings together. If there are more, they are
+        averaged, and the notes of the first recording say so.
     """
     recordings = find_recordings(paths)
     condensing = _condensing(recordings, joint, layout, limit)
@@ -111,12 +93,9 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                                         progress=progress, layout=layout)
     results: list[tuple[Samples, RecordingInfo]] = []
     for index, path in enumerate(recordings):
-        def report(share: float, index: int = index) -> None:
-            if progress:
-                progress((index + share) / len(recordings))
         samples, info = _read(condensing, path, stream_recording_with_info(
-            path, joint, torque_constant, gear_ratio, _STRETCH, layout=layout, others=True,
-            progress=report))
+            path, joint, torque_constant, gear_ratio, _STRETCH, layout, others=True,
+            progress=part_of(progress, index, len(recordings))))
         if results:
             info.check_joint(results[0][1])
         results.append((samples.with_(recording=np.full(len(samples), index)), info))
@@ -136,8 +115,7 @@ def _condensing(recordings: Sequence[Path], joint: str | None, layout: Layout | 
                                            progress=shares.append)
     samples, _ = next(stretches)
     rows = len(samples) / max(shares[-1], 1e-9) * sum(sizes) / max(sizes)
-    longest = max(1, round(1.0 / max(samples.sample_time, 1e-9) / _SLOWEST_RATE))
-    length = int(np.clip(math.ceil(rows / limit), 1, longest))
+    length = int(np.clip(math.ceil(rows / limit), 1, _longest(samples)))
     return Condensing(length, min(1.0, limit * length / rows))
 
 
@@ -153,7 +131,9 @@ def _read(condensing: Condensing, path: Path, stretches: Iterator[tuple[Samples,
     notes: list[str] = []
     for samples, info in stretches:
         if parts and len(samples):
-            samples = _remove_turns(samples, parts[-1])
+            # Angles are unwrapped only within each stretch.
+            turns = round(float(samples.position[0] - parts[-1].position[-1]) / (2.0 * math.pi))
+            samples = samples.with_(position=samples.position - 2.0 * math.pi * turns)
         kept = condensing.of(samples)
         if len(kept):
             parts.append(kept)
@@ -163,12 +143,3 @@ def _read(condensing: Condensing, path: Path, stretches: Iterator[tuple[Samples,
     info.stamps = info.rows = None
     info.notes = notes
     return Samples.concatenate(parts), info
-
-
-def _remove_turns(samples: Samples, before: Samples) -> Samples:
-    """Return samples without a jump by whole turns after those before.
-
-    Angles are unwrapped only within each stretch.
-    """
-    turns = round(float(samples.position[0] - before.position[-1]) / (2.0 * math.pi))
-    return samples.with_(position=samples.position - 2.0 * math.pi * turns) if turns else samples

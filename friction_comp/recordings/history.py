@@ -23,7 +23,7 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.files import write_atomically
 from friction_comp.recordings.condense import condensed
-from friction_comp.recordings.reader import RecordingInfo
+from friction_comp.recordings.joint_samples import RecordingInfo
 from friction_comp.samples import Samples
 
 VERSION = 1
@@ -36,23 +36,11 @@ _FIRST_DATE = 1e9
 
 @dataclass(frozen=True)
 class Remembered:
-    """Averages of one recording.
+    """Averages of one recording, at 100 Hz at most."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the file or folder.
-    start : float
-        Stamp of its first sample, s.
-    day : str
-        ISO date of the recording, or of its addition where the stamps hold no date.
-    samples : Samples
-        At 100 Hz at most.
-    """
-
-    name: str
-    start: float
-    day: str
+    name: str       # of the file or folder
+    start: float    # stamp of its first sample, s
+    day: str        # ISO date of the recording, or of its addition where stamps hold no date
     samples: Samples
 
 
@@ -109,8 +97,9 @@ class History:
                 history = cls(float(document['torque_per_current']),
                               notes=[(str(day), str(text)) for day, text in document['notes']])
                 for index, entry in enumerate(document['recordings']):
-                    signals: dict[str, Any] = {name: stored[f'{index}/{name}']
-                                               for name in entry['signals']}
+                    signals: dict[str, Any] = {
+                        name: stored[key] for name in _SIGNALS
+                        if (key := f'{index}/{name}') in stored}
                     history.recordings.append(Remembered(
                         str(entry['name']), float(entry['start']), str(entry['day']),
                         Samples(joint=str(entry['joint']), **signals)))
@@ -120,13 +109,7 @@ class History:
         return history
 
     def add(self, samples: Samples, info: RecordingInfo) -> bool:
-        """Add a recording; return False if it is already there.
-
-        Parameters
-        ----------
-        samples : Samples
-        info : RecordingInfo
-        """
+        """Add a recording; return False if it is already there."""
         name, start = info.path.name, float(info.start)
         if any((name, start) == (recording.name, recording.start) for recording in self.recordings):
             return False
@@ -160,11 +143,11 @@ class History:
             'notes': self.notes, 'recordings': []}
         arrays: dict[str, Any] = {}
         for index, recording in enumerate(self.recordings):
-            signals = [name for name in _SIGNALS if getattr(recording.samples, name) is not None]
             document['recordings'].append({
                 'name': recording.name, 'start': recording.start, 'day': recording.day,
-                'signals': signals, 'joint': recording.samples.joint})
-            arrays.update({f'{index}/{name}': getattr(recording.samples, name) for name in signals})
+                'joint': recording.samples.joint})
+            arrays.update({f'{index}/{name}': values for name in _SIGNALS
+                           if (values := getattr(recording.samples, name)) is not None})
         stream = io.BytesIO()
         np.savez_compressed(stream, about=np.array(json.dumps(document)), **arrays)
         path = self.path_of(model)

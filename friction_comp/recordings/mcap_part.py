@@ -4,11 +4,10 @@
 
 from __future__ import annotations
 
-from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 import os
 from pathlib import Path
-import threading
 from typing import Any
 
 from mcap.writer import CompressionType, Writer
@@ -28,127 +27,90 @@ def span(first: int | None, last: int | None) -> dict[str, Any]:
 
 
 class SyncedFile:
-    """A file to which whole blocks are appended, and which is synced to the disk as it grows.
+    """A new file to which whole blocks are appended, and which is synced to the disk as it grows.
 
     Data are collected in memory until `flush`. Then one thread writes them and another syncs the
     file, so that a slow disk does not block the caller and a killed process loses only what was not
     written yet. If a block cannot be written, for instance because the disk is full, the file is
     truncated to the blocks before it.
-
-    Parameters
-    ----------
-    path : Path
-        Must not exist.
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
         self._file = path.open('xb', buffering=0)
-        self._pending = bytearray()
-        self._size = 0
-        self._written = 0
-        self._change = threading.Condition()
-        self._blocks: deque[bytes] = deque()
+        self._block = bytearray()
+        self._size = self._written = 0
         self._failure: OSError | None = None
-        self._closing = False
-        self._threads = [threading.Thread(target=work, name=f'{name} {path.name}', daemon=True)
-                         for name, work in (('write', self._write), ('sync', self._sync))]
-        for thread in self._threads:
-            thread.start()
+        self._sync_is_due = self._closing = False
+        self._writing, self._syncing = ThreadPoolExecutor(1), ThreadPoolExecutor(1)
 
     def write(self, data: bytes) -> int:
         """Append to the present block."""
-        if len(self._pending) > _CHUNK:
+        if len(self._block) > _CHUNK:
             self.flush()
-        self._pending += data
+        self._block += data
         return len(data)
 
     def tell(self) -> int:
         """Return the size, including what is not yet written."""
-        return self._size + len(self._pending)
+        return self._size + len(self._block)
 
     def flush(self) -> None:
         """End the block and write it; raises OSError if an earlier one could not be written."""
-        block, self._pending = bytes(self._pending), bytearray()
-        with self._change:
-            self._raise_failure()
-            self._size += len(block)
-            self._blocks.append(block)
-            self._change.notify_all()
-            while self._size - self._written > _MAX_PENDING and self._failure is None:
-                self._change.wait()
+        self._raise_failure()
+        block, self._block = bytes(self._block), bytearray()
+        self._size += len(block)
+        self._writing.submit(self._write, block)
+        if self._size - self._written > _MAX_PENDING:
+            self.wait()
 
     def wait(self) -> None:
         """Wait until all blocks are written; raises OSError if one could not be."""
-        with self._change:
-            while self._written < self._size and self._failure is None:
-                self._change.wait()
-            self._raise_failure()
+        self._writing.submit(int).result()
+        self._raise_failure()
 
     def close(self) -> None:
-        """Write the remaining blocks and close the file; `join` waits for it."""
-        with self._change:
+        """Close the file after the remaining blocks; `join` waits for it."""
+        if not self._closing:
             self._closing = True
-            self._change.notify_all()
+            self._writing.submit(self._end)
+            self._writing.shutdown(wait=False)
 
     def join(self) -> None:
         """Wait until the file is synced; raises OSError if it cannot be."""
-        for thread in self._threads:
-            thread.join()
+        self._writing.shutdown()
+        self._syncing.shutdown()
         self._raise_failure()
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
             raise self._failure
 
-    def _write(self) -> None:
-        while True:
-            with self._change:
-                while not self._blocks and not self._closing:
-                    self._change.wait()
-                if not self._blocks:
-                    return
-                block = memoryview(self._blocks.popleft())
-            try:
-                done = 0
-                while done < len(block):
-                    done += self._file.write(block[done:]) or 0
-            except OSError as error:
-                self._file.truncate(self._written)
-                self._fail(error)
-                return
-            with self._change:
-                self._written += len(block)
-                self._change.notify_all()
+    def _write(self, block: bytes) -> None:
+        if self._failure is not None:
+            return
+        left = memoryview(block)
+        try:
+            while left:
+                left = left[self._file.write(left):]
+        except OSError as error:
+            self._failure = error
+            self._file.truncate(self._written)
+        else:
+            self._written += len(block)
+            if not self._sync_is_due:
+                self._sync_is_due = True
+                self._syncing.submit(self._sync)
 
     def _sync(self) -> None:
-        synced = 0
-        while True:
-            with self._change:
-                while self._written == synced and not self._closing and self._failure is None:
-                    self._change.wait()
-                target = self._written
-                ended = self._failure is not None or (self._closing and not self._blocks
-                                                      and target == self._size)
-            if target > synced:
-                try:
-                    os.fsync(self._file.fileno())
-                except OSError as error:
-                    self._fail(error)
-                synced = target
-            elif not ended:
-                # Closing while the last blocks are being written.
-                with self._change:
-                    self._change.wait(0.1)
-            if ended and target == synced:
-                break
-        self._threads[0].join()
-        self._file.close()
-
-    def _fail(self, error: OSError) -> None:
-        with self._change:
+        self._sync_is_due = False
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
             self._failure = self._failure or error
-            self._change.notify_all()
+
+    def _end(self) -> None:
+        self._syncing.submit(self._file.close)
+        self._syncing.shutdown(wait=False)
 
 
 class McapPart:
@@ -191,13 +153,11 @@ class McapPart:
         self.first = time if self.first is None else min(self.first, time)
         self.last = time if self.last is None else max(self.last, time)
 
-    def flush(self) -> None:
-        """End the chunk and write it."""
+    def flush(self, wait: bool = False) -> None:
+        """End the chunk and write it; return at once, or when it is written."""
         self._writer.flush()
-
-    def wait(self) -> None:
-        """Wait until flushed data are written."""
-        self._stream.wait()
+        if wait:
+            self._stream.wait()
 
     def finish(self, metadata: str) -> None:
         """End the file with an index and rosbag2's metadata; `join` waits until it is synced."""

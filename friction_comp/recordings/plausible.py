@@ -36,94 +36,79 @@ _REVERSED_SHARE = 0.8
 def check_plausible(samples: Samples, name: str, alone: bool = True) -> None:
     """Raise InputError for samples that are physically impossible.
 
-    Parameters
-    ----------
-    samples : Samples
-    name : str
-        Name of the recording, for messages.
-    alone : bool
-        Whether no other joint of the recording moved. The gravity torque then depends on the
-        position alone, and the motor's mean power must be positive.
-
-    Raises
-    ------
-    InputError
-        If a value or the rate of position exceeds what any joint can have, velocity contradicts
-        position, or the effort has the wrong sign; the text names signal, value and time.
+    That is if a value or the rate of position exceeds what any joint can have, velocity contradicts
+    position, or the effort has the wrong sign; the text names signal, value and time. If no other
+    joint of the recording moved (`alone`), the gravity torque depends on the position alone, and
+    the motor's mean power must be positive.
     """
     if not len(samples):
         return
-    where = f'{name}: joint {samples.joint!r}'
-    _check_limits(samples, where)
-    _check_rate(samples, where)
-    _check_velocity(samples, where)
-    _check_command(samples, where)
-    if alone:
-        _check_power(samples, where)
+    for check in (_fault_of_limits, _fault_of_rate, _fault_of_velocity, _fault_of_command,
+                  *([_fault_of_power] if alone else [])):
+        fault = check(samples)
+        if fault:
+            raise InputError(f'{name}: joint {samples.joint!r}: {fault}')
 
 
-def _check_limits(samples: Samples, where: str) -> None:
+def _fault_of_limits(samples: Samples) -> str:
     for signal, (limit, unit) in LIMITS.items():
         values = getattr(samples, signal)
-        if values is None:
-            continue
-        impossible = beyond(signal, values)
-        if impossible.any():
+        if values is not None and (impossible := beyond(signal, values)).any():
             worst = int(np.argmax(np.where(impossible, np.abs(values), 0.0)))
-            raise InputError(
-                f'{where}: {signal.replace("_", " ")} of {values[worst]:.4g} {unit} at '
-                f'{samples.time[worst]:.3f} s is impossible ({np.count_nonzero(impossible)} of '
-                f'{len(values)} values beyond {limit:.0e} {unit})')
+            return (f'{signal.replace("_", " ")} of {values[worst]:.4g} {unit} at '
+                    f'{samples.time[worst]:.3f} s is impossible ({np.count_nonzero(impossible)} '
+                    f'of {len(values)} values beyond {limit:.0e} {unit})')
+    return ''
 
 
-def _check_rate(samples: Samples, where: str) -> None:
-    limit = LIMITS['velocity'][0]
+def _fault_of_rate(samples: Samples) -> str:
     step = np.diff(samples.time)
     with np.errstate(divide='ignore', invalid='ignore'):
         rate = np.abs(np.where(step > 0, np.diff(samples.position) / step, 0.0))
-    if len(rate) and rate.max() > limit:
-        worst = int(np.argmax(rate))
-        raise InputError(
-            f'{where}: position jumps from {samples.position[worst]:.4g} to '
+    if not beyond('velocity', rate).any():
+        return ''
+    worst = int(np.argmax(rate))
+    return (f'position jumps from {samples.position[worst]:.4g} to '
             f'{samples.position[worst + 1]:.4g} rad within {step[worst]:.3g} s at '
             f'{samples.time[worst]:.3f} s, which is impossible (wrong unit of position or of '
             'the stamps?)')
 
 
-def _check_velocity(samples: Samples, where: str) -> None:
+def _fault_of_velocity(samples: Samples) -> str:
     velocity = samples.velocity
     # Some drivers publish zeros where they measure no velocity.
     if velocity is None or not velocity.any():
-        return
+        return ''
     ratios = velocity_ratios(samples.time, samples.position, velocity)
     ratios = ratios[np.isfinite(ratios)]
     contradict = (ratios <= 1.0 / _LARGEST_RATIO) | (ratios >= _LARGEST_RATIO)
     if len(ratios) >= _FEWEST_BLOCKS and contradict.mean() > _CONTRADICTING:
-        raise InputError(f'{where}: {velocity_fault(ratios, _LARGEST_RATIO)}')
+        return velocity_fault(ratios, _LARGEST_RATIO)
+    return ''
 
 
-def _check_command(samples: Samples, where: str) -> None:
+def _fault_of_command(samples: Samples) -> str:
     command, current = samples.command, samples.current
-    if command is None or len(samples) < 200 or not command.any() or not current.any():
-        return
-    if current_answer(command, current).likeness < _OPPOSED:
-        raise InputError(f'{where}: the effort has the opposite sign of the commanded current: '
-                         'one of them has the wrong sign')
+    if (command is not None and len(samples) >= 200 and command.any() and current.any()
+            and current_answer(command, current).likeness < _OPPOSED):
+        return ('the effort has the opposite sign of the commanded current: one of them has the '
+                'wrong sign')
+    return ''
 
 
-def _check_power(samples: Samples, where: str) -> None:
-    """Raise InputError if the motor's power over the motion shows a reversed sign of the effort.
+def _fault_of_power(samples: Samples) -> str:
+    """Return in words that the motor's power over the motion shows a reversed sign of the effort.
 
     At a given position, gravity is the same in both directions of motion, and friction requires
     more torque along the motion than against it. With a command or a measured load there is no
     such check: the motor may have been braking or been driven.
     """
     if samples.load is not None or (samples.command is not None and samples.command.any()):
-        return
+        return ''
     velocity = samples.velocity if samples.velocity is not None else _rate(samples)
     fast = np.abs(velocity) > 0.2 * np.quantile(np.abs(velocity), 0.95)
     if not fast.any() or np.ptp(samples.position[fast]) == 0.0:
-        return
+        return ''
     position, current, forward = samples.position[fast], samples.current[fast], velocity[fast] > 0
     if np.ptp(position) > 4.0 * np.pi:
         # Gravity is periodic.
@@ -137,15 +122,15 @@ def _check_power(samples: Samples, where: str) -> None:
     fewer = np.minimum(count[0::2], count[1::2])
     used = fewer >= _PER_BIN
     if np.count_nonzero(used) < _FEWEST_BINS:
-        return
+        return ''
     weight = fewer[used] / fewer[used].sum()
     difference = (mean[1::2] - mean[0::2])[used]
     scatter = np.sqrt(max(float(weight @ (0.5 * (spread[0::2] + spread[1::2])[used])), 0.0))
     if weight @ difference < -scatter and weight[difference < 0].sum() > _REVERSED_SHARE:
-        raise InputError(
-            f'{where}: the motor brakes the motion ({float(weight @ difference):.3g} A between '
-            'its two directions): effort has the wrong sign, or another torque drives the joint '
-            'and neither current_command nor interaction_wrench is recorded')
+        return (f'the motor brakes the motion ({float(weight @ difference):.3g} A between its two '
+                'directions): effort has the wrong sign, or another torque drives the joint and '
+                'neither current_command nor interaction_wrench is recorded')
+    return ''
 
 
 def _rate(samples: Samples) -> np.ndarray:

@@ -1,82 +1,118 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Opens recordings of either kind: rosbag2 recordings and tables."""
+"""Finds recordings on disk, and reads rosbag2 recordings and tables alike."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from os import PathLike
 from pathlib import Path
 
-from friction_comp.columns import Layout
-from friction_comp.recordings.scan import AnyPath, Progress, Scan, Scanner
+from friction_comp.columns import Layout, TABLES
+from friction_comp.errors import InputError
+from friction_comp.recordings.scan import MessageScanner
+from friction_comp.recordings.storage import AnyPath, belongs_to_folder, is_storage, METADATA
 from friction_comp.recordings.tables import is_table, TableScanner
-from friction_comp.topics import TOPICS
+from friction_comp.recordings.tracks import Scan, Track
+
+Progress = Callable[[float], None]
 
 # Messages within which all joints are named, even with several publishers on a topic.
 _FIRST_MESSAGES = 200
 
 
-def open_scanner(path: AnyPath, signals: Sequence[str] = tuple(TOPICS), joint: str | None = None,
-                 layout: Layout | None = None, batch: int | None = None
-                 ) -> Scanner | TableScanner:
-    """Return the scanner that reads a recording in batches.
+def part_of(progress: Progress | None, index: int, count: int) -> Progress:
+    """Return what reports the progress of one of several recordings."""
+    def report(share: float) -> None:
+        if progress:
+            progress((index + share) / count)
+    return report
+
+
+def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
+    """Return the recordings at paths; folders are searched for recordings.
 
     Parameters
     ----------
-    path : path-like
-        One recording, as `find_recordings` returns it.
-    signals : sequence of str
-        Signals to read from a rosbag2 recording; from a table, all are read.
-    joint : str, optional
-        Keep only this joint's values.
-    layout : Layout, optional
-        Known columns and units of a table.
-    batch : int, optional
-        Messages or rows per batch.
-    """
-    path = Path(path)
-    options = {} if batch is None else {'batch': batch}
-    if path.is_file() and is_table(path):
-        return TableScanner(path, layout, joint, *options.values())
-    return Scanner(path, signals, joint, **options)
-
-
-def scan_recording(path: AnyPath, signals: Sequence[str] = tuple(TOPICS),
-                   progress: Progress | None = None, joint: str | None = None,
-                   layout: Layout | None = None) -> Scan:
-    """Read the signals of one recording.
-
-    Parameters
-    ----------
-    path : path-like
-        One recording, as `find_recordings` returns it.
-    signals : sequence of str
-        Signals to read.
-    progress : callable, optional
-        Called with the share 0..1 that has been read.
-    joint : str, optional
-        Keep only this joint's values.
-    layout : Layout, optional
-        Known columns and units of a table.
-
-    Returns
-    -------
-    Scan
+    paths : path-like or list of path-like
+        Rosbag2 folders, single .mcap (or .db3) files, tables (.csv, .parquet, .npz), or folders
+        that hold recordings at any depth, in the order of their names.
 
     Raises
     ------
     InputError
-        If the recording cannot be read; the text gives the reason.
+        If a path does not exist or holds no recording.
     """
-    scanner = open_scanner(path, signals, joint, layout)
-    for _ in scanner.batches():
+    unique: dict[Path, Path] = {}
+    for path in map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths):
+        try:
+            if not path.exists():
+                raise InputError(f'{path}: no such file or folder')
+            recordings = list(_expand(path))
+        except OSError as error:
+            raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
+        if not recordings:
+            kind = 'no recording in this folder' if path.is_dir() else (
+                'not a recording (a rosbag2 folder, an .mcap file or a table is needed: '
+                f'{", ".join(TABLES)})')
+            raise InputError(f'{path}: {kind}')
+        for recording in recordings:
+            unique.setdefault(recording.resolve(), recording)
+    if not unique:
+        raise InputError('no recording given')
+    return list(unique.values())
+
+
+def find_recording(path: AnyPath) -> Path:
+    """Return the only recording at a path; raises InputError if there are none or several."""
+    recordings = find_recordings(path)
+    if len(recordings) != 1:
+        raise InputError(f'{path}: holds {len(recordings)} recordings, expected one')
+    return recordings[0]
+
+
+def _expand(path: Path) -> Iterator[Path]:
+    if path.is_file():
+        if is_storage(path) or is_table(path):
+            yield path
+    elif (path / METADATA).is_file() or belongs_to_folder(path):
+        yield path
+    else:
+        for child in sorted(path.iterdir()):
+            # A hidden folder may be an unfinished recording. Tables in folders are results rather
+            # than recordings.
+            if not child.name.startswith('.') and (child.is_dir() or is_storage(child)):
+                yield from _expand(child)
+
+
+def open_scanner(path: AnyPath, joint: str | None = None, layout: Layout | None = None,
+                 **options: int) -> MessageScanner | TableScanner:
+    """Return what reads a recording in batches, only one joint's values if one is given.
+
+    The option ``batch`` is the number of messages or rows in memory at once.
+    """
+    path = Path(path)
+    if path.is_file() and is_table(path):
+        return TableScanner(path, layout, joint, **options)
+    return MessageScanner(path, joint, **options)
+
+
+def scan_recording(path: AnyPath, progress: Progress | None = None, joint: str | None = None,
+                   layout: Layout | None = None) -> Scan:
+    """Read the signals of one recording; raises InputError if it cannot be read."""
+    scanner = open_scanner(path, joint, layout)
+    parts: dict[str, list[Track]] = {}
+    for scan in scanner.scans():
+        for track in scan.tracks:
+            parts.setdefault(track.topic, []).append(track)
         if progress:
             progress(scanner.progress)
-    return scanner.finish()
+    scan.tracks = [Track.concatenate(tracks) for tracks in parts.values()]
+    return scan
 
 
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
-    """Return the joints in a recording's first joint states.
+    """Return the joints in a recording's first joint states, '' for one without a name.
 
     Parameters
     ----------
@@ -84,21 +120,10 @@ def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
         One recording, as `find_recordings` returns it.
     layout : Layout, optional
         Known columns and units of a table.
-
-    Returns
-    -------
-    list of str
-        '' for a joint without a name.
 
     Raises
     ------
     InputError
         If the recording cannot be read.
     """
-    scanner = open_scanner(path, ('joint_states',), layout=layout, batch=_FIRST_MESSAGES)
-    for _ in scanner.batches():
-        break
-    for store in scanner.stores.values():
-        store.flush()
-    return list(dict.fromkeys(
-        name for track in scanner.finish().of('joint_states') for name in track.names))
+    return next(open_scanner(path, layout=layout, batch=_FIRST_MESSAGES).scans()).joints

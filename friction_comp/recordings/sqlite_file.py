@@ -4,35 +4,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 import sqlite3
 from types import TracebackType
 from urllib.parse import quote
 
-from friction_comp.recordings.mcap_file import DamagedError
-
-Message = tuple[str, str, int, bytes]
+from friction_comp.recordings.mcap_file import DamagedError, Message, Wanted
 
 
 class SqliteFile:
     """One .db3 file; as `McapFile`.
 
     The topics' quality of service is ignored: its format differs between releases, and nothing here
-    depends on it.
-
-    Parameters
-    ----------
-    path : Path
-
-    Raises
-    ------
-    DamagedError
-        If it is not a database with rosbag2's tables.
+    depends on it. Raises DamagedError if it is not a database with rosbag2's tables.
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
         self.notes: list[str] = []
         self.custom: dict[str, str] = {}
         self.progress = 0.0
@@ -55,21 +43,14 @@ class SqliteFile:
                  traceback: TracebackType | None) -> None:
         self._database.close()
 
-    def messages(self, wanted: Callable[[str, str], bool]) -> Iterator[Message]:
-        """Yield (topic, type, receive time in ns, payload) in the order they were written.
-
-        Parameters
-        ----------
-        wanted : callable
-            Returns whether messages of a topic and type are wanted; all are counted.
-        """
+    def messages(self, wanted: Wanted) -> Iterator[Message]:
+        """Yield the messages in the order they were written, as `McapFile.messages` does."""
         topic_ids = [k for k, topic_and_type in self._by_id.items() if wanted(*topic_and_type)]
-        placeholders = ','.join('?' * len(topic_ids))
         recovered = 0
         try:
             for row, topic, time, payload in self._database.execute(
-                    'SELECT id, topic_id, timestamp, data FROM messages '
-                    f'WHERE topic_id IN ({placeholders}) ORDER BY id', topic_ids):
+                    'SELECT id, topic_id, timestamp, data FROM messages WHERE topic_id IN '
+                    f'({",".join("?" * len(topic_ids))}) ORDER BY id', topic_ids):
                 recovered += 1
                 self.progress = row / self._last
                 yield *self._by_id[topic], int(time), bytes(payload)

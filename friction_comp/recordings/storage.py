@@ -1,10 +1,12 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lists the files of a recording and reads their messages in order."""
+"""Lists the files of a rosbag2 recording and reads their messages in order."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
+from os import PathLike
 from pathlib import Path, PurePath
 import re
 import shutil
@@ -15,8 +17,10 @@ import yaml
 import zstandard
 
 from friction_comp.errors import InputError, one_line
-from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message
+from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, Wanted
 from friction_comp.recordings.sqlite_file import SqliteFile
+
+AnyPath = str | PathLike[str]
 
 SUFFIXES = ('.mcap', '.db3', '.mcap.zstd', '.db3.zstd')
 METADATA = 'metadata.yaml'
@@ -39,57 +43,38 @@ def belongs_to_folder(folder: Path) -> bool:
 
 
 class Storage:
-    """Reads the messages of one recording from its files.
-
-    Parameters
-    ----------
-    path : Path
-        A rosbag2 folder or a single file.
+    """Reads the messages of a rosbag2 folder or a single file; raises InputError if unreadable.
 
     Attributes
     ----------
     topics : dict
         Topic to (message type, number of messages), complete after `messages` has ended.
-    encodings : dict
-        Topic to serialisation format, likewise.
     notes : list of str
         Remarks on missing or damaged parts, likewise.
     custom : dict
         The ``custom_data`` of the recording's metadata.
-
-    Raises
-    ------
-    InputError
-        If it is unreadable.
+    progress : float
+        Share of the recording that has been read.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.topics: dict[str, tuple[str, int]] = {}
-        self.encodings: dict[str, str] = {}
         self.notes: list[str] = []
         self.custom: dict[str, str] = {}
         self.progress = 0.0
         self.files = [path] if path.is_file() else self._list_files()
 
-    def messages(self, wanted: Callable[[str, str], bool]) -> Iterator[Message]:
-        """Yield (topic, type, receive time in ns, payload) of all files in their order.
+    def messages(self, wanted: Wanted) -> Iterator[Message]:
+        """Yield the messages of all files in their order, as `McapFile.messages` does.
 
-        Parameters
-        ----------
-        wanted : callable
-            Returns whether messages of a topic and type are wanted; all are counted.
-
-        Raises
-        ------
-        InputError
-            If none of the files can be read.
+        Raises InputError if none of the files can be read, or wanted messages are not CDR.
         """
         reasons = []
         for index, file in enumerate(self.files):
             try:
                 with TemporaryDirectory() as folder, _open(file, Path(folder)) as opened:
-                    for message in opened.messages(self._check_encoding(opened, wanted)):
+                    for message in opened.messages(partial(self._is_wanted, wanted, opened)):
                         self.progress = (index + opened.progress) / len(self.files)
                         yield message
                     self._add_contents(file, opened)
@@ -102,25 +87,20 @@ class Storage:
             raise unreadable(self.path, reason)
         self.notes.extend(f'{reason}: this file is missing' for reason in reasons)
 
-    def _check_encoding(self, opened: McapFile | SqliteFile,
-                 wanted: Callable[[str, str], bool]) -> Callable[[str, str], bool]:
-        def check(topic: str, kind: str) -> bool:
-            if not wanted(topic, kind):
-                return False
+    def _is_wanted(self, wanted: Wanted, opened: McapFile | SqliteFile, topic: str, kind: str
+                   ) -> bool:
+        if wanted(topic, kind):
             if opened.encodings.get(topic) not in ('cdr', '', None):
                 raise InputError(f'{self.path}: {topic} is not serialised as CDR')
             return True
-        return check
+        return False
 
     def _add_contents(self, file: Path, opened: McapFile | SqliteFile) -> None:
         several = len(self.files) > 1
         self.notes.extend(f'{file.name}: {note}' if several else note for note in opened.notes)
-        self.encodings.update(opened.encodings)
         for topic, (kind, count) in opened.topics.items():
-            before = self.topics.get(topic, (kind, 0))[1]
-            self.topics[topic] = kind, before + count
-        for key, value in opened.custom.items():
-            self.custom.setdefault(key, value)
+            self.topics[topic] = kind, self.topics.get(topic, (kind, 0))[1] + count
+        self.custom = {**opened.custom, **self.custom}
 
     def _list_files(self) -> list[Path]:
         """Return the files listed in the metadata, or else those in the folder."""

@@ -25,10 +25,7 @@ _SIGNALS = {
 def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
     """Return samples of joints with a common time base as columns: ``time``, ``elbow.position``, ….
 
-    Parameters
-    ----------
-    joints : sequence of Samples
-        Read with k_t = n = 1, so that their current is the effort.
+    Their current must be the effort, as read with k_t = n = 1.
     """
     columns = {'time': joints[0].time}
     for samples in joints:
@@ -41,13 +38,7 @@ def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
 
 
 def write_table(path: Path, joints: Sequence[Samples]) -> None:
-    """Write samples as CSV, Parquet or npz, depending on the file name.
-
-    Parameters
-    ----------
-    path : Path
-    joints : sequence of Samples
-        As for `table_of`.
+    """Write samples as CSV, Parquet or npz, depending on the file name, with columns of `table_of`.
 
     Raises
     ------

@@ -14,19 +14,17 @@ import csv
 import gzip
 from pathlib import Path
 import re
-from typing import Any, IO
+from typing import IO
 import zipfile
 
 import numpy as np
 
 from friction_comp.columns import assign, Assignment, Layout, TABLES
 from friction_comp.errors import InputError, one_line
-from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable
+from friction_comp.recordings.tracks import Scan, Track
 from friction_comp.topics import TOPICS
 
-# Rows in memory at once: 20 MB for ten columns.
-_BLOCK = 250_000
 # Topics of the other signals of a table.
 _TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
            'command': 'current_command', 'direction': 'direction'}
@@ -39,149 +37,93 @@ def is_table(path: Path) -> bool:
 
 
 class TableScanner:
-    """Reads a table block by block; the counterpart of `friction_comp.recordings.scan.Scanner`.
+    """Reads a table block by block; the counterpart of `MessageScanner`."""
 
-    Parameters
-    ----------
-    path : Path
-    layout : Layout, optional
-        Columns and units given by the user.
-    joint : str, optional
-        Keep only this joint's values.
-    block : int
-        Rows per block.
-    """
-
+    # A batch of rows takes 20 MB for ten columns.
     def __init__(self, path: Path, layout: Layout | None = None, joint: str | None = None,
-                 block: int = _BLOCK) -> None:
-        self.path = path
-        self.stores: dict[str, Any] = {}
+                 batch: int = 250_000) -> None:
         self.progress = 0.0
-        self._joint = joint
-        self._block = block
-        self._rows = 0
-        self._tracks: list[Track] = []
-        self._notes: list[str] = []
+        self._path, self._joint, self._batch = path, joint, batch
         try:
             self._table = _open(path)
         except OSError as error:
             raise InputError(f'{path}: cannot be read: {error.strerror or error}') from None
         self._use = assign(self._table.names, layout, str(path))
-        self._notes += self._use.notes
 
-    def batches(self) -> Iterator[_Block]:
-        """Read the table, and yield after each block."""
+    def scans(self) -> Iterator[Scan]:
+        """Yield each block."""
         wanted = [column.name for column in self._use.columns]
+        rows = 0
         try:
-            for columns, share in self._table.blocks(wanted, self._block):
+            for columns, share in self._table.blocks(wanted, self._batch):
+                self.progress = share
                 size = len(columns[wanted[0]])
                 if size:
-                    self._tracks.append(
-                        _joint_state_track(columns, self._use, self._rows, self._joint))
-                    self._tracks += _other_tracks(columns, self._use, self._rows)
-                    self._rows += size
-                    self.progress = share
-                    yield _Block()
+                    tracks = list(_tracks(columns, self._use, rows, self._joint))
+                    rows += size
+                    yield Scan(self._path, tracks,
+                               {track.topic: (TOPICS[track.topic], rows) for track in tracks},
+                               list(self._use.notes),
+                               effort_is_current=self._use.effort_is_current)
         except InputError:
             raise
         except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
-            raise unreadable(self.path, one_line(error)) from None
-        if not self._rows:
-            raise InputError(f'{self.path}: holds no row below its header')
-
-    def finish(self) -> Scan:
-        """Return what was read since the beginning, or since the last call."""
-        topics: dict[str, list[Track]] = {}
-        for track in self._tracks:
-            topics.setdefault(track.topic, []).append(track)
-        self._tracks = []
-        return Scan(self.path, [_concatenate(parts) for parts in topics.values()],
-                    {topic: (TOPICS[parts[0].signal], self._rows)
-                     for topic, parts in topics.items()},
-                    list(self._notes), effort_is_current=self._use.effort_is_current)
+            raise unreadable(self._path, one_line(error)) from None
+        if not rows:
+            raise InputError(f'{self._path}: holds no row below its header')
 
 
-class _Block:
-    """Tells that joint states have been read, like the stores of `Scanner`."""
+def _tracks(columns: Columns, use: Assignment, first: int, joint: str | None) -> Iterator[Track]:
+    """Yield the tracks of a block whose first row has a number; all have the same times."""
+    stamp, valid = _stamps(use.time.factor * columns[use.time.name])
+    order = first + np.arange(len(stamp))
+    missing = np.full(len(stamp), np.nan)
 
-    signal = 'joint_states'
+    def read(signal: str, name: str) -> np.ndarray | None:
+        column = use.of(signal, name)
+        return None if column is None else column.factor * columns[column.name]
 
+    def stack(name: str, *signals: str) -> np.ndarray:
+        found = [read(signal, name) for signal in signals]
+        return np.column_stack([missing if values is None else values for values in found])
 
-def _joint_state_track(columns: Columns, use: Assignment, first: int, joint: str | None) -> Track:
-    """Return a block's joint states."""
-    time = columns[use.time.name]
-    # Rows without a time get NaN values, and are omitted later.
-    finite = np.isfinite(time)
-    stamp = np.zeros(len(time), dtype=np.int64)
-    scaled = use.time.factor * 1e9 * time
-    valid = finite & (np.abs(np.where(finite, scaled, 0.0)) < 9e18)
-    stamp[valid] = np.round(scaled[valid]).astype(np.int64)
-    values = {}
-    for name in use.joints:
-        if joint not in (None, name) and name:
-            continue
-        states = np.full((len(time), 3), np.nan)
-        for k, signal in enumerate(('position', 'velocity', 'effort')):
-            column = use.of(signal, name)
-            if column is not None:
-                states[:, k] = column.factor * columns[column.name]
-        states[~valid] = np.nan
-        values[name] = states
-    if not valid.all():
-        # They get the time of their neighbour, so that it is no jump of the clock.
-        index = np.maximum.accumulate(np.where(valid, np.arange(len(valid)), -1))
-        stamp = np.where(index >= 0, stamp[index.clip(0)], stamp[np.argmax(valid)])
-    order = first + np.arange(len(time))
-    return Track('joint_states', 'joint_states', stamp, stamp, order, use.joints, values)
+    def track(topic: str, values: Columns) -> Track:
+        return Track(topic, topic, stamp, stamp, order, use.joints, values)
 
-
-def _other_tracks(columns: Columns, use: Assignment, first: int) -> Iterator[Track]:
-    """Yield a block's other signals; stamps are those of the joint states."""
-    states = _joint_state_track(columns, use, first, None)
+    yield track('joint_states', {
+        name: np.where(valid[:, None], stack(name, 'position', 'velocity', 'effort'), np.nan)
+        for name in use.joints if joint in (None, name) or not name})
     for signal, topic in _TOPICS.items():
-        signals = {name: column.factor * columns[column.name] for name in use.joints
-                   if (column := use.of(signal, name)) is not None}
-        if not signals:
-            continue
-        if topic in ('current_command', 'direction'):
-            values = {'': np.column_stack([signals.get(name, np.full(len(states.stamp), np.nan))
-                                           for name in use.joints])}
-        else:
-            values = {name: each[:, None] for name, each in signals.items()}
-        yield Track(topic, topic, states.receive, states.stamp, states.order, use.joints, values)
-    references = {}
-    for name in use.joints:
-        column = use.of('reference_position', name)
-        if column is not None:
-            reference = np.full((len(states.stamp), 3), np.nan)
-            reference[:, 0] = column.factor * columns[column.name]
-            speed = use.of('reference_velocity', name)
-            if speed is not None:
-                reference[:, 1] = speed.factor * columns[speed.name]
-            references[name] = reference
+        values = {name: own[:, None] for name in use.joints
+                  if (own := read(signal, name)) is not None}
+        if values and topic in ('current_command', 'direction'):
+            values = {'': np.hstack([values.get(name, missing[:, None]) for name in use.joints])}
+        if values:
+            yield track(topic, values)
+    references = {name: stack(name, 'reference_position', 'reference_velocity')
+                  for name in use.joints if use.of('reference_position', name) is not None}
     if references:
-        yield Track('reference', 'reference', states.receive, states.stamp, states.order,
-                    use.joints, references)
+        yield track('reference', references)
 
 
-def _concatenate(parts: list[Track]) -> Track:
-    if len(parts) == 1:
-        return parts[0]
-    first = parts[0]
-    stamp = np.concatenate([part.stamp for part in parts])
-    return Track(
-        first.topic, first.signal, stamp, stamp, np.concatenate([part.order for part in parts]),
-        first.names,
-        {key: np.concatenate([part.values[key] for part in parts]) for key in first.values})
+def _stamps(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return times in s as ns, and which rows have one.
+
+    The others get the time of the row before, so that there is no jump of the clock.
+    """
+    valid = np.abs(time) < 9e9
+    stamp = np.zeros(len(time), dtype=np.int64)
+    stamp[valid] = np.round(1e9 * time[valid]).astype(np.int64)
+    if valid.any():
+        index = np.maximum.accumulate(np.where(valid, np.arange(len(valid)), -1))
+        stamp = stamp[np.where(index >= 0, index, np.argmax(valid))]
+    return stamp, valid
 
 
 def _open(path: Path) -> _Csv | _Parquet | _Npz:
     name = path.name.lower()
-    if name.endswith('.parquet'):
-        return _Parquet(path)
-    if name.endswith('.npz'):
-        return _Npz(path)
-    return _Csv(path)
+    kind = _Parquet if name.endswith('.parquet') else _Npz if name.endswith('.npz') else _Csv
+    return kind(path)
 
 
 class _Csv:
@@ -197,21 +139,26 @@ class _Csv:
         size = next((k for k, line in enumerate(lines) if line.strip()
                      and not line.startswith('#')), len(lines))
         head = lines[size] if size < len(lines) else ''
-        if _all_numbers(head) and size and _split(lines[size - 1].lstrip('# '), _separator(head)):
-            commented = _split(lines[size - 1].lstrip('# '), _separator(head))
-            size, head = (size - 1, lines[size - 1].lstrip('# ')) if len(commented) == len(
-                _split(head, _separator(head))) else (size, head)
         if not head.strip():
             raise InputError(f'{path}: is empty')
         self._separator = _separator(head)
-        self.names = [name.strip() for name in _split(head, self._separator)]
+        self.names = self._split(head)
         self._skip = size + 1
         if _all_numbers(head):
             # Without a header, columns are named by their numbers.
-            self.names, self._skip = [str(k + 1) for k in range(len(self.names))], size
-        elif len(set(self.names)) < len(self.names):
+            before = self._split(lines[size - 1].lstrip('# ')) if size else []
+            alike = len(before) == len(self.names)
+            self.names = before if alike else [str(k + 1) for k in range(len(self.names))]
+            self._skip = size
+        if len(set(self.names)) < len(self.names):
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise InputError(f'{path}: has two columns called {twice!r}')
+
+    def _split(self, line: str) -> list[str]:
+        if self._separator is None:
+            return line.split()
+        cells = next(csv.reader([line.rstrip('\r\n')], delimiter=self._separator), [])
+        return [cell.strip() for cell in cells]
 
     def _stream(self) -> IO[str]:
         if self._path.name.lower().endswith('.gz'):
@@ -246,26 +193,22 @@ class _Csv:
 
     def _parse_each(self, lines: list[str], indices: list[int], first_line: int) -> np.ndarray:
         rows = []
-        for k, line in enumerate(lines):
-            if not line.strip() or line.startswith('#'):
-                continue
-            cells = _split(line, self._separator)
-            if len(cells) <= max(indices):
-                # The last line of a truncated file.
-                rows.append([np.nan] * len(indices))
-                continue
-            rows.append([self._number(cells[index], index, first_line + k + 1)
-                         for index in indices])
+        for k, line in enumerate(lines, first_line + 1):
+            if line.strip() and not line.startswith('#'):
+                cells = self._split(line)
+                # The last line of a truncated file has fewer.
+                whole = len(cells) > max(indices)
+                rows.append([self._number(cells[index], index, k) if whole else np.nan
+                             for index in indices])
         return np.array(rows).reshape(len(rows), len(indices))
 
     def _number(self, cell: str, index: int, line: int) -> float:
-        text = cell.strip()
-        if not text or text.lower() in ('nan', 'na', 'null', 'none', '-'):
+        if cell.lower() in ('', 'nan', 'na', 'null', 'none', '-'):
             return float('nan')
         try:
-            return float(text)
+            return float(cell)
         except ValueError:
-            raise InputError(f'{self._path}: line {line}, column {self.names[index]!r}: {text!r} '
+            raise InputError(f'{self._path}: line {line}, column {self.names[index]!r}: {cell!r} '
                              'is not a number') from None
 
 
@@ -274,12 +217,6 @@ def _separator(line: str) -> str | None:
     counts = {mark: line.count(mark) for mark in ('\t', ';', ',')}
     best = max(counts, key=lambda mark: counts[mark])
     return best if counts[best] else None
-
-
-def _split(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    return next(csv.reader([line.rstrip('\r\n')], delimiter=separator), [])
 
 
 def _all_numbers(line: str) -> bool:
@@ -299,20 +236,16 @@ class _Parquet:
         try:
             self._file = ParquetFile(path)
         except ArrowException as error:
-            raise unreadable(path, str(error)) from None
+            raise unreadable(path, one_line(error)) from None
         self._path = path
         self.names: list[str] = list(self._file.schema_arrow.names)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        """Yield blocks of columns and the share of the file that has been read."""
         read, total = 0, max(self._file.metadata.num_rows, 1)
         for batch in self._file.iter_batches(batch_size=rows, columns=list(dict.fromkeys(wanted))):
-            columns = {}
-            for name in wanted:
-                columns[name] = _numbers(batch.column(name).to_numpy(zero_copy_only=False),
-                                         name, self._path)
             read += batch.num_rows
-            yield columns, read / total
+            yield {name: _numbers(batch.column(name).to_numpy(zero_copy_only=False), name,
+                                  self._path) for name in wanted}, read / total
 
 
 class _Npz:
@@ -324,7 +257,7 @@ class _Npz:
             with np.load(path, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
         except (ValueError, EOFError, zipfile.BadZipFile, AttributeError, KeyError) as error:
-            raise unreadable(path, str(error) or type(error).__name__) from None
+            raise unreadable(path, one_line(error)) from None
         for name, values in arrays.items():
             if values.ndim == 1:
                 self._columns[name] = _numbers(values, name, path)
@@ -335,7 +268,6 @@ class _Npz:
         self.names = list(self._columns)
 
     def blocks(self, wanted: list[str], rows: int) -> Iterator[tuple[Columns, float]]:
-        """Yield blocks of columns and the share that has been read."""
         sizes = {name: len(self._columns[name]) for name in wanted}
         size = sizes[wanted[0]]
         if set(sizes.values()) != {size}:

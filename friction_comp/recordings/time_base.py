@@ -10,8 +10,14 @@ from typing import Any
 import numpy as np
 
 from friction_comp.recordings.clocks import Shifts
-from friction_comp.recordings.scan import Scan, Track
+from friction_comp.recordings.tracks import Scan, Track
 from friction_comp.topics import TORQUE_UNIT
+
+# Topics with a column for each signal.
+_INTERPOLATED = {
+    'reference': ('reference_position', 'reference_velocity'),
+    'interaction_wrench': ('load',), 'motor_temperature': ('temperature',),
+}
 
 
 @dataclass
@@ -29,6 +35,14 @@ class TimeBase:
             return self.stamp, self.shifts.of(track.stamp, track.order)
         return self.receive, track.receive
 
+    def _finite(self, track: Track, values: np.ndarray
+                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the times of the joint states, and times and finite values of another topic."""
+        times, other_times = self.pair(track)
+        finite = np.isfinite(values)
+        order = np.argsort(other_times[finite], kind='stable')
+        return times, other_times[finite][order], values[finite][order]
+
     def moment(self, receive: int) -> float:
         """Convert a receive time in ns to the clock of the joint states, s."""
         ahead = np.interp(receive, self.receive, self.stamp - self.receive)
@@ -36,10 +50,7 @@ class TimeBase:
 
     def hold(self, track: Track, values: np.ndarray, before: float = 0.0) -> np.ndarray:
         """Return the last value at each joint state; `before` where there is none yet."""
-        times, other_times = self.pair(track)
-        finite = np.isfinite(values)
-        order = np.argsort(other_times[finite], kind='stable')
-        other_times, values = other_times[finite][order], values[finite][order]
+        times, other_times, values = self._finite(track, values)
         index = np.searchsorted(other_times, times, side='right') - 1
         held: np.ndarray = np.where(
             index >= 0, values[index.clip(0)] if len(values) else before, before)
@@ -50,12 +61,9 @@ class TimeBase:
 
         Beyond its ends the nearest value is used.
         """
-        times, other_times = self.pair(track)
-        finite = np.isfinite(values)
-        if not finite.any():
+        times, other_times, values = self._finite(track, values)
+        if not len(values):
             return None
-        order = np.argsort(other_times[finite], kind='stable')
-        other_times, values = other_times[finite][order], values[finite][order]
         origin = times[0]
         covered = (times >= other_times[0]) & (times <= other_times[-1])
         if len(other_times) > 1 and covered.mean() < 0.5:
@@ -68,30 +76,24 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
                     torque_per_current: float, notes: list[str]) -> dict[str, Any]:
     """Return the signals of other topics, each shape (N,), by their names in `Samples`.
 
-    Parameters
-    ----------
-    scan : Scan
-    joint : str
-    joints : list of str
-        All joints of its joint states, in their order.
-    base : TimeBase
-    torque_per_current : float
-        N·m/A at the joint, to convert commanded torques to currents.
-    notes : list of str
-        Receives a line for each signal that cannot be used.
+    `joints` are all joints of the joint states, in their order; `torque_per_current` in N·m/A at
+    the joint converts commanded torques to currents.
     """
     signals: dict[str, Any] = {}
-    reference = _find_joint(scan.of('reference'), joint, joints, notes)
-    if reference is not None:
-        track, values = reference
-        for column, name in enumerate(('reference_position', 'reference_velocity')):
-            if np.isfinite(values[:, column]).any():
-                _add(signals, name, base.interpolate(track, values[:, column]), track, notes)
-    for topic, name in (('interaction_wrench', 'load'), ('motor_temperature', 'temperature')):
-        signal = _find_joint(scan.of(topic), joint, joints, notes)
-        if signal is not None:
-            _add(signals, name, base.interpolate(signal[0], signal[1][:, 0]), signal[0], notes)
-    order = _array_order(scan, joints)
+    for topic, names in _INTERPOLATED.items():
+        found = _find_joint(scan.of(topic), joint, joints, notes)
+        if found is None:
+            continue
+        track, values = found
+        for column, name in zip(values.T, names):
+            if np.isfinite(column).any() or len(names) == 1:
+                signal = base.interpolate(track, column)
+                if signal is None:
+                    notes.append(f'{track.topic} covers less than half of the recording: not used')
+                else:
+                    signals[name] = signal
+    # Joints of arrays without names: the reference's, or else the states'.
+    order = [*(track.names for track in scan.of('reference')), joints]
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
     if command is not None:
         signals['command'] = base.hold(*command)
@@ -122,16 +124,8 @@ def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]]
     return latest
 
 
-def _add(signals: dict[str, Any], name: str, values: np.ndarray | None, track: Track,
-         notes: list[str]) -> None:
-    if values is None:
-        notes.append(f'{track.topic} covers less than half of the recording: not used')
-    else:
-        signals[name] = values
-
-
 def _find_joint(tracks: list[Track], joint: str, joints: list[str],
-              notes: list[str]) -> tuple[Track, np.ndarray] | None:
+                notes: list[str]) -> tuple[Track, np.ndarray] | None:
     """Return the track with a joint's (or frame's) values, or None."""
     for track in tracks:
         if joint in track.values:
@@ -147,15 +141,8 @@ def _find_joint(tracks: list[Track], joint: str, joints: list[str],
     return None
 
 
-def _array_order(scan: Scan, joints: list[str]) -> list[list[str]]:
-    """Return candidate joint orders for arrays without names: the reference's, then the states'."""
-    orders = [track.names for track in scan.of('reference')]
-    orders.append(joints)
-    return orders
-
-
 def _find_array(tracks: list[Track], joint: str, orders: list[list[str]], notes: list[str],
-              torque_per_current: float = 1.0) -> tuple[Track, np.ndarray] | None:
+                torque_per_current: float = 1.0) -> tuple[Track, np.ndarray] | None:
     """Return the track with a joint's values, or None; commands in N·m as currents."""
     for track in tracks:
         width = max(values.shape[1] for values in track.values.values())

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 import shutil
 from types import TracebackType
-from typing import Literal
+from typing import Any, Literal
 
 from rosbags.typesys import get_typestore, Stores
 import yaml
@@ -17,17 +17,11 @@ import zstandard
 
 from friction_comp.errors import InputError
 from friction_comp.recordings.mcap_part import McapPart, Qos, span
-from friction_comp.recordings.scan import AnyPath
-from friction_comp.recordings.storage import METADATA
+from friction_comp.recordings.storage import AnyPath, METADATA
 
 _VERSION = 9
 # rosbag2's value of a duration that is not set.
 _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
-_DEFAULT_QOS: Qos = {
-    'history': 'keep_last', 'depth': 10, 'reliability': 'reliable', 'durability': 'volatile',
-    'deadline': _INFINITE, 'lifespan': _INFINITE, 'liveliness': 'automatic',
-    'liveliness_lease_duration': _INFINITE, 'avoid_ros_namespace_conventions': False,
-}
 # Smallest limits of size and duration, bytes and s: every file needs an index and two threads.
 _MIN_SIZE, _MIN_DURATION = 10_000, 0.1
 _COMPRESSIONS = ('none', 'message', 'storage')
@@ -36,7 +30,10 @@ _COMPRESSIONS = ('none', 'message', 'storage')
 def qos_profile(reliability: str = 'reliable', durability: str = 'volatile',
                 depth: int = 10) -> Qos:
     """Return a publisher's quality of service as rosbag2's metadata hold it."""
-    return {**_DEFAULT_QOS, 'reliability': reliability, 'durability': durability, 'depth': depth}
+    return {'history': 'keep_last', 'depth': depth, 'reliability': reliability,
+            'durability': durability, 'deadline': _INFINITE, 'lifespan': _INFINITE,
+            'liveliness': 'automatic', 'liveliness_lease_duration': _INFINITE,
+            'avoid_ros_namespace_conventions': False}
 
 
 class RecordingWriter:
@@ -113,14 +110,11 @@ class RecordingWriter:
         return False
 
     def add_topic(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> str:
-        """Declare a topic, so that it is listed even without messages; return its name.
+        """Declare a topic, so that it is listed even without messages; return its absolute name.
 
         Parameters
         ----------
-        topic : str
-            A relative name becomes absolute.
-        type_name : str
-            For instance 'sensor_msgs/msg/JointState'.
+        topic, type_name : str
         qos : sequence of dict, optional
             QoS of its publishers, as `qos_profile` returns it; rosbag2's default when empty.
 
@@ -134,22 +128,13 @@ class RecordingWriter:
             if type_name not in self._types.fielddefs:
                 raise InputError(f'{type_name}: not a message type of ROS 2 Jazzy')
             definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
-            self._topics[name] = type_name, definition, list(qos) or [_DEFAULT_QOS]
+            self._topics[name] = type_name, definition, list(qos) or [qos_profile()]
             if self._part is not None:
                 self._part.declare(name, *self._topics[name])
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
-        """Append one serialised message.
-
-        Parameters
-        ----------
-        topic, type_name : str
-            As for `add_topic`.
-        stamp_ns : int
-            Receive time in nanoseconds.
-        cdr : bytes
-            The serialised message with its encapsulation header.
+        """Append one serialised message, with its encapsulation header, that came at a time in ns.
 
         Raises
         ------
@@ -163,31 +148,25 @@ class RecordingWriter:
         if self._compression == 'message':
             cdr = zstandard.compress(cdr)
         try:
-            if self._is_full(stamp_ns):
-                self._split()
+            if self._is_full(self._part, stamp_ns):
+                self._end(self._part)
+                self._part = self._begin()
             self._part.write(name, int(stamp_ns), cdr)
         except OSError as error:
             raise self._close_with_error(error) from None
         self.message_count += 1
 
     def flush(self, wait: bool = False) -> None:
-        """End the present chunk and write it.
+        """End the present chunk and write it; raises InputError as `write` does.
 
         Parameters
         ----------
         wait : bool
             Whether to wait until it is written, so that it survives the end of this process.
-
-        Raises
-        ------
-        InputError
-            As for `write`.
         """
         if self._part is not None:
             try:
-                self._part.flush()
-                if wait:
-                    self._part.wait()
+                self._part.flush(wait)
             except OSError as error:
                 raise self._close_with_error(error) from None
 
@@ -205,10 +184,10 @@ class RecordingWriter:
             self.abort()
             raise InputError(f'{self.path}: nothing was recorded, so nothing is written')
         try:
-            self._end_part()
+            self._end(self._part)
             for part in self._finished:
                 part.join()
-            self._save_metadata()
+            self._save_metadata(self._finished, sync=True)
         except OSError as error:
             raise self._close_with_error(error) from None
 
@@ -220,32 +199,25 @@ class RecordingWriter:
         shutil.rmtree(self.path, ignore_errors=True)
 
     def _begin(self) -> McapPart:
-        index = len(self._finished)
-        part = McapPart(self.path / f'{self.path.name}_{index}.mcap',
-                     self._compression == 'storage')
+        part = McapPart(self.path / f'{self.path.name}_{len(self._finished)}.mcap',
+                        self._compression == 'storage')
         for topic, about in self._topics.items():
             part.declare(topic, *about)
-        self._save_metadata(part)
+        self._save_metadata([*self._finished, part])
         return part
 
-    def _is_full(self, time: int) -> bool:
-        assert self._part is not None
-        if self._part.first is None:
+    def _is_full(self, part: McapPart, time: int) -> bool:
+        if part.first is None:
             return False
-        return bool((self._split_size and self._part.size >= self._split_size)
-                    # In either direction: one stamp may be far ahead of all others.
-                    or (self._split_duration
-                        and abs(time - self._part.first) >= self._split_duration))
+        # In either direction: one stamp may be far ahead of all others.
+        elapsed = abs(time - part.first)
+        return bool((self._split_size and part.size >= self._split_size)
+                    or (self._split_duration and elapsed >= self._split_duration))
 
-    def _split(self) -> None:
-        self._end_part()
-        self._part = self._begin()
-
-    def _end_part(self) -> None:
-        part, self._part = self._part, None
-        assert part is not None
+    def _end(self, part: McapPart) -> None:
+        self._part = None
         self._finished.append(part)
-        part.finish(self._metadata([part]))
+        part.finish(_yaml(self._metadata([part])))
 
     def _close_with_error(self, error: OSError) -> InputError:
         """Close the files and return the error."""
@@ -259,12 +231,12 @@ class RecordingWriter:
             shutil.rmtree(self.path, ignore_errors=True)
         return InputError(f'{self.path}: cannot be written: {error.strerror or error}{kept}')
 
-    def _metadata(self, parts: list[McapPart]) -> str:
+    def _metadata(self, parts: list[McapPart]) -> dict[str, Any]:
         first = [part.first for part in parts if part.first is not None]
         last = [part.last for part in parts if part.last is not None]
         counts = {topic: sum(part.counts.get(topic, 0) for part in parts) for topic in self._topics}
         compressed = self._compression == 'message'
-        return yaml.safe_dump({
+        return {
             'version': _VERSION, 'storage_identifier': 'mcap',
             'relative_file_paths': [part.path.name for part in parts],
             **span(min(first, default=None), max(last, default=None)),
@@ -279,20 +251,21 @@ class RecordingWriter:
             'compression_mode': 'message' if compressed else '',
             'files': [part.about() for part in parts],
             'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
-        }, sort_keys=False, allow_unicode=True)
+        }
 
-    def _save_metadata(self, part: McapPart | None = None) -> None:
-        parts = self._finished + ([part] if part is not None else [])
-        text = 'rosbag2_bagfile_information:\n' + ''.join(
-            f'  {line}\n' for line in self._metadata(parts).splitlines())
+    def _save_metadata(self, parts: list[McapPart], sync: bool = False) -> None:
+        """Write metadata.yaml; an unfinished recording does not wait for the disk."""
         draft = self.path / f'{METADATA}.new'
         try:
             with draft.open('w', encoding='utf-8') as stream:
-                stream.write(text)
+                stream.write(_yaml({'rosbag2_bagfile_information': self._metadata(parts)}))
                 stream.flush()
-                if part is None:
-                    # An unfinished recording does not wait for the disk.
+                if sync:
                     os.fsync(stream.fileno())
             draft.replace(self.path / METADATA)
         finally:
             draft.unlink(missing_ok=True)
+
+
+def _yaml(document: dict[str, Any]) -> str:
+    return str(yaml.safe_dump(document, sort_keys=False, allow_unicode=True))

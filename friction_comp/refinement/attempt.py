@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 import math
 from typing import Any
 
@@ -13,90 +13,51 @@ import numpy as np
 from scipy import optimize
 
 from friction_comp.drive import Drive
+from friction_comp.model.differentiation import earlier
 from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.constants import adjust_constants
-from friction_comp.refinement.effect_columns import (
-    base_columns,
-    DERIVATIVES,
-    Key,
-    proposals,
-    Table,
-    Term,
-)
+from friction_comp.refinement.effect_columns import base_columns, Key, PLAIN, proposals, Table, Term
 from friction_comp.refinement.joint_groups import neighbourhood
-from friction_comp.refinement.plain_drive import held_out, plain_columns
-from friction_comp.refinement.prepare import (
-    blocks_of_samples,
-    prepare,
-    Rows,
-    shifted,
-    with_settings,
-)
-from friction_comp.refinement.recorded_motion import differentiations
-from friction_comp.refinement.search import Search, Split
-from friction_comp.refinement.thresholds import EQUIVALENT, LAG_ERROR, LEAST_SHARE, NAMED_SHARE
+from friction_comp.refinement.naming import Intervals, Stability
+from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
+from friction_comp.refinement.recorded_motion import differentiations, plain_columns
+from friction_comp.refinement.search import Search
+from friction_comp.refinement.sums import held_out
 from friction_comp.samples import Samples
 
 # Share of the top speed over which the friction of a plain drive changes sign.
 _PLAIN_TRANSITION = 0.1
-# Another bandwidth is tried where the terms found have at most this share of the error at it.
-_CLEARLY_LOWER = 0.97
-# Lags that are tried, in samples, and the longest, s.
+# Lags that are tried, in samples.
 _LAGS = (0.5, 1, 1.5, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
-_LONGEST_LAG = 0.15
 
 
 @dataclass(frozen=True)
 class Question:
-    """The input of refinement.
+    """The input of refinement."""
 
-    Parameters
-    ----------
-    raw : Samples
-        All recordings.
-    drive : Drive
-    declared : bool
-        Whether the drive's torque constant and gear ratio are known.
-    model : FrictionModel, optional
-        The initial model.
-    progress : callable
-        Called with the share of the work done and the name of the step.
-    """
-
-    raw: Samples
+    raw: Samples  # all recordings
     drive: Drive
-    declared: bool
-    model: FrictionModel | None
-    progress: Callable[[float, str], None]
+    declared: bool  # whether torque constant and gear ratio are known
+    model: FrictionModel | None  # the initial one
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The result of a search.
-
-    Parameters
-    ----------
-    table : Table
-    keys : list of Key
-        The terms, those of the initial model first.
-    given : int
-        Number of terms of the initial model.
-    settings : dict
-        Differentiation settings.
-    candidates : list of Key
-        The last candidates.
-    lag_confidence : float
-        Share of resampled block sets in which the lag lowers the error enough; 1 without a lag.
-    """
+    """The result of a search."""
 
     table: Table
-    keys: list[Key]
-    given: int
-    settings: dict[str, Any]
-    candidates: list[Key]
+    keys: list[Key]  # the terms, those of the initial model first
+    given: int  # number of terms of the initial model
+    settings: dict[str, Any]  # of differentiation
+    candidates: list[Key]  # the last ones
+    # Share of resampled block sets in which the lag lowers the error enough; 1 without a lag.
     lag_confidence: float = 1.0
+    # How often repeated searches choose each term, and intervals, once terms are named.
+    stability: Stability = field(default_factory=Stability)
+    intervals: Intervals = field(default_factory=Intervals)
 
     @property
     def rows(self) -> Rows:
@@ -107,10 +68,6 @@ class Fit:
         """Return the squared error of each cell by a fit to all other blocks, shape (K,)."""
         return self.table.left_out(self.table.indices(self.keys))
 
-    def rmse(self) -> float:
-        """Return the RMS error of blocks that were not fitted, A."""
-        return math.sqrt(float(self.errors().sum()) / float(self.table.sums.rows.sum()))
-
     def rmse_with(self, keys: Sequence[Key]) -> float:
         """Return the held-out RMS error of some of the terms, at the present transition, A."""
         table = self.table
@@ -120,11 +77,9 @@ class Fit:
     def residual(self) -> np.ndarray:
         """Return the residual of each sample by a fit to all other blocks, A, shape (N,)."""
         table, rows = self.table, self.table.rows
-        columns = np.column_stack([
-            np.delete(base_columns(rows, table.steepness, table.shift), DERIVATIVES, axis=1),
-            *(table.terms[key].columns(rows) for key in self.keys)])
-        blocks = int(table.block.max()) + 1
-        train = (table.block != np.arange(blocks)[:, None]).astype(float)
+        columns = np.column_stack([base_columns(rows, *table.transition)[:, :PLAIN],
+                                   *(table.terms[key].columns(rows) for key in self.keys)])
+        train = (table.block != np.arange(rows.blocks)[:, None]).astype(float)
         fits = table.sums.fits(table.indices(self.keys, derivatives=False), train)
         return np.asarray(rows.target - np.einsum(
             'ns,ns->n', columns, fits[blocks_of_samples(rows)]))
@@ -139,22 +94,14 @@ def fit_eq6_alone(question: Question, settings: dict[str, Any]) -> Fit:
     return Fit(table, [], 0, settings, [])
 
 
-class Attempt:
-    """A search among all terms that the effects propose for the residual, in one table.
+class Attempt(Search):
+    """A search among all terms that the effects propose for the residual, in one table."""
 
-    Parameters
-    ----------
-    table : Table
-    given : list of Key
-        Terms that are always kept.
-    """
-
-    def __init__(self, table: Table, given: list[Key]) -> None:
-        self.table, self.given = table, given
-        self.search = Search(table, Split(table), [], given, self._improve)
-        self._retained = set(given)
+    def __init__(self, table: Table, fixed: list[Key]) -> None:
+        super().__init__(table, [], fixed)
+        self._retained = set(fixed)
         self._time_effects = False
-        self.update_candidates(given)
+        self.update_candidates(fixed)
 
     def update_candidates(self, keys: Sequence[Key]) -> None:
         """Replace the candidates by those that suit the residual of a fit."""
@@ -162,9 +109,20 @@ class Attempt:
         proposed = proposals(table, keys)
         self._retained.update(keys)
         table.keep(self._retained.union(term.key for term in proposed))
-        kinds = {key[0] for key in self.given if table.terms[key].kind.most == 1}
-        self.search.candidates = [key for key in table.add(proposed) if key[0] not in kinds and (
+        kinds = {key.effect for key in self.fixed if table.terms[key].kind.most == 1}
+        self.candidates = [key for key in table.add(proposed) if key.effect not in kinds and (
             (table.terms[key].kind.variable == 'time') == self._time_effects)]
+
+    def improve(self, keys: list[Key]) -> list[Key]:
+        """Adjust the constants of the last term and the transition, and renew the candidates."""
+        return self._adjust(keys, only=keys[-1:])
+
+    def _adjust(self, keys: Sequence[Key], rounds: int = 3, only: Sequence[Key] | None = None
+                ) -> list[Key]:
+        keys = adjust_constants(self.table, keys, rounds, only)
+        self.table.fit_transition(keys)
+        self.update_candidates(keys)
+        return keys
 
     def starts(self) -> list[list[Key]]:
         """Return the starts of the search: plain physics, without and with neighbouring links.
@@ -172,7 +130,7 @@ class Attempt:
         Weight, spring and inertia may cancel in a motion, so that each helps only with the others.
         """
         table, rows = self.table, self.table.rows
-        plain = [key for key in self.search.candidates if table.terms[key].kind.physics]
+        plain = [key for key in self.candidates if table.terms[key].kind.physics]
         starts: list[list[Key]] = [plain]
         if rows.joints:
             kind = EFFECTS['other_joints']
@@ -187,27 +145,16 @@ class Attempt:
 
         Effects of time are tried last, so that they do not replace a recorded cause.
         """
-        search = self.search
         self._time_effects = False
-        keys = search.backward(search.separable(list(dict.fromkeys([*self.given, *start]))))
+        keys = self.backward(self.separable(list(dict.fromkeys([*self.fixed, *start]))))
         self.table.fit_transition(keys)
         self.update_candidates(keys)
-        keys = search.forward(search.backward(keys))
-        for self._time_effects in (False, True):
-            if self._time_effects:
-                self.update_candidates(keys)
-                keys = search.forward(keys)
-            keys = adjust_constants(self.table, keys, 5)
-            self.table.fit_transition(keys)
-            self.update_candidates(keys)
-            keys = search.backward(keys if self._time_effects else search.exchange(keys))
+        keys = self._adjust(self.forward(self.backward(keys)), 5)
+        keys = self.backward(self.exchange(keys))
+        self._time_effects = True
+        self.update_candidates(keys)
+        keys = self.backward(self._adjust(self.forward(keys), 5))
         self._retained.update(keys)
-        return keys
-
-    def _improve(self, keys: list[Key]) -> list[Key]:
-        keys = adjust_constants(self.table, keys, only=keys[-1:])
-        self.table.fit_transition(keys)
-        self.update_candidates(keys)
         return keys
 
 
@@ -215,16 +162,9 @@ def search_with(question: Question, settings: dict[str, Any] | None = None,
                 begin: Sequence[Term] | None = None) -> Fit:
     """Search with given differentiation settings and return the best fit.
 
-    Of several searches the one with the lowest error is taken, where each term costs
+    Settings are chosen when omitted. `begin` is the only start, beside the given terms, unless it
+    is omitted. Of several searches the one with the lowest error is taken, where each term costs
     `LEAST_SHARE` of the error.
-
-    Parameters
-    ----------
-    question : Question
-    settings : dict, optional
-        Differentiation settings; chosen when omitted.
-    begin : sequence of Term, optional
-        The only start, beside the given terms.
     """
     rows, settings = prepare(question.raw, question.drive, settings, question.declared)
     model = question.model
@@ -238,13 +178,13 @@ def search_with(question: Question, settings: dict[str, Any] | None = None,
         table.fit_transition([])
     attempt = Attempt(table, given)
     starts = attempt.starts() if begin is None else [table.add(begin)]
-    transition = table.steepness, table.shift
+    transition = table.transition
     ends: list[tuple[float, int, list[Key], tuple[float, float], list[Key]]] = []
     for first_keys in starts:
         table.set_transition(*transition)
         keys = attempt.search_from(first_keys)
-        ends.append((attempt.search.error(keys) * (1.0 + LEAST_SHARE) ** len(keys), len(ends),
-                     keys, (table.steepness, table.shift), attempt.search.candidates))
+        ends.append((attempt.error(keys) * (1.0 + thresholds.LEAST_SHARE) ** len(keys), len(ends),
+                     keys, table.transition, attempt.candidates))
     _, _, keys, transition, candidates = min(ends)
     table.set_transition(*transition)
     return Fit(table, keys, len(given), settings,
@@ -269,14 +209,19 @@ def find_best_fit(question: Question) -> Fit:
             # Terms that stood in for a lag are a poor start; another bandwidth changes little.
             other = search_with(question, settings, None if first_lag else [
                 best.table.terms[key] for key in best.keys[best.given:]])
-            share = LAG_ERROR if first_lag else 1.0 - EQUIVALENT
-            if other.rmse() ** 2 < share * best.rmse() ** 2:
+            share = thresholds.LAG_ERROR if first_lag else 1.0 - thresholds.EQUIVALENT
+            if _mean_error(other) < share * _mean_error(best):
                 confidence = _lag_confidence(other, best) if first_lag else best.lag_confidence
-                if confidence >= NAMED_SHARE:
+                if confidence >= thresholds.NAMED_SHARE:
                     best = replace(other, lag_confidence=confidence)
         if best is before:
             break
     return best
+
+
+def _mean_error(fit: Fit) -> float:
+    """Return the mean squared error of blocks that were not fitted, A²."""
+    return float(fit.errors().sum()) / float(fit.table.sums.rows.sum())
 
 
 def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
@@ -287,8 +232,8 @@ def _lag_confidence(lagged: Fit, unlagged: Fit) -> float:
     if len(lagged_errors) != len(unlagged_errors):
         return 1.0
     drawn = rng.integers(0, len(unlagged_errors), (200, len(unlagged_errors)))
-    lower = lagged_errors[drawn].sum(axis=1) < LAG_ERROR * unlagged_errors[drawn].sum(axis=1)
-    return float(np.mean(lower))
+    after, before = (errors[drawn].sum(axis=1) for errors in (lagged_errors, unlagged_errors))
+    return float(np.mean(after < thresholds.LAG_ERROR * before))
 
 
 def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
@@ -298,14 +243,14 @@ def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
     terms = [fit.table.terms[key] for key in fit.keys]
 
     def columns(other: Rows) -> np.ndarray:
-        return np.column_stack([base_columns(other, fit.table.steepness, fit.table.shift),
+        return np.column_stack([base_columns(other, *fit.table.transition),
                                 *(term.columns(other) for term in terms)])
     samples = rows.samples.with_(load=None) if rows.load_by_mechanics else rows.samples
     plain = plain_columns(samples, [rows.scene.transition, _PLAIN_TRANSITION * rows.scene.speed])
     current_lag = settings.get('lag', 0.0)
     for matrix in [columns(rows)] if current_lag else [plain, columns(rows)]:
         lag, gain = _best_lag(rows, matrix, target, fine=bool(current_lag))
-        if gain > (EQUIVALENT if current_lag else 0.5 * (1.0 - LAG_ERROR)):
+        if gain > (thresholds.EQUIVALENT if current_lag else 0.5 * (1.0 - thresholds.LAG_ERROR)):
             others.append({**settings, 'lag': current_lag + lag})
     errors: list[tuple[float, int, dict[str, Any]]] = []
     for choice in differentiations(question.raw):
@@ -313,11 +258,11 @@ def _other_settings(question: Question, fit: Fit) -> list[dict[str, Any]]:
             choice['lag'] = current_lag
         matrix = columns(with_settings(rows, question.raw, choice))
         if np.isfinite(matrix).all():
-            error = float(held_out(rows.averaged(matrix), target, rows.block).sum())
+            error = held_out(rows.averaged(matrix), target, rows.block)
             errors.append((error, len(errors), choice))
     least, _, choice = min(errors)
     now = [error for error, _, tried in errors if tried == settings]
-    if choice != settings and (not now or least < _CLEARLY_LOWER ** 2 * now[0]):
+    if choice != settings and (not now or least < thresholds.LOWER_ERROR ** 2 * now[0]):
         others.append(choice)
     return others
 
@@ -326,21 +271,16 @@ def _best_lag(rows: Rows, matrix: np.ndarray, target: np.ndarray, fine: bool
               ) -> tuple[float, float]:
     """Return the time shift of columns that predicts best, s, and the share of error it removes.
 
-    Parameters
-    ----------
-    rows : Rows
-    matrix : ndarray, shape (N, P)
-        Columns on all samples.
-    target : ndarray, shape (R,)
-    fine : bool
-        Whether only shifts of up to two samples are tried.
+    `matrix`, shape (N, P), holds the columns of all samples. Where `fine`, only shifts of up to
+    two samples are tried.
     """
     step = rows.samples.sample_time
 
     def error(lag: float) -> float:
-        moved = rows.averaged(shifted(matrix, rows.samples, lag))
-        return float(held_out(moved, target, rows.block).sum())
-    sizes = (1.0, 2.0) if fine else [size for size in _LAGS if size * step <= _LONGEST_LAG]
+        moved = earlier(matrix, rows.samples, lag) if lag else matrix
+        return held_out(rows.averaged(moved), target, rows.block)
+    sizes = (1.0, 2.0) if fine else [
+        size for size in _LAGS if size * step <= thresholds.LONGEST_LAG]
     lags = np.array(sorted([0.0, *(side * size * step for size in sizes for side in (1, -1))]))
     errors = [error(lag) for lag in lags]
     index = int(np.argmin(errors))

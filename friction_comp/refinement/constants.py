@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
+from dataclasses import replace
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from friction_comp.model.effects.scene import SearchRange
+from friction_comp.model.effects import Scene
 from friction_comp.refinement.effect_columns import Key, Table, Term
 
 _STEP = 1e-3
@@ -19,54 +19,51 @@ _RIDGE = 1e-6
 _DEFINING = ('time_constant', 'width', 'distance')
 
 
-class FreeConstant(NamedTuple):
-    """A constant to adjust: the index of its term, its name, and its search range."""
-
-    term: int
-    name: str
-    search: SearchRange
-
-    def stepped(self, term: Term, step: float, table: Table) -> float:
-        """Return the constant after a step in units of its search range, within its limits."""
-        value, scene = term.constants[self.name], table.rows.scene
-        if self.search.unit is None:
-            value *= self.search.width ** step
-        else:
-            value += 0.5 * self.search.width * self.search.unit(scene, term.constants) * step
-        return term.kind.limited(self.name, float(value), term.constants, scene)
-
-    def unit(self, term: Term, table: Table) -> float:
-        """Return the change of the constant for a step of one, in the constant's unit."""
-        if self.search.unit is None:
-            return term.constants[self.name] * math.log(self.search.width)
-        return 0.5 * self.search.width * self.search.unit(table.rows.scene, term.constants)
+def unit_of(term: Term, name: str, scene: Scene) -> float:
+    """Return the change of a constant for a step of one through its search range."""
+    search, value = term.kind.constants[name], float(term.constants[name])
+    assert search is not None
+    if search.unit is None:
+        return value * math.log(search.width)
+    return 0.5 * search.width * search.unit(scene, term.constants)
 
 
-def at_limit(term: Term, table: Table) -> bool:
-    """Return whether a defining constant is at its limit, where the effect becomes another one.
+def stepped(term: Term, name: str, step: float, scene: Scene) -> Term:
+    """Return a term with a constant after a step through its search range, within its limits."""
+    search, value = term.kind.constants[name], term.constants[name]
+    assert search is not None
+    if search.unit is None:
+        value *= search.width ** step
+    else:
+        value += unit_of(term, name, scene) * step
+    value = term.kind.limited(name, float(value), term.constants, scene)
+    return replace(term, constants={**term.constants, name: value})
 
-    A warm-up slower than the recording is a drift; a bump as wide as the range is a spring.
-    """
-    return any(constant.stepped(term, side * _STEP, table) == term.constants[constant.name]
-               for constant in free_constants([term]) if constant.name in _DEFINING
-               for side in (1.0, -1.0))
 
-
-def free_constants(terms: Sequence[Term], only: Container[Key] | None = None) -> list[FreeConstant]:
-    """Return the constants of terms that have a search range."""
-    return [FreeConstant(index, name, search) for index, term in enumerate(terms)
+def free_constants(terms: Sequence[Term], only: Container[Key] | None = None
+                   ) -> list[tuple[int, str]]:
+    """Return the constants of terms that have a search range: index of the term, and name."""
+    return [(index, name) for index, term in enumerate(terms)
             if term.group is None and (only is None or term.key in only)
             for name, search in term.kind.constants.items() if search is not None]
 
 
-def slopes(table: Table, keys: Sequence[Key], free: Sequence[FreeConstant]) -> np.ndarray:
+def at_limit(term: Term, scene: Scene) -> bool:
+    """Return whether a defining constant is at its limit, where the effect becomes another one.
+
+    A warm-up slower than the recording is a drift; a bump as wide as the range is a spring.
+    """
+    return any(stepped(term, name, step, scene).key == term.key
+               for _, name in free_constants([term]) if name in _DEFINING
+               for step in (_STEP, -_STEP))
+
+
+def slopes(table: Table, keys: Sequence[Key], free: Sequence[tuple[int, str]]) -> np.ndarray:
     """Return the derivatives of a fit's prediction by each constant's step, shape (Q, R)."""
-    coefficients = table.coefficients(keys)
-    rows = []
-    for constant in free:
-        key = keys[constant.term]
-        term, columns = table.terms[key], table.columns_of(key)
-        changed = term.with_constants(**{constant.name: constant.stepped(term, _STEP, table)})
+    coefficients, rows = table.coefficients(keys), []
+    for index, name in free:
+        columns = table.columns_of[keys[index]]
+        changed = stepped(table.terms[keys[index]], name, _STEP, table.rows.scene)
         gain = np.array([coefficients[column] for column in columns])
         new = table.rows.averaged(changed.columns(table.rows)).T
         rows.append(gain @ (new - table.columns[columns]) / _STEP)
@@ -77,18 +74,9 @@ def adjust_constants(table: Table, keys: Sequence[Key], rounds: int = 3,
                      only: Container[Key] | None = None) -> list[Key]:
     """Adjust the constants of terms together, by the Gauss-Newton method, and return the terms.
 
-    Each round solves for the coefficients and for small changes of the constants at once, and
-    halves the step until the error decreases. Terms that depend on the load of others get the
-    loads of the new fit.
-
-    Parameters
-    ----------
-    table : Table
-    keys : sequence of Key
-    rounds : int
-        Maximum number of rounds.
-    only : container of Key, optional
-        Terms whose constants may change; all when omitted.
+    Each round solves for the coefficients and for small changes of the constants (of `only` some
+    terms) at once, and halves the step until the error decreases. Terms that depend on the load of
+    others get the loads of the new fit.
     """
     keys = _with_current_loads(table, list(keys))
     for _ in range(rounds):
@@ -104,25 +92,20 @@ def adjust_constants(table: Table, keys: Sequence[Key], rounds: int = 3,
         gram[np.diag_indices(len(gram))] += _RIDGE
         step = np.linalg.solve(gram, scaled @ residual) / norm
         step = np.clip(step[-len(free):], -1.0, 1.0)
-        initial, reduced = float(residual @ residual), None
+        initial = float(residual @ residual)
         for share in (1.0, 0.5, 0.25):
             changed = list(terms)
-            for constant, size in zip(free, share * step):
-                term = changed[constant.term]
-                changed[constant.term] = term.with_constants(
-                    **{constant.name: constant.stepped(term, float(size), table)})
-            if len({term.key for term in changed}) < len(changed):
-                continue
-            error = table.error_with(changed)
-            if error < initial:
-                reduced = error
+            for (index, name), size in zip(free, share * step):
+                changed[index] = stepped(changed[index], name, float(size), table.rows.scene)
+            distinct = len({term.key for term in changed}) == len(changed)
+            if distinct and (error := table.error_with(changed)) < initial:
                 break
-        if reduced is None:
-            break
+        else:
+            return keys
         trial = table.add(changed)
         only = only and [*trial]
         keys = _with_current_loads(table, trial)
-        if reduced > (1.0 - 1e-3) * initial:
+        if error > (1.0 - 1e-3) * initial:
             break
     return keys
 

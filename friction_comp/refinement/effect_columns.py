@@ -10,9 +10,9 @@ their derivatives.
 from __future__ import annotations
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,28 +22,25 @@ from friction_comp.refinement.joint_groups import groups_for
 from friction_comp.refinement.prepare import Rows
 from friction_comp.refinement.sums import BlockSums
 
-# Number of columns of Eq. 6, and the indices of those that are derivatives.
-BASE, DERIVATIVES = 5, (3, 4)
+# Number of columns of Eq. 6, and of those that are no derivatives; the signs of its coefficients.
+BASE, PLAIN, _BASE_SIGNS = 5, 3, (0, 1, 1, 0, 0)
 # Limits of steepness times top speed: beyond them recordings show no difference.
 _FLATTEST, _STEEPEST = 2.0, 6000.0
 # Steepness times shift at which Eq. 6 has 15 % of Coulomb friction at zero velocity.
 MOST_SHIFT = 0.3
 
-Key = tuple[Any, ...]
+
+class Key(NamedTuple):
+    """What distinguishes a term: its effect's name, the values of its constants, its group."""
+
+    effect: str
+    constants: tuple[Any, ...]
+    group: Group | None
 
 
 @dataclass(frozen=True)
 class Term:
-    """An effect with its constants, or a group of terms of other joints.
-
-    Parameters
-    ----------
-    kind : type
-        A subclass of `Effect`.
-    constants : dict
-    group : Group, optional
-        Terms of other joints, for an effect that is their sum.
-    """
+    """An effect with its constants, or a group of terms of other joints, whose effect is a sum."""
 
     kind: type[Effect]
     constants: dict[str, Any] = field(default_factory=dict)
@@ -51,8 +48,8 @@ class Term:
 
     @property
     def key(self) -> Key:
-        """The term's key: the effect's name, its constants and the group."""
-        return (self.kind.name, *self.constants.values(), self.group)
+        """The term's key."""
+        return Key(self.kind.name, tuple(self.constants.values()), self.group)
 
     def columns(self, rows: Rows) -> np.ndarray:
         """Return the term's columns on all samples, shape (N, M)."""
@@ -61,18 +58,10 @@ class Term:
             return self.group.columns(rows.joints, *rows.motion)
         return self.kind.matrix(rows.samples, self.constants)
 
-    def with_constants(self, **changes: Any) -> Term:
-        """Return the term with other values of some constants."""
-        return replace(self, constants={**self.constants, **changes})
-
     def same_effect(self, other: Term, span: float) -> bool:
         """Return whether another term is the same effect with similar constants.
 
-        Parameters
-        ----------
-        other : Term
-        span : float
-            Range of position, rad.
+        `span` is the range of position, rad.
         """
         if self.kind is not other.kind or self.group != other.group:
             return False
@@ -104,86 +93,77 @@ def base_columns(rows: Rows, steepness: float, shift: float) -> np.ndarray:
 
 
 class Table:
-    """Columns of terms on the rows of a recording, and their block sums.
+    """Columns of terms on the rows of a recording, shape (P, R), and their sums over cells.
 
-    Parameters
-    ----------
-    rows : Rows
-    steepness, shift : float
-        Of the transition of Eq. 6, s/rad and rad/s.
-
-    Attributes
-    ----------
-    sums : BlockSums
-        Over cells, each the rows of one block and one region of posture.
-    block, region : ndarray of int, shape (K,)
-        The block and the region of each cell.
-    columns : ndarray, shape (P, R)
-    terms : dict of Key to Term
+    A cell holds the rows of one block and one region of posture: `block` and `region` tell which,
+    for each cell. `steepness` and `shift` are those of the transition of Eq. 6, s/rad and rad/s.
     """
 
     def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
         self.rows, self.target = rows, rows.averaged(rows.target)
         self.steepness, self.shift = steepness, shift
         self.terms: dict[Key, Term] = {}
-        self._columns_of: dict[Key, list[int]] = {}
+        self.columns_of: dict[Key, list[int]] = {}  # indices of each term's columns
         cells, cell = np.unique(
             rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
         order = np.argsort(cell, kind='stable')
         self._cells = np.split(order, np.searchsorted(cell[order], np.arange(1, len(cells))))
-        self._blocks = [np.nonzero(rows.block == k)[0] for k in range(int(rows.block.max()) + 1)]
+        self.block_rows = [np.nonzero(rows.block == k)[0] for k in range(rows.blocks)]
         first = [cell_rows[0] for cell_rows in self._cells]
         self.block, self.region = rows.block[first], rows.region[first]
-        targets = [self.target[cell_rows] for cell_rows in self._cells]
-        gram = np.array([target @ target for target in targets])
-        self.sums = BlockSums(gram[:, None, None], np.array([len(target) for target in targets]),
-                              np.empty(0, dtype=int))
+        self.sums = BlockSums.over(self.target[None], self._cells, np.empty(0, dtype=int))
         self.columns = np.empty((0, len(self.target)))
-        self._append(rows.averaged(base_columns(rows, steepness, shift)).T, [0, 1, 1, 0, 0])
+        self._append(self._base(steepness, shift), _BASE_SIGNS)
+
+    def _base(self, steepness: float, shift: float) -> np.ndarray:
+        return self.rows.averaged(base_columns(self.rows, steepness, shift)).T
+
+    def _columns_for(self, term: Term) -> np.ndarray | None:
+        """Return a term's columns, shape (M, R); None where they are not finite."""
+        if term.key in self.terms:
+            return self.columns[self.columns_of[term.key]]
+        columns = self.rows.averaged(term.columns(self.rows)).T
+        return columns if np.isfinite(columns).all() else None
 
     def add(self, terms: Sequence[Term]) -> list[Key]:
         """Add terms; return the keys of those whose columns are finite."""
         fresh: list[np.ndarray] = []
         signs: list[int] = []
         for term in terms:
-            if term.key in self.terms:
-                continue
-            columns = self.rows.averaged(term.columns(self.rows)).T
-            if not np.isfinite(columns).all():
-                continue
-            first = len(self.columns) + len(fresh)
-            self._columns_of[term.key] = list(range(first, first + len(columns)))
-            self.terms[term.key] = term
-            fresh += list(columns)
-            signs += _signs_of(term, len(columns))
+            columns = None if term.key in self.terms else self._columns_for(term)
+            if columns is not None:
+                self._register(term, len(self.columns) + len(fresh), len(columns))
+                fresh += list(columns)
+                signs += _signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
         return [term.key for term in terms if term.key in self.terms]
 
     def keep(self, keys: Container[Key]) -> None:
         """Remove all other terms."""
-        remaining = [key for key in self.terms if key in keys]
+        remaining = [term for key, term in self.terms.items() if key in keys]
         if len(remaining) == len(self.terms):
             return
-        columns = self.indices(remaining)
-        columns_of, first = {}, BASE
-        for key in remaining:
-            size = len(self._columns_of[key])
-            columns_of[key] = list(range(first, first + size))
-            first += size
+        sizes = [len(self.columns_of[term.key]) for term in remaining]
+        columns = self.indices([term.key for term in remaining])
         retained = [*columns, len(self.columns)]
         self.sums = BlockSums(self.sums.gram[:, retained][:, :, retained], self.sums.rows,
                               self.sums.signs[columns])
-        self.columns = self.columns[columns]
-        self.terms, self._columns_of = {key: self.terms[key] for key in remaining}, columns_of
+        self.columns, self.terms, self.columns_of = self.columns[columns], {}, {}
+        for term, stop, size in zip(remaining, np.cumsum(sizes), sizes):
+            self._register(term, BASE + int(stop) - size, size)
+
+    def _register(self, term: Term, first: int, count: int) -> None:
+        self.terms[term.key], self.columns_of[term.key] = term, list(range(first, first + count))
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
         old = len(self.columns)
         self.columns = np.vstack((self.columns, fresh))
         size = len(self.columns)
-        gram = np.empty((self.sums.blocks, size + 1, size + 1))
+        cells = len(self._cells)
+        gram = np.empty((cells, size + 1, size + 1))
         keep = [*range(old), size]
-        gram[np.ix_(range(self.sums.blocks), keep, keep)] = self.sums.gram
+        gram[np.ix_(range(cells), keep, keep)] = self.sums.gram
         self.sums = BlockSums(gram, self.sums.rows, np.append(self.sums.signs, signs).astype(int))
         self._update_sums(slice(old, size))
 
@@ -195,14 +175,10 @@ class Table:
             gram[changed, :-1], gram[:-1, changed] = products, products.T
             gram[changed, -1] = gram[-1, changed] = columns[changed] @ target
 
-    def columns_of(self, key: Key) -> list[int]:
-        """Return the column indices of a term."""
-        return self._columns_of[key]
-
     def indices(self, keys: Sequence[Key], derivatives: bool = True) -> list[int]:
         """Return the column indices of Eq. 6 and of some terms."""
-        base = [column for column in range(BASE) if derivatives or column not in DERIVATIVES]
-        return base + [column for key in keys for column in self._columns_of[key]]
+        base = range(BASE if derivatives else PLAIN)
+        return [*base, *(column for key in keys for column in self.columns_of[key])]
 
     def residual(self, keys: Sequence[Key], derivatives: bool = True) -> np.ndarray:
         """Return the residual of a fit of some terms to all blocks, shape (R,)."""
@@ -211,18 +187,14 @@ class Table:
 
     def error_with(self, terms: Sequence[Term]) -> float:
         """Return the squared error of a fit of terms, which need not be in the table."""
-        parts, signs = [np.delete(self.columns[:BASE], DERIVATIVES, axis=0)], [0, 1, 1]
+        parts, signs = [self.columns[:PLAIN]], list(_BASE_SIGNS[:PLAIN])
         for term in terms:
-            if term.key in self.terms:
-                own_columns = self.columns[self._columns_of[term.key]]
-            else:
-                own_columns = self.rows.averaged(term.columns(self.rows)).T
-                if not np.isfinite(own_columns).all():
-                    return math.inf
+            own_columns = self._columns_for(term)
+            if own_columns is None:
+                return math.inf
             parts.append(own_columns)
             signs += _signs_of(term, len(own_columns))
-        full = np.vstack((*parts, self.target))
-        sums = BlockSums((full @ full.T)[None], np.array([full.shape[1]]), np.array(signs))
+        sums = BlockSums.over(np.vstack((*parts, self.target)), [slice(None)], np.array(signs))
         columns = range(len(signs))
         return float(sums.squares(columns, sums.fit(columns)[None])[0])
 
@@ -231,6 +203,11 @@ class Table:
         indices = self.indices(keys, derivatives)
         return dict(zip(indices, map(float, self.sums.fit(indices))))
 
+    def draw_blocks(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw as many blocks as there are; return how often each was drawn, shape (B,)."""
+        count = self.rows.blocks
+        return np.bincount(rng.integers(0, count, count), minlength=count)
+
     def left_out(self, columns: Sequence[int]) -> np.ndarray:
         """Return the squared error of each cell by the fit to all other blocks, shape (K,)."""
         return self.sums.left_out(columns, self.block)
@@ -238,17 +215,15 @@ class Table:
     def fit_transition(self, keys: Sequence[Key], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""
         speed = self.rows.scene.speed
-        others = self.columns[[column for key in keys for column in self._columns_of[key]]]
+        others = self.columns[self.indices(keys)[BASE:]]
         signs = self.sums.signs[self.indices(keys)]
-        plain = [k for k in range(BASE + len(others)) if k not in DERIVATIVES]
+        plain = [*range(PLAIN), *range(BASE, BASE + len(others))]
 
         def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
-            base = self.rows.averaged(base_columns(self.rows, steepness, shift)).T
-            full = np.vstack((base, others, self.target))
-            gram = np.array([full[:, rows] @ full[:, rows].T for rows in self._blocks])
-            sums = BlockSums(gram, np.array([len(rows) for rows in self._blocks]), signs)
+            full = np.vstack((self._base(steepness, shift), others, self.target))
+            sums = BlockSums.over(full, self.block_rows, signs)
             return float(sums.left_out(plain).sum()), sums
-        current = self.steepness, self.shift
+        current = self.transition
         best, sums = sums_at(*current)
         for _ in range(rounds):
             before, coefficients = best, sums.fit(range(BASE + len(others)))
@@ -268,14 +243,19 @@ class Table:
                     break
             if best > (1.0 - 1e-4) * before:
                 break
-        if current != (self.steepness, self.shift):
-            self.set_transition(*current)
+        self.set_transition(*current)
+
+    @property
+    def transition(self) -> tuple[float, float]:
+        """The steepness and the shift of Eq. 6."""
+        return self.steepness, self.shift
 
     def set_transition(self, steepness: float, shift: float) -> None:
         """Set the steepness and the shift of Eq. 6 and recompute its columns."""
-        self.steepness, self.shift = steepness, shift
-        self.columns[:BASE] = self.rows.averaged(base_columns(self.rows, steepness, shift)).T
-        self._update_sums(slice(0, BASE))
+        if (steepness, shift) != self.transition:
+            self.steepness, self.shift = steepness, shift
+            self.columns[:BASE] = self._base(steepness, shift)
+            self._update_sums(slice(0, BASE))
 
     def loads(self, keys: Sequence[Key]) -> list[dict[str, float]]:
         """Return the loads that follow from the terms of a fit; see `Effect.load_share`."""
@@ -283,7 +263,7 @@ class Table:
         for key in keys:
             term = self.terms[key]
             if term.group is None and not term.kind.uses_inner_load:
-                values = [coefficients[column] for column in self._columns_of[key]]
+                values = [coefficients[column] for column in self.columns_of[key]]
                 shares.append(term.kind.load_share(values, term.constants))
                 carries_load = carries_load or term.kind.gives_load
                 if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
@@ -292,8 +272,7 @@ class Table:
 
     def look(self, keys: Sequence[Key]) -> Look:
         """Return the residual of a fit in the form from which effects propose constants."""
-        part = self.rows.at_rows
-        scene = self.rows.scene
+        part, scene = self.rows.at_rows, self.rows.scene
         velocity = np.asarray(part.velocity)
         return Look(scene, part.position, velocity,
                     np.tanh(velocity / scene.transition), self.residual(keys),
@@ -306,22 +285,17 @@ def _signs_of(term: Term, count: int) -> list[int]:
     return wanted + [0] * (count - len(wanted))
 
 
-def kinds_for(rows: Rows) -> list[type[Effect]]:
-    """Return the effects whose signals were recorded and varied."""
-    return [kind for kind in EFFECTS.values()
-            if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
-            and not kind.insufficient_data(rows.scene)
-            # The person's torque answers friction: it correlates with every missing effect.
-            and not (rows.load_by_mechanics and 'load' in kind.needs)]
-
-
 def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
-    """Return candidate terms to add to a fit."""
-    look, terms = table.look(keys), []
-    for kind in kinds_for(table.rows):
-        if not kind.uses_inner_load or look.loads:
-            terms += [Term(kind, constants) for constants in kind.propose(look)]
-    if table.rows.joints:
-        terms += [Term(EFFECTS['other_joints'], {}, group) for group in groups_for(
-            table.rows.joints, table.rows.samples.joint)]
+    """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
+    rows, look = table.rows, table.look(keys)
+    terms = [
+        Term(kind, constants) for kind in EFFECTS.values()
+        if all(getattr(rows.samples, signal) is not None for signal in kind.needs)
+        and not kind.insufficient_data(rows.scene) and (look.loads or not kind.uses_inner_load)
+        # The person's torque answers friction: it correlates with every missing effect.
+        and not (rows.load_by_mechanics and 'load' in kind.needs)
+        for constants in kind.propose(look)]
+    if rows.joints:
+        terms += [Term(EFFECTS['other_joints'], {}, group)
+                  for group in groups_for(rows.joints, rows.samples.joint)]
     return terms

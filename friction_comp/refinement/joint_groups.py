@@ -22,12 +22,8 @@ from friction_comp.model.arm.coupling import Group
 def groups_for(names: Sequence[str], joint: str) -> list[Group]:
     """Return the groups of terms through which other joints may affect a joint's current.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Joints in the order of the recording, usually the order along the arm.
-    joint : str
-        The joint; terms that depend on it alone are left to its own effects.
+    `names` are all joints in the order of the recording, usually that along the arm. Terms that
+    depend on the joint alone are left to its own effects.
     """
     sums: list[tuple[tuple[str, int], ...]] = [
         ((first, 1), (second, side)) for first, second in combinations(names, 2)
@@ -49,11 +45,6 @@ def groups_for(names: Sequence[str], joint: str) -> list[Group]:
             if possible and (joint in (first, second) or joint in turning):
                 groups.append(Group('kinetic', angles, (joint, first, second)))
     return groups
-
-
-def plain_name(group: Group) -> str:
-    """Return the effect of a single joint that corresponds to a group."""
-    return 'gravity' if group.kind == 'weight' else 'inertia'
 
 
 def neighbourhood(names: Sequence[str], joint: str) -> list[Group]:

@@ -9,19 +9,18 @@ than it does with the signs of long stretches flipped at random, it depends on t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from friction_comp.model.effects.base import segment_starts
+from friction_comp.refinement import thresholds
 from friction_comp.samples import Samples
-from friction_comp.statistics import quantile_edges
+from friction_comp.statistics import quantile_edges, robust_std
 
 _FLIPS, _CHANCE = 1500, 0.001
-# Share of the residual's variance below which a dependence is not reported.
-LEAST_STRENGTH = 0.03
 # Errors beyond so many standard deviations are clipped.
 _OUTLYING = 8.0
 _SINGLE = {'velocity': 20, 'position': 16, 'acceleration': 12, 'time': 12, 'history': 12,
@@ -31,43 +30,25 @@ _PAIRED = {'position': 12, 'velocity': 8, 'time': 12, 'acceleration': 6, 'load':
 # A pair of these variables is preferred unless another pair explains this many times as much.
 _STATE, _OTHER_PAIR = frozenset(('position', 'velocity', 'load', 'temperature')), 1.5
 _FEWEST_STRETCHES, _MOST_STRETCHES = 20, 400
-# Variables with a larger rank correlation cannot be distinguished.
-_INSEPARABLE = 0.97
 
 
 @dataclass(frozen=True)
 class Dependence:
-    """A variable on which the residual depends.
-
-    Parameters
-    ----------
-    variable : str
-    strength : float
-        Share of the residual's variance that the variable explains, 0..1, beyond chance.
-    note : str
-    """
+    """A variable on which the residual depends."""
 
     variable: str
-    strength: float
+    strength: float  # share of the residual's variance that it explains, 0..1, beyond chance
     note: str
 
 
 def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dependence]:
-    """Return the variables that a residual still depends on, the strongest first.
+    """Return the variables that a residual, shape (N,), still depends on, the strongest first.
 
     Each dependence is subtracted before the next is looked for, so that only variables that
-    explain something of their own are named; then pairs of variables are tried.
-
-    Parameters
-    ----------
-    samples : Samples
-        In motion, with velocity and acceleration; gaps are allowed.
-    residual : ndarray, shape (N,)
-        A.
-    slowest : float
-        Speed of standstill, rad/s.
+    explain something of their own are named; then pairs of variables are tried. The samples are in
+    motion, with velocity and acceleration, and may have gaps; `slowest` is the speed of standstill.
     """
-    limit = _OUTLYING * 1.4826 * float(np.median(np.abs(residual))) + 1e-300
+    limit = _OUTLYING * float(robust_std(residual)) + 1e-300
     values = np.clip(residual, -limit, limit)
     values = values - values.mean()
     power = float(values @ values)
@@ -81,10 +62,9 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
     while cells:
         stretch = _stretches(values)
         share = float(values @ values) / power
-        trials = [(depends(values, cell, stretch, rng), name) for name, cell in cells.items()]
-        strength, name = max(((strength, name) for (strength, chance), name in trials
-                              if chance <= _CHANCE), default=(0.0, ''))
-        if strength * share < LEAST_STRENGTH:
+        strength, name = max((depends(values, cell, stretch, rng), name)
+                             for name, cell in cells.items())
+        if strength * share < thresholds.LEAST_STRENGTH:
             break
         dependences.append(_entry(name, strength * share, values, name))
         cell = cells.pop(name)
@@ -92,7 +72,7 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
         values = values - mean[cell]
     share = float(values @ values) / power
     pair, strength = _strongest_pair(values, signals, side, rng)
-    if strength * share > 2.0 * LEAST_STRENGTH:
+    if strength * share > 2.0 * thresholds.LEAST_STRENGTH:
         known = {item.variable for item in dependences}
         dependences += [_entry(name, strength * share, values, ' and '.join(pair))
                         for name in pair if name not in known]
@@ -101,22 +81,12 @@ def leftover(samples: Samples, residual: np.ndarray, slowest: float) -> list[Dep
 
 
 def depends(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
-            rng: np.random.Generator) -> tuple[float, float]:
-    """Test whether a residual's mean differs between cells.
+            rng: np.random.Generator) -> float:
+    """Return the share of a residual's variance that cells explain; 0 where it may be chance.
 
-    Parameters
-    ----------
-    residual : ndarray, shape (N,)
-    cells, stretch : ndarray of int, shape (N,)
-        Stretches are longer than the residual's memory: without a dependence, the sign of the
-        residual in one is independent of that in the next.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    strength : float
-        Share of variance explained, beyond the average with flipped signs.
-    p_value : float
+    It is the share beyond the average with flipped signs. Stretches are longer than the residual's
+    memory: without a dependence, the sign of the residual in one is independent of that in the
+    next.
     """
     count, rows = int(cells.max()) + 1, int(stretch.max()) + 1
     table = np.bincount(stretch * count + cells, residual, minlength=rows * count)
@@ -126,10 +96,11 @@ def depends(residual: np.ndarray, cells: np.ndarray, stretch: np.ndarray,
     explained = float(weight @ np.sum(table, axis=0) ** 2) / power
     signs = rng.integers(0, 2, size=(_FLIPS, rows)) * 2.0 - 1.0
     by_chance = (signs @ table) ** 2 @ weight / power
+    if float(np.sum(by_chance >= explained)) + 1.0 > _CHANCE * (_FLIPS + 1.0):
+        return 0.0
     # A strong dependence is in the flipped table, too, so that the strength is underestimated.
     expected = min(float(np.mean(by_chance)), 0.999)
-    return ((explained - expected) / (1.0 - expected),
-            (float(np.sum(by_chance >= explained)) + 1.0) / (_FLIPS + 1.0))
+    return (explained - expected) / (1.0 - expected)
 
 
 def rank_correlation(first: np.ndarray, second: np.ndarray) -> float:
@@ -174,26 +145,24 @@ def _strongest_pair(values: np.ndarray, signals: dict[str, np.ndarray], side: np
         if 'velocity' not in names:
             cell = 2 * cell + side
         cell = np.unique(cell, return_inverse=True)[1].reshape(-1)
-        strength, chance = depends(values, cell, stretch, rng)
+        strength = depends(values, cell, stretch, rng)
         weighted = strength * (_OTHER_PAIR if _STATE.issuperset(names) else 1.0)
-        if chance <= _CHANCE:
-            best = max(best, (weighted, strength, names))
+        best = max(best, (weighted, strength, names))
     return best[2], best[1]
 
 
 def _inseparable(dependences: list[Dependence], signals: dict[str, np.ndarray]) -> list[Dependence]:
     """Return the variables that the recording cannot distinguish from those found."""
     known = {item.variable for item in dependences}
+    recorded = {name: values for name, values in signals.items() if name != 'history'}
     inseparable = []
-    for item in dependences:
-        for name, values in signals.items():
-            if name not in known and name != 'history' and item.variable in signals and (
-                    item.variable != 'history') and rank_correlation(
-                        values, signals[item.variable]) > _INSEPARABLE:
-                known.add(name)
-                inseparable.append(Dependence(
-                    name, item.strength, f'{name} changed with {item.variable} throughout the '
-                    'recording, so that the error may depend on it instead'))
+    for item, (name, values) in product(dependences, recorded.items()):
+        if name not in known and item.variable in recorded and rank_correlation(
+                values, recorded[item.variable]) > thresholds.INSEPARABLE:
+            known.add(name)
+            inseparable.append(Dependence(
+                name, item.strength, f'{name} changed with {item.variable} throughout the '
+                'recording, so that the error may depend on it instead'))
     return inseparable
 
 

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Prepares recordings as rows of a fit, each in a long block of time.
 
-The time between current and motion, and the velocity over which friction changes sign, are chosen
-by how well a plain drive predicts blocks that were not fitted.
+The velocity over which friction changes sign is chosen by how well a plain drive predicts blocks
+that were not fitted.
 """
 
 from __future__ import annotations
@@ -20,75 +20,52 @@ from scipy.cluster.vq import kmeans2
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm.states import moving_states
-from friction_comp.model.differentiation import differentiate, earlier
+from friction_comp.model.differentiation import differentiate
 from friction_comp.model.effects import Scene
-from friction_comp.refinement.plain_drive import held_out, plain_columns, sums_of, TRANSITIONS
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.recorded_motion import (
+    arm_motion,
     blocks_of,
     choose_motion,
-    excerpt,
     in_motion,
+    load_by_mechanics,
     moving_joints,
+    plain_columns,
     row_starts,
-    settings_for_arm,
-    smooth_motion,
     standstill_speed,
 )
-from friction_comp.refinement.thresholds import EQUIVALENT, FEWEST_SAMPLES, ROWS
+from friction_comp.refinement.sums import held_out
 from friction_comp.samples import Samples
 
 _SLOWEST_RATE = 100.0
-_REGIONS = 3
 # Most rows that are searched, in multiples of `ROWS`; and how many consecutive rows are kept or
 # left out together where there are more.
 _MOST, _PIECE = 4.0, 100
-_SIGNALS = ('velocity', 'load', 'temperature')
 
 
 @dataclass(frozen=True)
 class Rows:
-    """The data of a fit: averages over a few samples each, in blocks.
+    """The data of a fit: N samples, and R averages over a few of them each, in blocks."""
 
-    Parameters
-    ----------
-    samples : Samples
-        All samples, with velocity and acceleration.
-    target : ndarray, shape (N,)
-        Current that the model has to explain, A.
-    usable : ndarray of bool, shape (N,)
-        Samples that are fitted.
-    clipped : ndarray of bool, shape (N,)
-        Samples at a limit of the current; none of them is usable.
-    scene : Scene
-    start : ndarray of int, shape (R,)
-        First sample of each row.
-    length : int
-        Samples averaged in each row.
-    block : ndarray of int, shape (R,)
-        Block of time of each row.
-    region : ndarray of int, shape (R,)
-        Region of posture of each row where several joints moved; otherwise zeros.
-    load_by_mechanics : float
-        Current per load, A/(N·m), where the load is part of the target; otherwise 0.
-    motion : tuple of ndarray, shape (N, J), optional
-        Position, velocity and acceleration of all joints of an arm.
-    joints : tuple of str
-        Names of these joints.
-    """
-
-    samples: Samples
-    target: np.ndarray
-    usable: np.ndarray
-    clipped: np.ndarray
+    samples: Samples  # with velocity and acceleration
+    target: np.ndarray  # (N,): current that the model has to explain, A
+    usable: np.ndarray  # (N,): which samples are fitted
+    clipped: np.ndarray  # (N,): which are at a limit of the current; none of them is usable
     scene: Scene
-    start: np.ndarray
-    length: int
-    block: np.ndarray
-    region: np.ndarray
+    start: np.ndarray  # (R,): first sample of each row
+    length: int  # samples averaged in each row
+    block: np.ndarray  # (R,): block of time
+    region: np.ndarray  # (R,): region of posture where several joints moved; otherwise zeros
+    # Current per load, A/(N·m), where the load is part of the target; otherwise 0.
     load_by_mechanics: float = 0.0
+    # Position, velocity and acceleration, each (N, J), of all joints where others moved too.
     motion: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-    joints: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()  # names of these joints
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return int(self.block.max()) + 1
 
     @functools.cached_property
     def at_rows(self) -> Samples:
@@ -112,10 +89,7 @@ class Rows:
 def join(recordings: Sequence[Samples]) -> Samples:
     """Join recordings to one `Samples`, without samples that are not finite.
 
-    Raises
-    ------
-    InputError
-        If there are too few samples or no motion.
+    Raises `InputError` if there are too few samples or no motion.
     """
     # Sorted by content, so that the order in which files are named makes no difference.
     recordings = sorted((part for part in recordings if len(part)), key=lambda part: (
@@ -125,7 +99,7 @@ def join(recordings: Sequence[Samples]) -> Samples:
     samples = Samples.concatenate(recordings) if len(recordings) > 1 else recordings[0]
     valid = np.isfinite(samples.time) & np.isfinite(samples.position)
     valid &= np.isfinite(samples.current)
-    for name in _SIGNALS:
+    for name in ('velocity', 'load', 'temperature'):
         values = getattr(samples, name)
         if values is None:
             continue
@@ -134,9 +108,9 @@ def join(recordings: Sequence[Samples]) -> Samples:
         else:
             valid &= np.isfinite(values)
     samples = samples if valid.all() else samples.take(valid)
-    if len(samples) < FEWEST_SAMPLES:
+    if len(samples) < thresholds.FEWEST_SAMPLES:
         raise InputError(f'{len(samples)} usable samples are too few: at least '
-                         f'{FEWEST_SAMPLES:.0f} are needed')
+                         f'{thresholds.FEWEST_SAMPLES:.0f} are needed')
     if np.ptp(samples.position) == 0:
         raise InputError('the joint never moves in the recordings: there is no friction to fit')
     return samples
@@ -168,34 +142,23 @@ def blocks_of_samples(rows: Rows) -> np.ndarray:
 
 
 def regions_of(position: np.ndarray) -> np.ndarray:
-    """Return the region of posture of each row, shape (R,).
-
-    Parameters
-    ----------
-    position : ndarray, shape (R, J)
-        Joint positions, rad.
-    """
+    """Return the region of posture of each row, shape (R,), by joint positions, shape (R, J)."""
     scaled = (position - position.mean(axis=0)) / (position.std(axis=0) + 1e-9)
     with warnings.catch_warnings():
         # Regions may be empty.
         warnings.simplefilter('ignore', UserWarning)
-        return np.asarray(kmeans2(scaled, _REGIONS, minit='++', seed=0)[1])
+        return np.asarray(kmeans2(scaled, int(thresholds.REGIONS), minit='++', seed=0)[1])
 
 
 def samples_per_row(samples: Samples, usable: int) -> int:
     """Return the fewest samples per row for which at most `ROWS` remain, at 100 Hz or more."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
-    return max(1, min(math.ceil(usable / ROWS), int(rate / _SLOWEST_RATE)))
+    return max(1, min(math.ceil(usable / thresholds.ROWS), int(rate / _SLOWEST_RATE)))
 
 
 def thin_out(start: np.ndarray) -> np.ndarray:
-    """Return the starts of at most as many rows as are searched, in pieces from all over.
-
-    Parameters
-    ----------
-    start : ndarray of int, shape (R,)
-    """
-    share = _MOST * ROWS / max(len(start), 1)
+    """Return the starts of at most as many rows as are searched, in pieces from all over."""
+    share = _MOST * thresholds.ROWS / max(len(start), 1)
     if share >= 1.0:
         return start
     # Multiples of the golden ratio, modulo 1, are evenly distributed without a period.
@@ -206,15 +169,8 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
             declared: bool = True) -> tuple[Rows, dict[str, Any]]:
     """Return the rows that effects are fitted to, and the differentiation settings.
 
-    Parameters
-    ----------
-    samples : Samples
-        As recorded, joined.
-    drive : Drive
-    settings : dict, optional
-        Differentiation settings; chosen when omitted.
-    declared : bool
-        Whether the drive's torque constant and gear ratio are known.
+    `samples` are as recorded, joined. Settings are chosen when omitted. `declared` tells whether
+    the drive's torque constant and gear ratio are known.
     """
     unusable = clipped(samples.current)
     joints = moving_joints(samples)
@@ -223,9 +179,7 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     moved = differentiate(samples, settings)
     slowest = standstill_speed(moved)
     usable = in_motion(moved, unusable, slowest, settings['bandwidth'])
-    motion = None
-    if joints:
-        motion = moving_states(samples, joints, settings_for_arm(samples, settings))
+    motion = arm_motion(samples, joints, settings)
     length = samples_per_row(moved, int(usable.sum()))
     start = thin_out(row_starts(moved, usable, length))
     block = blocks_of(moved, start)
@@ -233,56 +187,27 @@ def prepare(samples: Samples, drive: Drive, settings: dict[str, Any] | None = No
     scene = scene_of(moved, usable, drive, slowest)
     region = regions_of(motion[0][start]) if motion else np.zeros_like(block)
     rows = Rows(moved, target, usable, unusable, scene, start, length, block, region, load, motion,
-                tuple(joints))
-    transition = choose_transition(rows)
-    return replace(rows, scene=replace(scene, transition=transition)), settings
+                joints)
+    return replace(rows, scene=replace(scene, transition=choose_transition(rows))), settings
 
 
 def with_settings(rows: Rows, raw: Samples, settings: dict[str, Any]) -> Rows:
     """Return the rows with the motion of other differentiation settings."""
-    motion = None
-    if rows.joints:
-        motion = moving_states(raw, list(rows.joints), settings_for_arm(raw, settings))
-    return replace(rows, samples=differentiate(raw, settings), motion=motion)
-
-
-def shifted(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
-    """Return the values at the time t + lag."""
-    return earlier(values, samples, lag) if lag else values
-
-
-def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
-    """Return the current per load, A/(N·m), where it cannot be fitted; otherwise 0.
-
-    By J·a = k_t·n·i + τ_b - F, friction shows in i + τ_b/(k_t·n). Where the motor carries the load,
-    a fit of the current gives a coefficient near -1/(k_t·n). Where the person carries it, and the
-    current is a function of the motion (a compensation law) or zero, the fit gives a coefficient
-    near zero, and the load enters with -1/(k_t·n) instead.
-    """
-    if samples.load is None or not np.any(samples.load):
-        return 0.0
-    mechanics = -1.0 / drive.torque_per_current
-    moved, start = smooth_motion(*excerpt(samples, unusable))
-    part = moved.take(start)
-    top_speed = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
-    columns = plain_columns(part.with_(load=None), [share * top_speed for share in TRANSITIONS])
-    columns = np.column_stack((columns, np.asarray(part.load)))
-    coefficient = sums_of(columns, part.current, blocks_of(moved, start)).fit(
-        range(columns.shape[1]))[-1]
-    return 0.0 if coefficient / mechanics > 0.5 else mechanics
+    return replace(rows, samples=differentiate(raw, settings),
+                   motion=arm_motion(raw, rows.joints, settings))
 
 
 def choose_transition(rows: Rows) -> float:
     """Return the velocity in rad/s over which friction changes sign: tanh(v/transition)."""
     speed = rows.scene.speed
-    part = rows.samples.take(rows.start)
-    target = rows.averaged(rows.target)
+    part, target = rows.samples.take(rows.start), rows.averaged(rows.target)
+    if rows.load_by_mechanics:
+        part = part.with_(load=None)
     best = (math.inf, speed)
     for width in np.geomspace(0.001, 0.25, 12) * speed:
-        columns = plain_columns(part.with_(load=None) if rows.load_by_mechanics else part, [width])
-        error = held_out(columns, target, rows.block).sum()
-        if error < (1.0 - EQUIVALENT) * best[0]:
-            best = (float(error), float(width))
+        error = held_out(plain_columns(part, [width]), target, rows.block)
+        if error < (1.0 - thresholds.EQUIVALENT) * best[0]:
+            best = (error, float(width))
     return best[1]
 
 
@@ -298,23 +223,21 @@ def scene_of(samples: Samples, usable: np.ndarray, drive: Drive, slowest: float)
     velocity = np.asarray(moving.velocity)
     moves = np.abs(velocity)
     slow, speed = np.percentile(moves, (5, 95))
+    resting = np.abs(np.asarray(samples.velocity)) < slowest
+    temperature, temperature_span = 25.0, 0.0
+    if samples.temperature is not None:
+        temperature = float(np.median(samples.temperature))
+        temperature_span = float(np.ptp(np.percentile(samples.temperature[usable], (1, 99))))
     return Scene(
-        transition=0.05 * float(speed), speed=float(speed),
-        slowest=slowest, lowest=float(lowest), highest=float(highest), duration=duration,
-        sample_time=samples.sample_time,
-        temperature=(25.0 if samples.temperature is None
-                     else float(np.median(samples.temperature))),
-        gear_ratio=drive.gear_ratio,
+        transition=0.05 * float(speed), speed=float(speed), slowest=slowest, lowest=float(lowest),
+        highest=float(highest), duration=duration, sample_time=samples.sample_time,
+        temperature=temperature, gear_ratio=drive.gear_ratio,
         resolution=float(steps.min()) if steps.size else 0.0,
-        both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98,
-        slow=float(slow), reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
-        rested=float(np.sum(np.abs(np.asarray(samples.velocity)) < slowest))
-        * samples.sample_time,
-        positions=count_positions(moving.position),
-        usual_speed=float(np.median(moves)),
-        speed_spread=float(np.std(moves) / np.mean(moves)),
-        temperature_span=(0.0 if moving.temperature is None else
-                          float(np.ptp(np.percentile(moving.temperature, (1, 99))))))
+        both_directions=0.02 < float(np.mean(velocity > 0)) < 0.98, slow=float(slow),
+        reversals=float(np.count_nonzero(np.diff(np.sign(velocity)))),
+        rested=float(np.sum(resting)) * samples.sample_time,
+        positions=count_positions(moving.position), usual_speed=float(np.median(moves)),
+        speed_spread=float(np.std(moves) / np.mean(moves)), temperature_span=temperature_span)
 
 
 def count_positions(position: np.ndarray) -> float:

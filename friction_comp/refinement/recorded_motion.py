@@ -13,41 +13,66 @@ import math
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.differentiation import differentiate, METHOD
-from friction_comp.refinement.plain_drive import held_out, plain_columns, TRANSITIONS
-from friction_comp.refinement.thresholds import BLOCKS, EQUIVALENT, FEWEST_SAMPLES
+from friction_comp.refinement import thresholds
+from friction_comp.refinement.sums import held_out, sums_of
 from friction_comp.samples import Samples
 
-BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
+_BANDWIDTHS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0, 200.0)
 _EXCERPT = 150_000
-# After and before rests of at least this duration, s, samples are left out for as long while they
-# are slower than this share of the top speed.
-_START, _SLOW = 0.1, 0.05
+# Shares of the top speed over which friction may change sign.
+TRANSITIONS = (0.3, 0.1, 0.03, 0.01, 0.003)
+
+
+def plain_columns(samples: Samples, transitions: Sequence[float],
+                  motion: tuple[np.ndarray, ...] | None = None, index: int = 0) -> np.ndarray:
+    """Return the columns of a plain drive: friction, inertia, weight and load.
+
+    No effect is selected: its held-out error is the criterion by which motion is prepared.
+    """
+    v, q = np.asarray(samples.velocity), samples.position
+    columns = [np.ones_like(v), *(np.tanh(v / width) for width in transitions), v,
+               samples.acceleration, np.cos(q), np.sin(q)]
+    if np.ptp(q) < 2.0:
+        columns.append(q)
+    for load in (samples.load, samples.rigid_body):
+        if load is not None:
+            columns += [load, np.abs(load) * np.tanh(v / transitions[-1])]
+    if motion is not None:
+        angles, _, accelerations = motion
+        for first in range(index + 1):
+            for last in range(index, angles.shape[1]):
+                if first < last:
+                    total = angles[:, first:last + 1].sum(axis=1)
+                    columns += [np.cos(total), np.sin(total)]
+        columns += [acceleration for k, acceleration in enumerate(accelerations.T) if k != index]
+    return np.column_stack(columns)
 
 
 def differentiations(samples: Samples) -> list[dict[str, Any]]:
     """Return the differentiation settings that are compared."""
     rate = 1.0 / max(samples.sample_time, 1e-9)
-    values = [*(value for value in BANDWIDTHS if value <= 0.3 * rate), None]
-    sources = ['position']
-    if samples.velocity is not None and np.any(samples.velocity):
-        sources.append('velocity')
+    values = [*(value for value in _BANDWIDTHS if value <= 0.3 * rate), None]
+    recorded = samples.velocity is not None and np.any(samples.velocity)
+    sources = ('position', 'velocity') if recorded else ('position',)
     return [{'method': METHOD, 'source': source, 'bandwidth': value}
             for source in sources for value in values]
 
 
-def excerpt(samples: Samples, *masks: np.ndarray) -> tuple[Any, ...]:
-    """Return at most a fixed number of samples in pieces from all over, and the same of masks."""
+def excerpt(samples: Samples, mask: np.ndarray) -> tuple[Samples, np.ndarray]:
+    """Return at most `_EXCERPT` samples in pieces from all over, and the mask of these."""
     size, pieces = len(samples), 15
     if size <= _EXCERPT:
-        return (samples, *masks)
+        return samples, mask
     length = _EXCERPT // pieces
     starts = np.linspace(0, size - length, pieces).astype(int)
     keep = np.concatenate([np.arange(start, start + length) for start in starts])
-    return (samples.take(keep), *(mask[keep] for mask in masks))
+    return samples.take(keep), mask[keep]
 
 
 def standstill_speed(samples: Samples) -> float:
@@ -61,16 +86,6 @@ def standstill_speed(samples: Samples) -> float:
     quiet = speed[speed < 0.02 * top]
     noise = 3.0 * float(np.sqrt(np.mean(quiet ** 2))) if quiet.size > 50 else 0.0
     return float(min(max(0.01 * top, noise), 0.05 * top))
-
-
-def dilate(mask: np.ndarray, width: int) -> np.ndarray:
-    """Extend the marked samples by a number of samples on both sides, shape (N,)."""
-    if width < 1:
-        return mask
-    sums = np.concatenate(([0], np.cumsum(mask)))
-    sample = np.arange(len(mask))
-    first, stop = np.maximum(sample - width, 0), np.minimum(sample + width + 1, len(mask))
-    return sums[stop] > sums[first]
 
 
 def long_rests(still: np.ndarray, length: int) -> np.ndarray:
@@ -88,12 +103,7 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
 
     Near standstill and gaps, the filter mixes in samples without motion, over about the inverse of
     its bandwidth. Slow motion near a rest is presliding, where friction still builds up. These
-    samples are left out unless too few would remain.
-
-    Raises
-    ------
-    InputError
-        If too few samples are in motion.
+    samples are left out unless too few would remain. Raises `InputError` if too few are in motion.
     """
     speed = np.abs(np.asarray(samples.velocity))
     still = speed <= slowest
@@ -102,30 +112,29 @@ def in_motion(samples: Samples, unusable: np.ndarray, slowest: float,
     for part in samples.segments():
         ends[[part.start, part.stop - 1]] = True
     filter_samples = round(0.5 / (bandwidth * samples.sample_time)) if bandwidth else 0
-    rest_samples = round(_START / max(samples.sample_time, 1e-9))
-    starts = dilate(long_rests(still, rest_samples), rest_samples)
-    starts &= speed < _SLOW * np.percentile(speed, 95)
-    for mask in (dilate(still, filter_samples), dilate(ends, filter_samples), starts):
+    rest_samples = round(thresholds.REST / max(samples.sample_time, 1e-9))
+    starts = maximum_filter1d(long_rests(still, rest_samples), 2 * rest_samples + 1)
+    starts &= speed < thresholds.PRESLIDING_SPEED * np.percentile(speed, 95)
+    blurred = 2 * filter_samples + 1
+    for mask in (maximum_filter1d(still, blurred), maximum_filter1d(ends, blurred), starts):
         remaining = moving & ~mask
         if remaining.sum() > 0.8 * moving.sum():
             moving = remaining
-    if moving.sum() < FEWEST_SAMPLES:
+    if moving.sum() < thresholds.FEWEST_SAMPLES:
         raise InputError('the joint hardly moves in the recordings: '
                          f'{int(moving.sum())} samples of motion are too few')
     return moving
 
 
-def blocks_of(samples: Samples, start: np.ndarray, count: int = int(BLOCKS)) -> np.ndarray:
+def blocks_of(samples: Samples, start: np.ndarray) -> np.ndarray:
     """Return the block of each row, shape (R,): long periods with equal numbers of rows.
 
     An edge between two blocks is moved to the nearest gap or recording's end within a third of a
     block.
     """
-    gap = max(0.5, 20.0 * samples.sample_time)
-    breaks = (np.diff(samples.time) > gap) | (np.diff(samples.time) < 0)
-    breaks |= np.diff(samples.recording) != 0
-    run = np.concatenate(([0], np.cumsum(breaks)))[start]
-    size = len(start)
+    parts = samples.segments(max(0.5 / max(samples.sample_time, 1e-9), 20.0))
+    run = np.searchsorted([part.start for part in parts], start, side='right')
+    size, count = len(start), int(thresholds.BLOCKS)
     run_edges = np.nonzero(np.diff(run))[0] + 1
     edges = []
     for edge in np.linspace(0, size, count + 1)[1:-1]:
@@ -162,47 +171,58 @@ def smooth_motion(samples: Samples, unusable: np.ndarray) -> tuple[Samples, np.n
     return moved, row_starts(samples, usable, 1)[::max(1, int(usable.sum()) // 12000)]
 
 
+def load_by_mechanics(samples: Samples, unusable: np.ndarray, drive: Drive) -> float:
+    """Return the current per load, A/(N·m), where it cannot be fitted; otherwise 0.
+
+    By J·a = k_t·n·i + τ_b - F, friction shows in i + τ_b/(k_t·n). Where the motor carries the load,
+    a fit of the current gives a coefficient near -1/(k_t·n). Where the person carries it, and the
+    current is a function of the motion (a compensation law) or zero, the fit gives a coefficient
+    near zero, and the load enters with -1/(k_t·n) instead.
+    """
+    if samples.load is None or not np.any(samples.load):
+        return 0.0
+    mechanics = -1.0 / drive.torque_per_current
+    moved, start = smooth_motion(*excerpt(samples, unusable))
+    part = moved.take(start)
+    top_speed = float(np.percentile(np.abs(np.asarray(part.velocity)), 95))
+    columns = plain_columns(part.with_(load=None), [share * top_speed for share in TRANSITIONS])
+    columns = np.column_stack((columns, np.asarray(part.load)))
+    coefficient = sums_of(columns, part.current, blocks_of(moved, start)).fit(
+        range(columns.shape[1]))[-1]
+    return 0.0 if coefficient / mechanics > 0.5 else mechanics
+
+
 def choose_motion(samples: Samples, unusable: np.ndarray, joints: Sequence[str], load: float
                   ) -> dict[str, Any]:
     """Return the differentiation settings with which a plain drive predicts other blocks best.
 
-    Parameters
-    ----------
-    samples : Samples
-    unusable : ndarray of bool, shape (N,)
-    joints : sequence of str
-        All joints that moved, this one among them; empty where no other moved.
-    load : float
-        Current per load, A/(N·m), where the load is part of the target; otherwise 0.
+    `joints` and `load` are those of `Rows`.
     """
     samples, unusable = excerpt(samples, unusable)
     if load:
         samples = samples.with_(current=samples.current - load * np.asarray(samples.load),
                                 load=None)
-    choices = differentiations(samples)
     _, start = smooth_motion(samples, unusable)
     block = blocks_of(samples, start)
     errors: list[tuple[float, int, dict[str, Any]]] = []
-    for choice in choices:
+    for choice in differentiations(samples):
         moved = differentiate(samples, choice)
         top = float(np.percentile(np.abs(np.asarray(moved.velocity)[start]), 95))
         if not top > 0.0:
             # Without a filter, a coarse encoder stands still in nearly all samples.
             continue
-        motion = None
-        if joints:
-            motion = tuple(signal[start] for signal in moving_states(
-                samples, joints, settings_for_arm(samples, choice)))
-        part = moved.take(start)
-        columns = plain_columns(part, [share * top for share in TRANSITIONS], motion,
-                                list(joints).index(samples.joint) if joints else 0)
-        errors.append((float(held_out(columns, part.current, block).sum()), len(errors), choice))
+        part, motion = moved.take(start), arm_motion(samples, joints, choice)
+        columns = plain_columns(
+            part, [share * top for share in TRANSITIONS],
+            motion and tuple(signal[start] for signal in motion),
+            joints.index(samples.joint) if joints else 0)
+        errors.append((held_out(columns, part.current, block), len(errors), choice))
     least = min(error for error, *_ in errors)
     # A narrow filter blunts reversals, so the widest of equivalent ones is used. The less of the
     # current a plain drive explains, the less its error says about the bandwidth.
     unexplained = least / max(float(np.sum((samples.current[start]) ** 2)), 1e-300)
     return max(((choice['bandwidth'] or math.inf, order, choice) for error, order, choice in errors
-                if error <= ((1.0 + EQUIVALENT) ** 2 + 0.4 * unexplained) * least))[-1]
+                if error <= ((1.0 + thresholds.EQUIVALENT) ** 2 + 0.4 * unexplained) * least))[-1]
 
 
 def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, Any]:
@@ -212,12 +232,18 @@ def settings_for_arm(samples: Samples, settings: dict[str, Any]) -> dict[str, An
     return dict(settings)
 
 
-def moving_joints(samples: Samples) -> list[str]:
+def arm_motion(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return position, velocity and acceleration, each (N, J), of joints; None without joints."""
+    return moving_states(samples, joints, settings_for_arm(samples, settings)) if joints else None
+
+
+def moving_joints(samples: Samples) -> tuple[str, ...]:
     """Return all joints that moved; none where only one did, or where rigid bodies are known."""
     known = samples.rigid_body is not None or samples.coupling is not None
     if samples.arm is None or known or samples.joint not in samples.arm.joints:
-        return []
+        return ()
     span = np.ptp(samples.arm.position, axis=0)
-    names = [name for name, moved in zip(samples.arm.joints, span)
-             if moved > 1e-3 or name == samples.joint]
-    return names if len(names) > 1 else []
+    names = tuple(name for name, moved in zip(samples.arm.joints, span)
+                  if moved > 1e-3 or name == samples.joint)
+    return names if len(names) > 1 else ()

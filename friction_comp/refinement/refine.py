@@ -5,59 +5,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
-from friction_comp.model.effects import Scene
+from friction_comp.model.arm.arm import Arm
+from friction_comp.model.arm.coupling import Coupling
+from friction_comp.model.effects import Effect, EFFECTS, Scene
+from friction_comp.model.effects.edges import with_range
 from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.sigmoid import Sigmoid
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.attempt import find_best_fit, Fit, fit_eq6_alone, Question
-from friction_comp.refinement.constants import at_limit
-from friction_comp.refinement.elsewhere import Elsewhere
-from friction_comp.refinement.final import model_of, refit
+from friction_comp.refinement.constants import adjust_constants, at_limit
+from friction_comp.refinement.effect_columns import base_columns, Key, MOST_SHIFT, PLAIN, Table
 from friction_comp.refinement.judge import rms
+from friction_comp.refinement.naming import Elsewhere, intervals, repeat_search
 from friction_comp.refinement.prepare import join
-from friction_comp.refinement.report import report_of, ReportInput
-from friction_comp.refinement.stability import intervals, repeat_search, Stability
+from friction_comp.refinement.recorded_motion import settings_for_arm
+from friction_comp.refinement.report import report_of
 from friction_comp.samples import Samples
+
+_STEEPNESSES = 16
+_MOST_SAMPLES = 30_000
 
 
 @dataclass
 class RefineResult:
-    """The result of refinement.
+    """The result of refinement."""
 
-    Parameters
-    ----------
-    report : dict
-        The content of report.json.
-    model : FrictionModel
-        The refined model, fitted to all usable samples.
-    start : FrictionModel
-        The initial model.
-    samples : Samples
-        All samples with velocity and acceleration.
-    usable : ndarray of bool, shape (N,)
-        The samples in motion, which are fitted.
-    before, after : ndarray, shape (N,)
-        Residual of parts that were not fitted, by the initial and by the refined model, A.
-    scene : Scene
-        The ranges that the recordings cover.
-    trail : list of (str, float)
-        Held-out error in A as effects are added.
-    """
-
-    report: dict[str, Any]
-    model: FrictionModel
-    start: FrictionModel
-    samples: Samples
-    usable: np.ndarray
+    report: dict[str, Any]  # the content of report.json
+    model: FrictionModel  # the refined model, fitted to all usable samples
+    start: FrictionModel  # the initial model
+    given: bool  # whether it was given, and not fitted to the recordings
+    samples: Samples  # all, with velocity and acceleration
+    usable: np.ndarray  # (N,): which samples are in motion and fitted
+    # (N,): residual of parts that were not fitted, by the initial and by the refined model, A.
     before: np.ndarray
     after: np.ndarray
-    scene: Scene
-    trail: list[tuple[str, float]] = field(default_factory=list)
+    scene: Scene  # the ranges that the recordings cover
 
 
 def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
@@ -91,63 +79,127 @@ def refine(recorded: Sequence[Samples], model: FrictionModel | None = None,
     report_progress = progress or (lambda share, word: None)
     declared = drive is not None or model is not None
     drive = drive or (model.drive if model else Drive(1.0, 1.0))
-    question = Question(join(list(recorded)), drive, declared, model, report_progress)
+    question = Question(join(list(recorded)), drive, declared, model)
     fit = find_best_fit(question)
-    fit, stability = select_named(fit, report_progress)
+    report_progress(0.6, 'repeating the search on resampled parts')
+    fit = select_named(fit)
     report_progress(0.9, 'writing')
-    return _result(question, fit, stability, unit or ('A' if declared else 'N·m'))
+    raw, rows = question.raw, fit.rows
+    refined = model_of(fit, question)
+    if model:
+        start = model
+        before = own_before = model.measured(raw) - model.predict(raw, same_recording=True)
+    else:
+        plain = refit(fit_eq6_alone(question, fit.settings), [])
+        start, before = model_of(plain, question), plain.residual()
+        own_before = rows.samples.current - start.current(rows.samples)
+    after, own_after = fit.residual(), raw.current - refined.predict(raw, same_recording=True)
+    # A model that is no better on parts that were not fitted is not used.
+    keep_start = rms(after[rows.usable]) >= rms(before[rows.usable])
+    if keep_start:
+        refined, after, own_after = start, before, own_before
+    report = report_of(question, fit, refined, (own_before, before), (own_after, after),
+                       unit or ('A' if declared else 'N·m'), keep_start)
+    return RefineResult(
+        report, refined, start, model is not None, rows.samples, rows.usable, before, after,
+        rows.scene)
 
 
-def select_named(fit: Fit, report_progress: Callable[[float, str], None]) -> tuple[Fit, Stability]:
-    """Return a fit of the terms that can be named, and how often each was chosen.
+def select_named(fit: Fit) -> Fit:
+    """Return a fit of the terms that can be named, with their stability and intervals.
 
     A term is named where most repeated searches choose it, where it does not increase the errors
     on thirds of the recording that were not fitted, where the interval of one of its coefficients
     excludes zero, and where none of its defining constants is at its limit.
     """
-    report_progress(0.6, 'repeating the search on resampled parts')
     stability = repeat_search(fit.table, fit.keys, fit.given, fit.candidates)
-    given = fit.keys[:fit.given]
-    keys = [*given, *(key for key in fit.keys[fit.given:] if stability.named(key))]
+    keys = [key for k, key in enumerate(fit.keys) if k < fit.given or stability.named(key)]
     keys = Elsewhere(fit.table, keys).helpful(keys, fit.given)
     while True:
-        fitted = refit(fit, keys)
+        fit = refit(fit, keys)
         # The constants were adjusted again, so keys have changed.
-        stability = stability.renamed(dict(zip(keys, fitted.keys)))
-        keys = fitted.keys
-        bounds = intervals(fitted.table, keys)
-        certain = [*keys[:len(given)], *(key for key in keys[len(given):] if bounds.excludes_zero(
-            fitted.table.columns_of(key), fitted.table.sums.signs[fitted.table.columns_of(key)])
-            and not at_limit(fitted.table.terms[key], fitted.table))]
+        stability = stability.renamed(dict(zip(keys, fit.keys)))
+        keys, table, scene = fit.keys, fit.table, fit.rows.scene
+        bounds = intervals(table, keys)
+        certain = [key for k, key in enumerate(keys) if k < fit.given or (
+            bounds.excludes_zero(table, key) and not at_limit(table.terms[key], scene))]
         if len(certain) == len(keys):
-            return fitted, stability
+            return replace(fit, stability=stability, intervals=bounds)
         keys = certain
 
 
-def _result(question: Question, fit: Fit, stability: Stability, unit: str) -> RefineResult:
-    rows, raw, given = fit.rows, question.raw, question.model
-    joint = raw.joint or (given.joint if given else '')
-    model = model_of(fit, question.drive, given, joint)
-    if given:
-        start = given
-        before = fit_before = given.measured(raw) - given.predict(raw, same_recording=True)
-    else:
-        plain = refit(fit_eq6_alone(question, fit.settings), [])
-        start = model_of(plain, question.drive, None, joint)
-        before = plain.residual()
-        fit_before = rows.samples.current - start.current(rows.samples)
-    after, fit_after = fit.residual(), raw.current - model.predict(raw, same_recording=True)
-    # A model that is no better on parts that were not fitted is not used.
-    keep_start = rms(after[rows.usable]) >= rms(before[rows.usable])
-    if keep_start:
-        model, after, fit_after = start, before, fit_before
-    report = report_of(ReportInput(
-        question, fit, start, model, fit_before, before, fit_after, after, stability,
-        intervals(fit.table, fit.keys), unit, keep_start))
-    trail = [('before', report['before']['held_out_rmse'])]
-    trail += [(effect['name'], effect['held_out_rmse']) for effect in report['effects']]
-    return RefineResult(report, model, start, rows.samples, rows.usable, before, after,
-                        rows.scene, trail)
+def refit(fit: Fit, keys: Sequence[Key]) -> Fit:
+    """Fit some terms alone, with the transition that predicts all samples best."""
+    keys = adjust_constants(fit.table, keys, 5)
+    fit.table.fit_transition(keys)
+    _fit_transition_to_all_samples(fit.table, keys)
+    return replace(fit, keys=keys)
 
 
-__all__ = ['InputError', 'RefineResult', 'refine']
+def _fit_transition_to_all_samples(table: Table, keys: Sequence[Key]) -> None:
+    """Set the transition of Eq. 6 that predicts all samples best.
+
+    Samples near standstill are not used to choose effects, since the current of a joint that
+    sticks is not friction. But only they show how steeply friction changes its sign: of all
+    transitions that explain the motion equally well, the one that best predicts all samples,
+    with starts, stops and reversals, is used.
+    """
+    rows = table.rows
+    index = np.arange(0, len(rows.samples), max(1, len(rows.samples) // _MOST_SAMPLES))
+    steepness, shift = table.transition
+    widths = rows.scene.speed * np.geomspace(3e-4, 0.25, _STEEPNESSES)
+    grid = [(steepness, shift), (steepness, 0.0)] + [
+        (2.0 / width, trial) for width in widths for trial in dict.fromkeys((shift, 0.0))]
+    others = np.column_stack([table.terms[key].columns(rows) for key in keys]
+                             or [np.empty((len(rows.samples), 0))])[index]
+    columns = table.indices(keys, derivatives=False)
+    trials = []
+    for steepness, shift in grid:
+        limit = MOST_SHIFT / steepness
+        table.set_transition(steepness, float(np.clip(shift, -limit, limit)))
+        error = float(table.left_out(columns).sum())
+        base = base_columns(rows, *table.transition)[index, :PLAIN]
+        residual = rows.target[index] - np.column_stack((base, others)) @ table.sums.fit(columns)
+        # Limit the influence of outliers.
+        size = np.abs(residual)
+        size = np.minimum(size, np.quantile(size, 0.999))
+        trials.append((error, float(size @ size), table.transition))
+    most = thresholds.SAME_MOTION_ERROR * min(error for error, *_ in trials)
+    *_, best = min((trial for trial in trials if trial[0] <= most), key=lambda trial: trial[1])
+    table.set_transition(*best)
+
+
+def model_of(fit: Fit, question: Question) -> FrictionModel:
+    """Return the model of a fit; what refinement does not touch is that of the initial one."""
+    table, rows, settings = fit.table, fit.rows, fit.settings
+    coefficients = table.coefficients(fit.keys)
+    offset, coulomb, viscous = (coefficients[column] for column in range(PLAIN))
+    sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb, steepness=table.steepness,
+                      shift=table.shift, viscous=viscous)
+    moving = rows.samples.take(rows.usable)
+    effects: list[Effect] = []
+    groups, gains = [], []
+    for key in fit.keys:
+        term = table.terms[key]
+        values = tuple(coefficients[column] for column in table.columns_of[key])
+        if term.group is None:
+            effects.append(with_range(
+                term.kind({**term.constants, 'coefficients': list(values)}), moving))
+        else:
+            groups.append(term.group)
+            gains.append(values)
+    arm = None
+    if groups:
+        effects.append(EFFECTS['other_joints']({'coefficients': [1.0]}))
+        arm = Arm(coupling=Coupling(tuple(groups), tuple(gains)),
+                  # The model applies the lag to these torques, as to all others.
+                  differentiation=settings_for_arm(rows.samples, {**settings, 'lag': 0.0}))
+    if rows.load_by_mechanics:
+        effects.append(EFFECTS['load_torque']({'coefficients': [rows.load_by_mechanics]}))
+    given = question.model
+    fitted: dict[str, Any] = {
+        'sigmoid': sigmoid, 'effects': effects, 'differentiation': dict(settings),
+        'joint': question.raw.joint or (given.joint if given else '')}
+    if not given:
+        return FrictionModel(question.drive, arm=arm, **fitted)
+    return replace(given, drive=question.drive, arm=arm or given.arm, **fitted)

@@ -9,97 +9,14 @@ it lowers that error by `LEAST_SHARE`, and by two standard errors over the block
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 import math
+from typing import Any
 
 import numpy as np
 
+from friction_comp.refinement import thresholds
 from friction_comp.refinement.effect_columns import Key, Table
-from friction_comp.refinement.joint_groups import plain_name
-from friction_comp.refinement.thresholds import (
-    LEAST_SHARE,
-    MOST_EFFECTS,
-    OWN_SHARE,
-    STANDARD_ERRORS,
-)
-
-# An effect stays in a fit with this share of the improvement that it takes to enter.
-_STAYS = 0.5
-# Number of effects compared on held-out blocks: those that explain most of the fitted ones.
-SHORTLIST_SIZE = 6
-
-
-class Split:
-    """A split of the blocks into fitted and held-out ones.
-
-    Each block is predicted by the fit to all others. Where several joints moved, so is each
-    region of posture: most excitations pass the same postures again and again, and a wrong
-    term that fits these would not be noticed.
-
-    Parameters
-    ----------
-    table : Table
-    weights : ndarray of int, shape (B,), optional
-        How often each block is in the fitted sample; blocks with weight 0 are held out. When
-        omitted, each block is left out in turn.
-    """
-
-    def __init__(self, table: Table, weights: np.ndarray | None = None) -> None:
-        self._table, self._resampled = table, weights is not None
-        self._weights = np.ones(table.sums.blocks) if weights is None else weights[table.block]
-        self._regions = len(np.unique(table.region)) > 1
-        # A resampled split holds out too few blocks to test their mean.
-        self._errors = 1.0 if self._resampled else float(STANDARD_ERRORS)
-
-    @classmethod
-    def resampled(cls, table: Table, rng: np.random.Generator) -> Split:
-        """Return a split that fits blocks drawn with replacement and holds out the others."""
-        blocks = int(table.block.max()) + 1
-        while True:
-            weights = np.bincount(rng.integers(0, blocks, blocks), minlength=blocks)
-            if np.sum(weights == 0) > 2:
-                return cls(table, weights)
-
-    @property
-    def total(self) -> np.ndarray:
-        """The sums over all fitted blocks, shape (P + 1, P + 1)."""
-        return np.tensordot(self._weights, self._table.sums.gram, 1)
-
-    def errors(self, columns: Sequence[int]) -> list[np.ndarray]:
-        """Return the squared errors of held-out blocks, and of held-out regions where there are."""
-        sums, table = self._table.sums, self._table
-        if self._resampled:
-            coefficients = sums.fits(columns, self._weights[None])
-            errors = sums.squares(columns, np.repeat(coefficients, sums.blocks, axis=0))
-            return [errors[self._weights == 0.0]]
-        blocks = np.bincount(table.block, sums.left_out(columns, table.block))
-        if not self._regions:
-            return [blocks]
-        return [blocks, sums.left_out(columns, table.region)]
-
-    def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
-                 share: float = 1.0) -> bool:
-        """Return whether errors decrease by more than chance explains.
-
-        Where several joints moved, they have to decrease in held-out regions of posture, too.
-
-        Parameters
-        ----------
-        before, after : sequence of ndarray
-            As returned by `errors`.
-        share : float
-            Share of the usual thresholds to apply.
-        """
-        for old, new in zip(before, after):
-            gain = old - new
-            # Relative to the error of each block, so that a block with large errors cannot decide.
-            ratio = gain / np.maximum(old + new, 1e-300)
-            error = float(np.std(ratio, ddof=1)) / math.sqrt(len(gain))
-            if not (gain.sum() > share * LEAST_SHARE * old.sum()
-                    and ratio.mean() > share * self._errors * error):
-                return False
-        return True
 
 
 def total(errors: Sequence[np.ndarray]) -> float:
@@ -109,17 +26,10 @@ def total(errors: Sequence[np.ndarray]) -> float:
 
 def gains(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence[int]],
           signs: np.ndarray) -> np.ndarray:
-    """Return the reduction of the fitted sum of squares by each candidate.
+    """Return the reduction of the fitted sum of squares by each candidate's columns, shape (N,).
 
-    Parameters
-    ----------
-    sums : ndarray, shape (P + 1, P + 1)
-        Sums of products, the target last.
-    chosen : sequence of int
-        Columns of the fit.
-    candidates : sequence of sequence of int
-        Columns of each candidate.
-    signs : ndarray of int, shape (P,)
+    `sums`, shape (P + 1, P + 1), are those of products, the target last; the `chosen` columns are
+    in the fit, and `signs`, shape (P,), are required.
     """
     norm = np.sqrt(np.maximum(np.diag(sums), 1e-300))
     scaled = sums / norm / norm[:, None]
@@ -144,36 +54,60 @@ def gains(sums: np.ndarray, chosen: Sequence[int], candidates: Sequence[Sequence
     return reductions * norm[-1] ** 2
 
 
-@dataclass
 class Search:
-    """A search among the terms of a table.
+    """A search among the terms of a table, by the errors of blocks that were not fitted.
 
-    Parameters
-    ----------
-    table : Table
-    split : Split
-    candidates : list of Key
-        Terms that may be added.
-    fixed : sequence of Key
-        Terms that are always kept.
-    improve : callable, optional
-        Called with the terms after one was added; returns them with better constants, and may
-        replace `candidates`.
+    Each block is predicted by the fit to all others. Where several joints moved, so is each
+    region of posture: most excitations pass the same postures again and again, and a wrong
+    term that fits these would not be noticed.
+
+    `candidates` may be added, and `fixed` terms are always kept. With `weights`, shape (B,), each
+    block is in the fitted sample as often as they say, and those with weight 0 are held out.
     """
 
-    table: Table
-    split: Split
-    candidates: list[Key]
-    fixed: Sequence[Key] = ()
-    improve: Callable[[list[Key]], list[Key]] | None = None
+    def __init__(self, table: Table, candidates: list[Key], fixed: Sequence[Key] = (),
+                 weights: np.ndarray | None = None) -> None:
+        self.table, self.candidates, self.fixed = table, candidates, fixed
+        self._resampled = weights is not None
+        self._weights = np.ones(len(table.block)) if weights is None else weights[table.block]
+        self._regions = len(np.unique(table.region)) > 1
+        # A resampled sample holds out too few blocks to test their mean.
+        self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
+
+    def improve(self, keys: list[Key]) -> list[Key]:
+        """Return terms, after one was added, with better constants; may replace `candidates`."""
+        return keys
 
     def errors(self, keys: Sequence[Key]) -> list[np.ndarray]:
-        """Return the held-out squared errors of a fit of some terms."""
-        return self.split.errors(self.table.indices(keys))
+        """Return the squared errors of held-out blocks, and of held-out regions where there are."""
+        table, sums, columns = self.table, self.table.sums, self.table.indices(keys)
+        if self._resampled:
+            coefficients = sums.fits(columns, self._weights[None])
+            errors = sums.squares(columns, np.repeat(coefficients, len(self._weights), axis=0))
+            return [errors[self._weights == 0.0]]
+        blocks = np.bincount(table.block, table.left_out(columns))
+        return [blocks, sums.left_out(columns, table.region)] if self._regions else [blocks]
 
     def error(self, keys: Sequence[Key]) -> float:
         """Return the sum of the held-out squared errors of a fit of some terms."""
         return total(self.errors(keys))
+
+    def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
+                 share: float = 1.0) -> bool:
+        """Return whether `errors` decrease by more than chance explains.
+
+        Where several joints moved, they have to decrease in held-out regions of posture, too. A
+        `share` of the thresholds is applied.
+        """
+        for old, new in zip(before, after):
+            gain = old - new
+            # Relative to the error of each block, so that a block with large errors cannot decide.
+            ratio = gain / np.maximum(old + new, 1e-300)
+            error = float(np.std(ratio, ddof=1)) / math.sqrt(len(gain))
+            if not (gain.sum() > share * thresholds.LEAST_SHARE * old.sum()
+                    and ratio.mean() > share * self._standard_errors * error):
+                return False
+        return True
 
     def complete(self, keys: Sequence[Key]) -> list[Key]:
         """Return terms together with the joint's own terms that groups of other joints need.
@@ -181,9 +115,10 @@ class Search:
         An inertia or a weight that depends on other joints also has a part of the joint alone.
         Without that part, the group would have to represent both, and fail in other postures.
         """
-        needed = {plain_name(key[-1]) for key in keys if key[-1] is not None}
-        needed -= {key[0] for key in keys if key[-1] is None}
-        return [*keys, *(key for key in self.table.terms if key[-1] is None and key[0] in needed)]
+        groups = [key.group for key in keys if key.group]
+        needed = {'gravity' if group.kind == 'weight' else 'inertia' for group in groups}
+        needed -= {key.effect for key in keys if not key.group}
+        return [*keys, *(key for key in self.table.terms if not key.group and key.effect in needed)]
 
     def separable(self, keys: Sequence[Key]) -> list[Key]:
         """Return the terms without collinear ones, the last removed first.
@@ -196,50 +131,47 @@ class Search:
             columns = self.table.indices(keys, derivatives=False)
             share = dict(zip(columns, self.table.sums.own_share(columns)))
             collinear = [key for key in keys if key not in self.fixed and max(
-                share[column] for column in self.table.columns_of(key)) < OWN_SHARE]
+                share[column] for column in self.table.columns_of[key]) < thresholds.OWN_SHARE]
             if not collinear:
                 return keys
             keys.remove(collinear[-1])
 
-    def shortlist(self, keys: Sequence[Key], count: int = SHORTLIST_SIZE) -> list[Key]:
+    def shortlist(self, keys: Sequence[Key]) -> list[Key]:
         """Return the best candidates, one of each effect, by the error that is fitted."""
-        counts = Counter(key[0] for key in keys)
+        counts = Counter(key.effect for key in keys)
         allowed = [key for key in self.candidates if key not in keys and (
-            key[-1] is not None or counts[key[0]] < self.table.terms[key].kind.most)]
+            key.group or counts[key.effect] < self.table.terms[key].kind.most)]
         if not allowed:
             return []
-        reductions = gains(self.split.total, self.table.indices(keys),
-                           [self.table.columns_of(key) for key in allowed], self.table.sums.signs)
-        best: dict[Key, tuple[float, Key]] = {}
-        for gain, key in zip(reductions, allowed):
-            kind = (key[0], key[-1])
-            if gain > best.get(kind, (0.0, ()))[0]:
-                best[kind] = (float(gain), key)
-        order = sorted(best.values(), key=lambda entry: -entry[0])
-        return [key for _, key in order[:count]]
+        sums = np.tensordot(self._weights, self.table.sums.gram, 1)
+        reductions = gains(sums, self.table.indices(keys),
+                           [self.table.columns_of[key] for key in allowed], self.table.sums.signs)
+        best: dict[Any, Key] = {}
+        for index in np.argsort(-reductions, kind='stable'):
+            key = allowed[index]
+            if reductions[index] > 0.0:
+                best.setdefault((key.effect, key.group), key)
+        return list(best.values())[:int(thresholds.SHORTLIST)]
 
     def forward(self, keys: Sequence[Key]) -> list[Key]:
         """Add terms while one is an improvement, and remove those that became superfluous."""
         keys = list(keys)
         before = self.errors(keys)
-        while len(keys) < MOST_EFFECTS:
+        while len(keys) < thresholds.MOST_EFFECTS:
             trials = []
             for key in self.shortlist(keys):
                 after = self.errors(self.complete([*keys, key]))
-                if (self.split.improves(before, after)
+                if (self.improves(before, after)
                         and len(self.separable([*keys, key])) > len(keys)):
                     trials.append((total(after), key))
             if not trials:
                 break
+            transition = self.table.transition
             grown = self.complete([*keys, min(trials, key=lambda trial: trial[0])[1]])
-            transition = self.table.steepness, self.table.shift
-            if self.improve:
-                grown = self.improve(grown)
-            grown = self.backward(grown)
+            grown = self.backward(self.improve(grown))
             now = self.errors(grown)
             if not total(now) < total(before):
-                if self.improve:
-                    self.table.set_transition(*transition)
+                self.table.set_transition(*transition)
                 break
             keys, before = grown, now
         return keys
@@ -249,19 +181,18 @@ class Search:
         keys = self.complete(keys)
         while True:
             full = self.errors(keys)
-            weakest: tuple[float, Key] | None = None
+            trials: list[tuple[float, Key]] = []
             for key in keys:
                 rest = [other for other in keys if other != key]
                 if key in self.fixed or key in self.complete(rest):
                     continue
                 without = self.errors(rest)
-                stays = 1.0 if key[-1] is not None else _STAYS
-                if not self.split.improves(without, full, stays) and (
-                        weakest is None or total(without) < weakest[0]):
-                    weakest = (total(without), key)
-            if weakest is None:
+                stays = 1.0 if key.group else thresholds.STAYS
+                if not self.improves(without, full, stays):
+                    trials.append((total(without), key))
+            if not trials:
                 return keys
-            keys.remove(weakest[1])
+            keys.remove(min(trials, key=lambda trial: trial[0])[1])
 
     def exchange(self, keys: Sequence[Key]) -> list[Key]:
         """Replace terms by other effects where that lowers the error."""
@@ -270,10 +201,10 @@ class Search:
             if key in self.fixed:
                 continue
             rest = [other for other in keys if other != key]
-            limit = self.error(keys) * (1.0 - _STAYS * LEAST_SHARE)
+            limit = self.error(keys) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
             trials = [(self.error([*rest, other]), other)
                       for other in self.shortlist(rest)
-                      if (other[0], other[-1]) != (key[0], key[-1])
+                      if (other.effect, other.group) != (key.effect, key.group)
                       and len(self.separable([*rest, other])) > len(rest)]
             error, other = min(trials, default=(math.inf, key), key=lambda trial: trial[0])
             if error < limit:

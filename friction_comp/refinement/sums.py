@@ -3,8 +3,7 @@
 """Block sums: products of columns summed over blocks, all that a linear fit needs.
 
 For each block k the sums ``X_kᵀX_k``, ``X_kᵀy_k``, ``y_kᵀy_k`` and the number of rows are kept, and
-no sample. Sums of chunks, recordings, days or processes are added; a block is left out by
-subtraction; blocks are resampled by weights.
+no sample. A block is left out by subtraction; blocks are resampled by weights.
 """
 
 from __future__ import annotations
@@ -21,118 +20,78 @@ _RIDGE = 1e-7
 
 @dataclass
 class BlockSums:
-    """Sums of products over blocks.
+    """Sums of products over K blocks. In its methods, `columns` are S indices of P columns."""
 
-    Parameters
-    ----------
-    gram : ndarray, shape (K, P + 1, P + 1)
-        Sums of products of all columns, the target last.
-    rows : ndarray, shape (K,)
-        Number of rows in each block.
-    signs : ndarray of int, shape (P,)
-        1 where a coefficient must not be negative, 0 where it is free.
-    """
+    gram: np.ndarray  # (K, P + 1, P + 1): sums of products of all columns, the target last
+    rows: np.ndarray  # (K,): number of rows in each block
+    signs: np.ndarray  # (P,): 1 where a coefficient must not be negative, 0 where it is free
 
-    gram: np.ndarray
-    rows: np.ndarray
-    signs: np.ndarray
+    @classmethod
+    def over(cls, full: np.ndarray, parts: Sequence[np.ndarray | slice], signs: np.ndarray
+             ) -> BlockSums:
+        """Return the sums of columns and, last, a target, shape (P + 1, R), over parts of rows."""
+        blocks = [full[:, rows] for rows in parts]
+        return cls(np.array([own @ own.T for own in blocks]),
+                   np.array([own.shape[1] for own in blocks]), signs)
 
-    @property
-    def blocks(self) -> int:
-        """Number of blocks K."""
-        return len(self.rows)
-
-    def __add__(self, other: BlockSums) -> BlockSums:
-        """Return the sums with the blocks of both."""
-        return BlockSums(np.concatenate((self.gram, other.gram)),
-                         np.concatenate((self.rows, other.rows)), self.signs)
-
-    def left_out(self, columns: Sequence[int], fold: np.ndarray | None = None,
-                 weights: np.ndarray | None = None) -> np.ndarray:
+    def left_out(self, columns: Sequence[int], fold: np.ndarray | None = None) -> np.ndarray:
         """Return the squared error of each block by the fit to all blocks of other folds.
 
-        Parameters
-        ----------
-        columns : sequence of int, length S
-        fold : ndarray of int, shape (K,), optional
-            Blocks that are left out together; each by itself when omitted.
-        weights : ndarray, shape (K,), optional
-            Weights of the blocks in the fits.
-
-        Returns
-        -------
-        ndarray, shape (K,)
+        Blocks of the same `fold`, shape (K,), are left out together; each by itself when omitted.
         """
-        fold_of_block = np.arange(self.blocks) if fold is None else fold
-        train = (fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]).astype(float)
-        if weights is not None:
-            train = train * weights
-        return self.squares(columns, self.fits(columns, train)[fold_of_block])
+        fold_of_block = np.arange(len(self.rows)) if fold is None else fold
+        train = fold_of_block != np.arange(int(fold_of_block.max()) + 1)[:, None]
+        return self.squares(columns, self.fits(columns, train.astype(float))[fold_of_block])
 
     def squares(self, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
-        """Return the squared error of each block with its own coefficients, shape (K,).
-
-        Parameters
-        ----------
-        columns : sequence of int, length S
-        coefficients : ndarray, shape (K, S)
-        """
+        """Return the squared error of each block, (K,), by its own coefficients, shape (K, S)."""
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
         mix = np.concatenate((coefficients, np.full((len(coefficients), 1), -1.0)), axis=1)
         return np.asarray((mix[:, None] @ self.gram[:, inner[:, None], inner]
                            @ mix[:, :, None])[:, 0, 0])
 
     def fits(self, columns: Sequence[int], weights: np.ndarray) -> np.ndarray:
-        """Return the coefficients of fits to weighted blocks, shape (F, S).
-
-        Parameters
-        ----------
-        columns : sequence of int, length S
-        weights : ndarray, shape (F, K)
-        """
+        """Return the coefficients, shape (F, S), of fits to blocks with weights, shape (F, K)."""
         inner = np.append(np.asarray(columns, dtype=int), self.gram.shape[1] - 1)
         mixed = np.tensordot(weights, self.gram[:, inner[:, None], inner], 1)
         return solve(mixed, self._norms(inner[:-1]), self.signs[inner[:-1]])
+
+    def fit(self, columns: Sequence[int]) -> np.ndarray:
+        """Return the coefficients fitted to all blocks, shape (S,)."""
+        return self.fits(columns, np.ones((1, len(self.rows))))[0]
+
+    def own_share(self, columns: Sequence[int]) -> np.ndarray:
+        """Return the share of each column's norm that is independent of the others, shape (S,)."""
+        norms = self._norms(np.asarray(columns, dtype=int))
+        scaled = self.gram.sum(axis=0)[np.ix_(columns, columns)] / norms / norms[:, None]
+        scaled[np.diag_indices(len(scaled))] += 1e-12
+        return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
 
     def _norms(self, columns: np.ndarray) -> np.ndarray:
         """Return the root of each column's sum of squares over all blocks."""
         norms = np.sqrt(self.gram[:, columns, columns].sum(axis=0))
         return np.where(norms > 0.0, norms, 1.0)
 
-    def own_share(self, columns: Sequence[int]) -> np.ndarray:
-        """Return the share of each column's norm that is independent of the others, shape (S,).
 
-        Parameters
-        ----------
-        columns : sequence of int, length S
-        """
-        norms = self._norms(np.asarray(columns, dtype=int))
-        scaled = self.gram.sum(axis=0)[np.ix_(columns, columns)] / norms / norms[:, None]
-        scaled[np.diag_indices(len(scaled))] += 1e-12
-        return np.asarray(1.0 / np.sqrt(np.abs(np.diag(np.linalg.inv(scaled)))))
+def sums_of(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> BlockSums:
+    """Return the block sums of columns, shape (R, P), and a target, with consecutive blocks."""
+    edges = np.searchsorted(block, np.arange(int(block.max()) + 2))
+    return BlockSums.over(
+        np.column_stack((columns, target)).T, [slice(*ends) for ends in zip(edges, edges[1:])],
+        np.zeros(columns.shape[1], dtype=int))
 
-    def fit(self, columns: Sequence[int]) -> np.ndarray:
-        """Return the coefficients fitted to all blocks, shape (S,)."""
-        return self.fits(columns, np.ones((1, self.blocks)))[0]
+
+def held_out(columns: np.ndarray, target: np.ndarray, block: np.ndarray) -> float:
+    """Return the squared error of all blocks, each by least squares on the others."""
+    return float(sums_of(columns, target, block).left_out(range(columns.shape[1])).sum())
 
 
 def solve(sums: np.ndarray, norms: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """Solve several least squares problems with bounds at zero.
+    """Solve least squares problems with bounds at zero; return the coefficients, shape (F, S).
 
     A coefficient with the wrong sign is set to zero, the worst first, and the others are solved
-    for without it.
-
-    Parameters
-    ----------
-    sums : ndarray, shape (F, S + 1, S + 1)
-        Sums of products of the columns, the target last.
-    norms : ndarray, shape (S,)
-        Norms of the columns.
-    signs : ndarray of int, shape (S,)
-
-    Returns
-    -------
-    ndarray, shape (F, S)
+    for without it. `sums`, shape (F, S + 1, S + 1), are those of products of columns with these
+    `norms` and required `signs`, shape (S,), the target last.
     """
     size = len(norms)
     scaled = sums[:, :-1, :-1] / norms[:, None] / norms

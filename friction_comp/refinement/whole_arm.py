@@ -15,7 +15,8 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.refinement.prepare import clipped, load_by_mechanics
+from friction_comp.refinement.prepare import clipped
+from friction_comp.refinement.recorded_motion import load_by_mechanics
 from friction_comp.refinement.refine import refine, RefineResult
 from friction_comp.rigid_bodies.fit import ArmFit, fit_arm
 from friction_comp.rigid_bodies.urdf import Chain
@@ -27,46 +28,31 @@ _BODIES = 0.2
 
 @dataclass
 class ArmResult:
-    """The result of refining an arm.
-
-    Attributes
-    ----------
-    fit : ArmFit
-    results : dict of str to RefineResult
-        Results by joint; the models include the arm where they need it.
-    notes : list of str
-        Notes for the reader, such as joints left out or locked.
-    """
+    """The result of refining an arm."""
 
     fit: ArmFit
-    results: dict[str, RefineResult]
-    notes: list[str]
+    results: dict[str, RefineResult]  # by joint; the models include the arm where they need it
+    notes: list[str]  # for the reader, such as joints left out or locked
 
     def report(self) -> dict[str, Any]:
         """Return the arm's part of report.json."""
-        fit = self.fit
+        fit, tree, bounds = self.fit, self.fit.tree, self.fit.intervals
+
+        def by_name(values: Any) -> dict[str, Any]:
+            mass, *others = values
+            return {'mass': mass, 'first_moment': others[:3], 'inertia': others[3:]}
         return {
-            'joints': list(fit.tree.joints),
-            'gravity': fit.tree.gravity,
+            'joints': list(tree.joints), 'gravity': tree.gravity,
             'identifiable_parameters': fit.identifiable,
-            'differentiation': dict(fit.differentiation),
-            'regularisation': fit.strength,
+            'differentiation': dict(fit.differentiation), 'regularisation': fit.strength,
             'rigid_bodies': [{
                 'joint': name, 'current_per_torque': fit.scales[k],
                 'held_out_rmse_without': fit.without[k], 'held_out_rmse': fit.held_out[k],
-                'mass': fit.tree.parameters[k, 0], 'mass_urdf': fit.start.parameters[k, 0],
-                'first_moment': fit.tree.parameters[k, 1:4].tolist(),
-                'inertia': fit.tree.parameters[k, 4:].tolist(),
-                'intervals': {
-                    'current_per_torque': fit.intervals.scales[k].tolist(),
-                    'mass': _ends(fit.intervals.parameters[k, 0]),
-                    'first_moment': [_ends(bounds) for bounds in fit.intervals.parameters[k, 1:4]],
-                    'inertia': [_ends(bounds) for bounds in fit.intervals.parameters[k, 4:]]},
-                'told_by_recording': {
-                    'mass': fit.intervals.told[k, 0],
-                    'first_moment': fit.intervals.told[k, 1:4].tolist(),
-                    'inertia': fit.intervals.told[k, 4:].tolist()},
-            } for k, name in enumerate(fit.tree.joints)],
+                **by_name(tree.parameters[k].tolist()), 'mass_urdf': fit.start.parameters[k, 0],
+                'intervals': {'current_per_torque': bounds.scales[k].tolist(),
+                              **by_name([_ends(ends) for ends in bounds.parameters[k]])},
+                'told_by_recording': by_name(bounds.told[k].tolist()),
+            } for k, name in enumerate(tree.joints)],
             'notes': list(self.notes)}
 
 
@@ -82,20 +68,15 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     recorded : dict of str to list of Samples
         Each joint's recordings, with `arm`.
     urdf : path-like
-    drives : dict of str to Drive, optional
-    models : dict of str to FrictionModel, optional
-        Initial models.
+    drives, models : dict of str, optional
+        Drives and initial models of joints.
     declared : bool
-        Whether torque constants and gear ratios of the drives are known, so that masses are
+        Whether torque constants and gear ratios of all drives are known, so that masses are
         fitted to torques.
     only : sequence of str, optional
         Joints to refine; all of the arm when omitted.
     progress : callable, optional
         Called with the share of the work done and the name of the step.
-
-    Returns
-    -------
-    ArmResult
 
     Raises
     ------
@@ -115,9 +96,9 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
     scales = None
     if declared:
         scales = np.array([1.0 / drives[name].torque_per_current for name in names])
-    moved = {name: [_add_person_torque(samples, drives[name]) if declared else samples
-                    for samples in recorded[name]] for name in names}
-    fit = fit_arm(chain, _at_common_times(moved), scales,
+    carried = {name: [_add_person_torque(samples, drives[name]) if declared else samples
+                      for samples in recorded[name]] for name in names}
+    fit = fit_arm(chain, _at_common_times(carried), scales,
                   lambda share: report(_BODIES * share, 'rigid bodies'))
     if (fit.tree.gravity != chain.tree.gravity).any():
         direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
@@ -125,7 +106,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
                      'along its -z: the arm is assumed to be mounted so')
     arm = Arm(tree=fit.tree, differentiation=fit.differentiation)
     refined = list(only or names)
-    results, failed = {}, ''
+    results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):
         def report_joint(share: Any, word: Any, index: Any = index, name: Any = name) -> None:
             report(_BODIES + (1.0 - _BODIES) * (index + share) / len(refined), f'{name}: {word}')
@@ -134,14 +115,13 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         try:
             result = refine([samples], models.get(name), drives.get(name), report_joint)
         except InputError as error:
-            failed = f'joint {name!r}: {error}'
-            notes.append(failed)
+            notes.append(f'joint {name!r}: {error}')
             continue
         if any('rigid_body' in effect.needs for effect in result.model.effects):
             result.model.arm = arm
         results[name] = result
     if not results:
-        raise InputError(failed)
+        raise InputError(notes[-1])
     return ArmResult(fit, results, notes)
 
 

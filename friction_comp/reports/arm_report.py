@@ -6,12 +6,11 @@ from __future__ import annotations
 
 from typing import Any, TYPE_CHECKING
 
-from friction_comp.reports.figures import COLOURS, new_figure, styled
+from friction_comp.reports.each_report import errors_figure
 from friction_comp.reports.html import Link, number, Report
+from friction_comp.reports.refinement_report import effect_names
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from friction_comp.refinement.whole_arm import ArmResult
 
 # Largest ratio of an interval's ends up to which a current per torque counts as known.
@@ -28,48 +27,39 @@ def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> 
         Names of the recordings.
     folders : dict of str to str
         Folder of each joint's own page.
-
-    Returns
-    -------
-    Report
     """
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: joint_result.report for name, joint_result in result.results.items()}
     unit = next(iter(reports.values()))['unit']
+    errors = [{'before': report['before']['held_out_rmse'],
+               'after': report['after']['held_out_rmse'], 'noise_floor': report['noise_floor']}
+              for report in reports.values()]
     page.verdict(verdict(reports))
     page.table(
         ['joint', f'before ({unit})', f'after ({unit})', f'noise ({unit})', 'verdict', 'found'],
-        [[Link(name, f'{folders[name]}/report.html'), report['before']['held_out_rmse'],
-          report['after']['held_out_rmse'], report['noise_floor'], report['verdict'],
-          ', '.join(effect['name'].replace('_', ' ') for effect in report['effects']) or 'nothing']
-         for name, report in reports.items()],
+        [[Link(name, f'{folders[name]}/report.html'), *row.values(), report['verdict'],
+          effect_names(report['effects'])]
+         for (name, report), row in zip(reports.items(), errors)],
         'RMS of measured minus predicted on parts that were not fitted, by the initial model '
         'and by the refined one; each name links to the report on that joint.')
     page.figure(
-        _errors(reports),
-        'The same as shares of the current in motion, on a logarithmic scale: the distance from '
-        'the error after refinement to the noise is not explained yet.',
-        'Errors before and after, and the noise, of each joint')
+        errors_figure([{'joint': name, **row} for name, row in zip(reports, errors)], unit),
+        'The same on a logarithmic scale: the distance from the error after refinement to the '
+        'noise is not explained yet.', 'Errors before and after, and the noise, of each joint')
     page.heading('What was found, joint by joint')
     for name, report in reports.items():
         page.heading(name, 3)
-        lines = [f"- {effect['in_words']}; with it the error is "
+        lines = [f"{effect['in_words']}; with it the error is "
                  f"{number(effect['held_out_rmse'])} {unit}" for effect in report['effects']]
-        lines += [f'- Limits the verdict: {line}' for line in report['reasons']
+        lines += [f'Limits the verdict: {line}' for line in report['reasons']
                   if report['verdict'] != 'trust']
-        page.text('\n'.join(lines or ['Nothing.']))
+        page.bullets(lines or ['Nothing.'])
     _add_bodies(page, result, unit)
     return page
 
 
 def verdict(reports: dict[str, dict[str, Any]]) -> str:
-    """Return the verdicts on all joints in words.
-
-    Parameters
-    ----------
-    reports : dict of str to dict
-        Reports by joint.
-    """
+    """Return the verdicts on all joints in words."""
     kinds: dict[str, list[str]] = {}
     for name, report in reports.items():
         kinds.setdefault(report['verdict'], []).append(name)
@@ -80,35 +70,6 @@ def verdict(reports: dict[str, dict[str, Any]]) -> str:
     change = f' The error on data not fitted is {min(less):.0f} to {max(less):.0f} % less than ' \
              'before.' if less else ''
     return f'Verdict by joint: {words}.{change}'
-
-
-@styled
-def _errors(reports: dict[str, dict[str, Any]]) -> Figure:
-    """Draw the errors of each joint as shares of its current."""
-    from matplotlib.ticker import PercentFormatter
-
-    figure, axes = new_figure(height=0.9 + 0.32 * len(reports))
-    rows = range(len(reports))
-    series = (
-        ('before', 'o', 'grey', [errors['before']['held_out_rmse'] for errors in reports.values()]),
-        ('after', 's', 'blue', [errors['after']['held_out_rmse'] for errors in reports.values()]),
-        ('noise', '|', 'orange', [errors['noise_floor'] for errors in reports.values()]))
-    signal = [max(errors['signal_rms'], 1e-300) for errors in reports.values()]
-    for index, errors in enumerate(zip(*(values for *_, values in series))):
-        axes.plot([errors[0] / signal[index], errors[1] / signal[index]], [index, index],
-                  color=COLOURS['grey'], linewidth=1.2, zorder=1)
-    for label, marker, colour, values in series:
-        axes.plot([value / scale for value, scale in zip(values, signal)], rows, marker,
-                  color=COLOURS[colour], markersize=9 if marker != '|' else 13,
-                  markeredgewidth=2.4 if marker == '|' else 0, label=label, linestyle='none')
-    axes.set_xscale('log')
-    axes.xaxis.set_major_formatter(PercentFormatter(1.0))
-    axes.set_yticks(list(rows), list(reports))
-    axes.set_ylim(len(reports) - 0.5, -0.5)
-    axes.set_xlabel('error as a share of the RMS of the current in motion')
-    axes.grid(visible=False, axis='y')
-    axes.legend(loc='lower center', bbox_to_anchor=(0.5, 1.0), ncols=3)
-    return figure
 
 
 def _add_bodies(page: Report, result: ArmResult, unit: str) -> None:
@@ -139,8 +100,7 @@ def _add_bodies(page: Report, result: ArmResult, unit: str) -> None:
         '95 % intervals are in brackets. "Told by the recording" is the share by which the '
         "recording reduces the uncertainty; below one half the number is the URDF's and has no "
         'interval. All ten parameters of each link are in report.json.')
-    if arm['notes']:
-        page.text('\n'.join(f'- {line}' for line in arm['notes']))
+    page.bullets(arm['notes'])
 
 
 def _with_interval(value: float, bounds: list[float | None]) -> str:

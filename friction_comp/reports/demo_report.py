@@ -14,9 +14,8 @@ from friction_comp.evaluation.conditions import evaluate
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import number, Report
-from friction_comp.reports.interactive import Line, Panel
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
-from friction_comp.reports.refinement_figures import residual_figure, steps_figure
+from friction_comp.reports.refinement_figures import residual_figure
 from friction_comp.reports.refinement_report import formula, limitations, model_words
 
 if TYPE_CHECKING:
@@ -34,10 +33,8 @@ class EvaluatedTrial:
 
     Parameters
     ----------
-    name : str
-        Short name.
-    title : str
-        Title for the reader.
+    name, title : str
+        Short name, and title for the reader.
     samples : Samples
 
     Attributes
@@ -47,24 +44,25 @@ class EvaluatedTrial:
         Mean over both movements, N·m.
     stuck : int
         Number of movements in which the joint did not move; the peak torque then is a lower bound.
+    false_starts : int
+        Number of movements that began without the person.
     """
 
     def __init__(self, name: str, title: str, samples: Samples) -> None:
         self.name, self.title = name, title
         self.evaluation = evaluate([samples], [name])
-        self.peak_torque = self._mean('peak_torque')
-        self.rms_torque = self._mean('rms_torque')
-        self.stuck = sum(condition.stuck for condition in self.evaluation.conditions)
-
-    def _mean(self, name: str) -> float:
-        return float(np.mean([getattr(c, name) for c in self.evaluation.conditions]))
+        conditions = self.evaluation.conditions
+        self.peak_torque = float(np.mean([c.peak_torque for c in conditions]))
+        self.rms_torque = float(np.mean([c.rms_torque for c in conditions]))
+        self.stuck = sum(c.stuck for c in conditions)
+        self.false_starts = sum(c.false_starts for c in conditions)
 
     def half_interval(self, name: str) -> float | None:
         """Return half the 95 % interval of a figure's mean over both movements."""
-        intervals = [c.figures[name] for c in self.evaluation.conditions if name in c.figures]
-        halves = [0.5 * (span.high - span.low) for span in intervals
-                  if span.low is not None and span.high is not None]
-        complete = halves and len(halves) == len(self.evaluation.conditions)
+        conditions = self.evaluation.conditions
+        halves = [half for c in conditions if name in c.figures
+                  and (half := c.figures[name].half) is not None]
+        complete = len(halves) == len(conditions)
         return float(np.hypot.reduce(halves)) / len(halves) if complete else None
 
     @property
@@ -72,15 +70,10 @@ class EvaluatedTrial:
         """Peak torque in N·m as text."""
         return peak_text(self.peak_torque, self.stuck)
 
-    @property
-    def false_starts(self) -> int:
-        """Number of movements that began without the person."""
-        return sum(condition.false_starts for condition in self.evaluation.conditions)
-
 
 def residuals(refined: RefineResult) -> tuple[float, float]:
     """Return the model's error on data not fitted before and after refinement, A."""
-    return tuple(refined.report[when]['held_out_rmse'] for when in ('before', 'after'))
+    return refined.report['before']['held_out_rmse'], refined.report['after']['held_out_rmse']
 
 
 def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list[str]]:
@@ -94,9 +87,8 @@ def table_rows(trials: list[EvaluatedTrial], refined: RefineResult) -> list[list
 @styled
 def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
     """Draw the back-driving torque of all trials, movements side by side."""
-    movements = ('positive', 'negative')
-    figure, axes = new_figure(1, 2, width=8.4, height=3.4, sharey='row', squeeze=False)
-    for axis, movement in zip(axes[0], movements):
+    figure, axes = new_figure(1, 2, width=8.4, height=3.4, sharey='row')
+    for axis, movement in zip(axes, ('positive', 'negative')):
         for trial, colour in zip(trials, _COLOURS):
             for condition in trial.evaluation.conditions:
                 if condition.movement == movement:
@@ -105,18 +97,9 @@ def torque_figure(trials: list[EvaluatedTrial]) -> Figure:
         axis.axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
         axis.set_title(f'Movement in the {movement} direction')
         axis.set_xlabel('time since the movement began (s)')
-    axes[0, 0].set_ylabel('back-driving torque (N·m)')
-    axes[0, 0].legend(loc='best')
+    axes[0].set_ylabel('back-driving torque (N·m)')
+    axes[0].legend(loc='best')
     return figure
-
-
-def torque_panels(trials: list[EvaluatedTrial]) -> list[list[Panel]]:
-    """Return the curves of `torque_figure` for the interactive plot."""
-    return [[Panel('time (s)', 'back-driving torque (N·m)', [
-        Line(trial.title, c.time, c.torque, colour, c.torque_std)
-        for trial, colour in zip(trials, _COLOURS) for c in trial.evaluation.conditions
-        if c.movement == movement], f'{movement} direction')
-        for movement in ('positive', 'negative')]]
 
 
 def trial_scenes(trials: list[EvaluatedTrial]) -> list[MovingScene]:
@@ -144,8 +127,7 @@ def identification_figure(model: FrictionModel) -> Figure:
         [0.0, 0.0], [1e3 * breakaway.positive_mean, 1e3 * breakaway.negative_mean],
         [1e3 * breakaway.positive_std, 1e3 * breakaway.negative_std], fmt='s', capsize=4,
         color=COLOURS['green'], label='breakaway')
-    axes.set_xlabel('joint velocity (rad/s)')
-    axes.set_ylabel('motor current (mA)')
+    axes.set(xlabel='joint velocity (rad/s)', ylabel='motor current (mA)')
     axes.legend(loc='best')
     return figure
 
@@ -164,10 +146,6 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         The identified model.
     undeclared : path-like
         The file with the effects that only the simulation was given.
-
-    Returns
-    -------
-    Report
     """
     _, kinetic, compensated, last = trials
     before, after = residuals(refined)
@@ -193,7 +171,7 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
         "over both directions, with half the 95 % interval of the repetitions' mean (±). Model "
         'error: on data not fitted.')
     page.figure(torque_figure(trials), 'Back-driving torque of all trials, mean and standard '
-                'deviation over the repetitions.', live=torque_panels(trials))
+                'deviation over the repetitions.', interactive=True)
     page.heading('Identified')
     page.text('Constant velocities in both directions give the kinetic friction, and slow current '
               'ramps give the breakaway friction. The simulated joint also has effects that this '
@@ -205,24 +183,26 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                [[effect['name'].replace('_', ' '), effect['variable'],
                  1e3 * effect['held_out_rmse'], effect.get('in_words', '')]
                 for effect in effects] or [['none', '', None, '']])
-    page.figure(steps_figure(refined), 'Error on data not fitted as effects were added.')
     for name, label in (('position', 'position (rad)'), ('velocity', 'velocity (rad/s)')):
-        drawn = residual_figure(refined, name, label)
-        page.figure(drawn.figure, f'Residual over {name}.', live=drawn.live)
+        page.figure(residual_figure(refined, name, label), f'Residual over {name}.',
+                    interactive=True)
     page.heading('The refined model')
-    page.text(model_words(refined.model))
+    page.bullets(model_words(refined.model))
     page.code(formula(refined.model))
     page.heading('What the recordings cannot tell')
-    page.text(limitations(refined.report))
+    page.bullets(limitations(refined.report))
     return page
 
 
 def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before: float,
              after: float) -> str:
     none, kinetic, compensated, last = trials
+    more, stuck = ('', '') if not none.stuck else (
+        'more than ', f' (the joint did not move in {none.stuck} of '
+        f'{sum(c.repetitions for c in none.evaluation.conditions)} movements)')
     words = [
-        f'Without compensation the person needs {_torque_needed(none)} to set the '
-        f'joint in motion. Compensating kinetic friction alone leaves '
+        f'Without compensation the person needs {more}**{number(none.peak_torque)} N·m**{stuck} '
+        'to set the joint in motion. Compensating kinetic friction alone leaves '
         f'{kinetic.peak} N·m, since the direction of friction is unknown before the joint moves. '
         f'With the direction known it is **{compensated.peak} N·m**.']
     if effects:
@@ -240,11 +220,3 @@ def _summary(trials: list[EvaluatedTrial], effects: list[dict[str, Any]], before
                  f'In {starts} movements the joint started before the person pushed.')
     return '\n\n'.join(words)
 
-
-def _torque_needed(trial: EvaluatedTrial) -> str:
-    """Return the torque needed to set the joint in motion, as far as a trial shows it."""
-    if not trial.stuck:
-        return f'**{trial.peak} N·m**'
-    count = sum(condition.repetitions for condition in trial.evaluation.conditions)
-    return (f'more than **{number(trial.peak_torque)} N·m** (the joint did not move in '
-            f'{trial.stuck} of {count} movements)')

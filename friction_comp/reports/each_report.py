@@ -12,6 +12,7 @@ import numpy as np
 
 from friction_comp.reports.figures import COLOURS, new_figure, styled
 from friction_comp.reports.html import Link, Report
+from friction_comp.reports.refinement_report import effect_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,13 +24,7 @@ _MOST_LABELS = 16
 
 
 def verdict(content: dict[str, Any]) -> str:
-    """Return the result of all recordings in words.
-
-    Parameters
-    ----------
-    content : dict
-        Content of report.json: `recordings`, `failed`, `not_done` and `seconds`.
-    """
+    """Return the result of all recordings, the content of report.json, in words."""
     rows, failed, missing = content['recordings'], content['failed'], content['not_done']
     kinds = Counter(row['verdict'] for row in rows)
     words = ', '.join(f'{name}: {kinds[name]}' for name in (
@@ -52,23 +47,18 @@ def verdict(content: dict[str, Any]) -> str:
 
 
 def each_report(content: dict[str, Any]) -> Report:
-    """Return the page.
-
-    Parameters
-    ----------
-    content : dict
-        Content of report.json.
-    """
+    """Return the page on the content of report.json."""
     rows = content['recordings']
     joints = list(dict.fromkeys(row['joint'] for row in rows))
     page = Report('What friction models lacked, recording by recording',
                   f'{len(rows)} refined separately; joints: {", ".join(joints)}')
     page.verdict(verdict(content))
     for unit in dict.fromkeys(row['unit'] for row in rows):
-        same_unit = [row for row in rows if row['unit'] == unit]
+        same_unit = sorted((row for row in rows if row['unit'] == unit),
+                           key=lambda row: str(row['joint']))
         page.figure(errors_figure(same_unit, unit), 'Error on data not fitted, before (open) and '
-                    'after refinement (filled), and noise from sample to sample (line); ordered '
-                    'by joint and recording.')
+                    'after refinement (filled), and noise from sample to sample (line), on a '
+                    'logarithmic scale; ordered by joint and recording.')
     page.heading('Effects, and how often they were found')
     page.table(['joint', 'effect', 'depends on', 'found in', 'of', 'repeatable'],
                _effects(rows, joints))
@@ -81,19 +71,18 @@ def each_report(content: dict[str, Any]) -> Report:
          'unexplained'],
         [[Link(Path(row['recording']).name, f"{row['folder']}/report.html"), row['joint'],
           row['verdict'], row['before'], row['after'], row['noise_floor'], row['unit'],
-          _names(row['effects']) or 'nothing', ', '.join(row['unexplained'])] for row in rows],
+          effect_names(row['effects']), ', '.join(row['unexplained'])] for row in rows],
         'RMS of measured minus predicted on parts that were not fitted. The page and the model '
         'file of each recording are in its folder beside this page.')
     if content['failed']:
         page.heading('Left out')
-        page.text('\n'.join(f'- {reason}' for reason in content['failed']))
+        page.bullets(content['failed'])
     return page
 
 
 @styled
 def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
-    """Draw the errors before and after refinement for each recording."""
-    rows = sorted(rows, key=lambda row: row['joint'])
+    """Draw the errors before and after refinement; rows of a joint follow each other."""
     figure, axes = new_figure(width=8.4, height=3.2)
     x = np.arange(len(rows))
     before, after, noise = (np.array([row[name] for row in rows], dtype=float)
@@ -103,14 +92,12 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
               label='before')
     axes.plot(x, after, 'o', color=COLOURS['blue'], markersize=4, label='after')
     axes.hlines(noise, x - 0.4, x + 0.4, color=COLOURS['green'], linewidth=1.2, label='noise')
-    joints = [row['joint'] for row in rows]
-    begins = [k for k in range(len(rows)) if not k or joints[k] != joints[k - 1]]
-    for begin in begins[1:]:
+    joints, begins, counts = np.unique([row['joint'] for row in rows], return_index=True,
+                                       return_counts=True)
+    for begin in sorted(begins)[1:]:
         axes.axvline(begin - 0.5, color=COLOURS['grey'], linewidth=0.6)
-    if len(begins) > 1:
-        ends = [*begins[1:], len(rows)]
-        axes.set_xticks([0.5 * (a + b - 1) for a, b in zip(begins, ends)],
-                        [joints[k] for k in begins])
+    if len(joints) > 1:
+        axes.set_xticks(begins + 0.5 * (counts - 1), joints)
     elif len(rows) <= _MOST_LABELS:
         axes.set_xticks(x, [Path(row['recording']).name for row in rows],
                         rotation=30 if len(rows) > 4 else 0,
@@ -118,8 +105,7 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
     else:
         axes.set_xticks([])
         axes.set_xlabel('recordings, as in the table below')
-    axes.set_ylim(bottom=0.0)
-    axes.set_ylabel(f'RMS error ({unit})')
+    axes.set(yscale='log', ylabel=f'RMS error ({unit})')
     figure.legend(loc='outside lower center', ncols=3)
     return figure
 
@@ -135,8 +121,3 @@ def _effects(rows: list[dict[str, Any]], joints: list[str]) -> list[list[Any]]:
              'yes' if count > 1 and count >= _REPEATABLE * len(joint_rows) else 'no']
             for (name, variable), count in counts.most_common())
     return table or [['', 'none', '', None, len(rows), '']]
-
-
-def _names(effects: list[dict[str, Any]]) -> str:
-    counts = Counter(effect['name'].replace('_', ' ') for effect in effects)
-    return ', '.join(f'{name} × {count}' if count > 1 else name for name, count in counts.items())

@@ -10,32 +10,32 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.evaluation.effect_size import effect_size, pairs_to_decide
+from friction_comp.evaluation.compare import effect_size, pairs_to_decide
 from friction_comp.evaluation.repetitions import FIGURES
-from friction_comp.reports.evaluation_simply import plain_names, plain_tiles, plain_verdict
 from friction_comp.reports.evaluation_words import (
     figure_of,
     heading,
     nonbreaking_label,
     p_value_text,
     peak_text,
-    probability,
-    share,
+    plain_names,
+    plain_tiles,
+    plain_verdict,
     summary,
     verdict,
     with_interval,
 )
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
 from friction_comp.reports.html import Report
-from friction_comp.reports.interactive import Line, Panel
 from friction_comp.reports.moving_joint import moving_joint, MovingScene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from friction_comp.evaluation.compare import Trend
     from friction_comp.evaluation.conditions import Evaluation
+    from friction_comp.evaluation.intervals import Interval
     from friction_comp.evaluation.repetitions import Help
-    from friction_comp.evaluation.trend import Trend
 
 # Largest numbers of comparisons, tiles and recordings on a page; report.json has all.
 _MOST_COMPARISONS, _MOST_TILES, _MOST_RECORDINGS = 24, 5, 12
@@ -46,49 +46,48 @@ _TABLES = (
     ('Timing and smoothness', ('peak_time', 'onset', 'announcement_to_motion', 'smoothness',
                                'rms_current')),
 )
+_EXPLAINED = {
+    'peak_torque': (
+        'The peak is the largest torque from the beginning of the movement until it slows down, or '
+        'until the joint starts moving where that is later. A lower bound (>) is given where the '
+        'joint did not move in some repetitions. RMS is over the movement without standstill. The '
+        'torque at constant velocity is positive where the person pushes the joint, and negative '
+        'where the joint pulls the person.'),
+    'residual_current': (
+        'The residual current is the RMS difference between the current that the model predicts '
+        'for the movement and the commanded one: it is as good as the model.'),
+    'smoothness': (
+        'Smoothness is the spectral arc length of the speed: about \u22121.4 for a single '
+        'bell-shaped movement, and lower with hesitations.')}
 _MARKERS = 'osD^vPX*'
 
 
 @styled
 def evaluation_figure(evaluation: Evaluation) -> Figure:
-    """Draw trajectories above and torques below, with positive movements left and negative right.
-
-    Parameters
-    ----------
-    evaluation : Evaluation
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw trajectories above and torques below, positive movements left and negative right."""
     movements = [name for name in ('positive', 'negative')
                  if any(c.movement == name for c in evaluation.conditions)]
     colours = _colours(evaluation)
-    rows = 2 if evaluation.measured else 1
-    figure, axes = new_figure(rows, len(movements), width=8.4, height=2.5, sharex='col',
-                              sharey='row', squeeze=False)
-    for column, movement in enumerate(movements):
-        above = axes[0, column]
-        above.set_title(f'Movement in the {movement} direction')
+    figure, axes = new_figure(1 + evaluation.measured, len(movements), width=8.4, height=2.5,
+                              sharex='col', sharey='row', squeeze=False)
+    for column, movement in zip(axes.T, movements):
+        column[0].set_title(f'Movement in the {movement} direction')
         conditions = [c for c in evaluation.conditions if c.movement == movement]
         for shown in [c for c in conditions if c.reference is not None][:1]:
-            above.plot(shown.time, np.degrees(np.asarray(shown.reference)), '--',
-                       color=COLOURS['grey'], linewidth=1.0, label='shown to the person')
-        for condition in conditions:
-            colour = colours[condition.help]
-            label = f'{evaluation.label(condition.help)}, n = ' + ' + '.join(
-                str(c.repetitions) for c in evaluation.conditions if c.help == condition.help)
-            band(above, condition.time, np.degrees(condition.position),
-                 np.degrees(condition.position_std), colour, label)
-            if evaluation.measured:
-                band(axes[1, column], condition.time, condition.torque, condition.torque_std,
-                     colour, label)
+            column[0].plot(shown.time, np.degrees(np.asarray(shown.reference)), '--',
+                           color=COLOURS['grey'], linewidth=1.0, label='shown to the person')
+        for c in conditions:
+            label = f'{evaluation.label(c.help)}, n = ' + ' + '.join(
+                str(other.repetitions) for other in evaluation.conditions if other.help == c.help)
+            curves = ((np.degrees(c.position), np.degrees(c.position_std)),
+                      (c.torque, c.torque_std))
+            for ax, (mean, spread) in zip(column, curves):
+                band(ax, c.time, mean, spread, colours[c.help], label)
         if evaluation.measured:
-            axes[1, column].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
-        axes[-1, column].set_xlabel('time since the movement began (s)')
-    axes[0, 0].set_ylabel('joint angle (deg)')
-    if evaluation.measured:
-        axes[1, 0].set_ylabel('back-driving torque (N·m)')
+            column[1].axhline(0.0, color=COLOURS['grey'], linewidth=0.8)
+        column[-1].set_xlabel('time since the movement began (s)')
+    for ax, name in zip(axes[:, 0], ('joint angle (deg)', 'back-driving torque (N·m)')):
+        ax.set_ylabel(name)
     handles = {label: handle for ax in axes[0] for handle, label in zip(
         *ax.get_legend_handles_labels())}
     figure.legend(handles.values(), handles.keys(), loc='outside lower center',
@@ -98,33 +97,19 @@ def evaluation_figure(evaluation: Evaluation) -> Figure:
 
 @styled
 def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
-    """Draw each day's mean with its interval, and a line through them where it is significant.
-
-    Parameters
-    ----------
-    trends : sequence of Trend
-        Trends of one figure.
-    evaluation : Evaluation
-        The evaluation that they belong to.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw each day's mean with its interval, and a line through them where it is significant."""
     colours = _colours(evaluation)
     figure, axes = new_figure(1, 1, width=8.4, height=3.0)
     for k, trend in enumerate(trends):
         # Shifted, so that intervals of one day do not overlap.
         shift = 0.12 * (k - 0.5 * (len(trends) - 1))
         days = np.array([date.fromisoformat(day).toordinal() for day in trend.days]) + shift
-        values = list(trend.days.values())
+        values = trend.days.values()
         means = np.array([value.mean for value in values])
-        errors = np.array([[v.mean - (v.mean if v.low is None else v.low),
-                           (v.mean if v.high is None else v.high) - v.mean] for v in values]).T
         colour = COLOURS[colours[trend.help]]
-        axes.errorbar(days, means, yerr=errors, fmt=_MARKERS[k % len(_MARKERS)], color=colour,
-                      markersize=5, capsize=3, linewidth=1.2,
-                      label=evaluation.label(trend.help))
+        axes.errorbar(days, means, [value.half or 0.0 for value in values],
+                      fmt=_MARKERS[k % len(_MARKERS)], color=colour, markersize=5, capsize=3,
+                      linewidth=1.2, label=evaluation.label(trend.help))
         if trend.significant and trend.per_week is not None:
             line = means.mean() + trend.per_week.mean / 7.0 * (days - days.mean())
             axes.plot(days, line, color=colour, linewidth=1.0)
@@ -132,44 +117,9 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
     step = max(1, -(-len(ticks) // 10))
     axes.set_xticks(ticks[::step], [date.fromordinal(k).isoformat() for k in ticks[::step]],
                     rotation=30, ha='right')
-    name, unit = FIGURES[trends[0].figure]
-    axes.set_ylabel(f'{name} ({unit})' if unit else name)
+    axes.set_ylabel(heading(trends[0].figure))
     figure.legend(loc='outside lower center', ncols=2)
     return figure
-
-
-def evaluation_panels(evaluation: Evaluation) -> list[list[Panel]]:
-    """Return the curves of `evaluation_figure` for the interactive plot.
-
-    Parameters
-    ----------
-    evaluation : Evaluation
-
-    Returns
-    -------
-    rows of Panel
-    """
-    movements = [name for name in ('positive', 'negative')
-                 if any(c.movement == name for c in evaluation.conditions)]
-    colours = _colours(evaluation)
-    rows: list[list[Panel]] = [[], []]
-    for movement in movements:
-        above = Panel('time (s)', 'joint angle (deg)', title=f'{movement} direction')
-        below = Panel('time (s)', 'back-driving torque (N·m)')
-        conditions = [c for c in evaluation.conditions if c.movement == movement]
-        with_reference = next((c for c in conditions if c.reference is not None), None)
-        if with_reference is not None and with_reference.reference is not None:
-            above.lines.append(Line('shown to the person', with_reference.time,
-                                    np.degrees(with_reference.reference), 'grey', style='dashed'))
-        for condition in conditions:
-            label, colour = evaluation.label(condition.help), colours[condition.help]
-            above.lines.append(Line(label, condition.time, np.degrees(condition.position), colour,
-                                    np.degrees(condition.position_std)))
-            below.lines.append(Line(label, condition.time, condition.torque, colour,
-                                    condition.torque_std))
-        rows[0].append(above)
-        rows[1].append(below)
-    return rows if evaluation.measured else rows[:1]
 
 
 def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
@@ -179,31 +129,20 @@ def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
     such conditions, or torque was not measured.
     """
     pair = evaluation.pair()
-    if pair is None or not evaluation.measured:
+    if pair is None:
         return []
-    best: list[MovingScene] = []
-    largest = 0.0
-    for movement in ('positive', 'negative'):
-        conditions = [next((c for c in evaluation.conditions if c.help == compared
-                            and c.movement == movement), None) for compared in pair]
-        if any(c is None or not np.isfinite(c.torque).any() for c in conditions):
-            continue
-        peaks = [c.peak_torque for c in conditions if c is not None]
-        if max(peaks) > largest:
-            largest = max(peaks)
-            best = [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
-                    in zip(plain_names(pair), conditions, ('grey', 'blue')) if c is not None]
-    return best
+    known = {(c.help, c.movement): c for c in evaluation.conditions
+             if np.isfinite(c.torque).any()}
+    both = [[known[condition, movement] for condition in pair]
+            for movement in ('positive', 'negative')
+            if all((condition, movement) in known for condition in pair)]
+    largest = max(both, key=lambda conditions: max(c.peak_torque for c in conditions), default=[])
+    return [MovingScene(title, c.time, c.position, c.torque, colour) for title, c, colour
+            in zip(plain_names(pair), largest, ('grey', 'blue'))]
 
 
 def add_evaluation(report: Report, evaluation: Evaluation) -> None:
-    """Add an evaluation to a report: the main result first, then the details.
-
-    Parameters
-    ----------
-    report : Report
-    evaluation : Evaluation
-    """
+    """Add an evaluation to a report: the main result first, then the details."""
     simple = plain_verdict(evaluation)
     report.verdict(simple or summary(evaluation))
     scenes = scenes_of(evaluation)
@@ -222,8 +161,7 @@ def add_evaluation(report: Report, evaluation: Evaluation) -> None:
     report.figure(
         evaluation_figure(evaluation),
         f'Trajectory{torque}, average and standard deviation over the repetitions, synchronised '
-        "at the start of the movement (style of the note's Fig. 5).",
-        live=evaluation_panels(evaluation))
+        "at the start of the movement (style of the note's Fig. 5).", interactive=True)
     _add_conditions(report, evaluation)
     _add_comparisons(report, evaluation)
     _add_trends(report, evaluation)
@@ -233,42 +171,25 @@ def _add_conditions(report: Report, evaluation: Evaluation) -> None:
     report.text('## Conditions')
     starts = ['n', 'false starts']
     for title, names in _TABLES:
-        known = [name for name in names if any(
+        shown = [name for name in names if any(
             c.figures[name].mean != 0 for c in evaluation.conditions if name in c.figures)]
-        if not known:
+        if not shown:
             continue
         report.table(
-            ['condition', '', *starts, *(heading(name) for name in known)],
+            ['condition', '', *starts, *map(heading, shown)],
             [[nonbreaking_label(evaluation, c.help), '+' if c.movement == 'positive' else '\u2212',
-              *([c.repetitions, f'{c.false_starts}\u00a0({share(c.false_start_share)})']
-                if starts else []),
-              *(figure_of(c, name) for name in known)]
+              *[c.repetitions, f'{c.false_starts}\u00a0({_percent(c.false_start_share)})'][
+                  :len(starts)], *(figure_of(c, name) for name in shown)]
              for c in evaluation.conditions],
             f'{title}: mean over the repetitions ± half its 95 % confidence interval, for '
             'movements in the positive (+) and negative (\u2212) direction.')
         starts = []
-    words = []
-    if evaluation.measured:
-        words.append(
-            'The peak is the largest torque from the beginning of the movement until it slows '
-            'down, or until the joint starts moving where that is later. A lower bound (>) is '
-            'given where the joint did not move in some repetitions. '
-            'RMS is over the movement without standstill. The torque at constant velocity is '
-            'positive where the person pushes the joint, and negative where the joint pulls the '
-            'person.')
-        words.append('A false start is a repetition in which the joint started during the '
-                     'standstill without being pushed; in brackets, the 95 % interval of their '
-                     'share.')
-    else:
-        words.append('A false start is a repetition in which the joint started during the '
-                     'standstill; without a torque sensor it is unknown whether it was pushed.')
-    if any('residual_current' in c.figures for c in evaluation.conditions):
-        words.append('The residual current is the RMS difference between the current that the '
-                     'model predicts for the movement and the commanded one: it is as good as the '
-                     'model.')
-    words.append('Smoothness is the spectral arc length of the speed: about \u22121.4 for a single '
-                 'bell-shaped movement, and lower with hesitations.')
-    report.text(' '.join(words))
+    known = {name for c in evaluation.conditions for name in c.figures}
+    report.text(' '.join(words for name, words in _EXPLAINED.items() if name in known)
+                + ' A false start is a repetition in which the joint started during the standstill'
+                + (' without being pushed; in brackets, the 95 % interval of their share.'
+                   if evaluation.measured else
+                   '; without a torque sensor it is unknown whether it was pushed.'))
 
 
 def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
@@ -287,7 +208,8 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
           nonbreaking_label(evaluation, c.second), c.pairs, *(
               peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
               for mean, condition in ((c.before, c.first), (c.after, c.second))),
-          with_interval(c.difference), with_interval(effect_size(c)), probability(c),
+          with_interval(c.difference), with_interval(effect_size(c)),
+          p_value_text(c.probability),
           'enough' if c.significant else pairs_to_decide(c, tests[c.figure]) or '> 1000']
          for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
@@ -317,7 +239,7 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
             [[nonbreaking_label(evaluation, t.help), len(t.days),
               with_interval(next(iter(t.days.values()))),
               with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
-              '–' if t.probability is None else p_value_text(t.probability)] for t in trends],
+              p_value_text(t.probability)] for t in trends],
             'The change is the slope of a straight line through the daily means.')
 
 
@@ -328,10 +250,6 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
     ----------
     evaluations : sequence of Evaluation
         One for each joint.
-
-    Returns
-    -------
-    Report
     """
     several = len(evaluations) > 1
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
@@ -350,48 +268,37 @@ def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
             report.text(f'## Joint {evaluation.joint}')
         add_evaluation(report, evaluation)
     report.text('## Sources')
-    listed = [f'- recording `{name}`' for name in recordings[:_MOST_RECORDINGS]]
+    listed = [f'recording `{name}`' for name in recordings[:_MOST_RECORDINGS]]
     if len(recordings) > _MOST_RECORDINGS:
-        listed.append(f'- and {len(recordings) - _MOST_RECORDINGS} more, all named in '
+        listed.append(f'and {len(recordings) - _MOST_RECORDINGS} more, all named in '
                       '`repetitions.csv`')
-    report.text('\n'.join(listed))
-    models = dict.fromkeys(e.model for e in evaluations if e.model)
-    for model in models:
-        report.text(f'The model files that were active: `{model}`.')
-    notes = dict.fromkeys(note for evaluation in evaluations for note in evaluation.notes)
-    if notes:
-        report.text('\n'.join(f'- {note}' for note in notes))
+    listed += dict.fromkeys(f'model files that were active: `{evaluation.model}`'
+                            for evaluation in evaluations if evaluation.model)
+    listed += dict.fromkeys(note for evaluation in evaluations for note in evaluation.notes)
+    report.bullets(listed)
     return report
 
 
 def _tiles(evaluation: Evaluation) -> list[tuple[str, str]]:
-    """Return the peaks by condition and, for one or two conditions, the reductions."""
-    if not evaluation.measured:
-        return []
-    conditions = [condition for condition in dict.fromkeys(c.help for c in evaluation.conditions)
-                  if condition.announced >= 0]
-    tiles = [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',
-              f'peak, {nonbreaking_label(evaluation, condition)}') for condition in conditions
-             if np.isfinite(peak := evaluation.peak_of(condition))][:_MOST_TILES]
-    if len(tiles) > 2:
-        return tiles
-    for name, value in (('peak', evaluation.peak_reduction),
-                        ('RMS torque', evaluation.rms_reduction)):
-        if value is not None:
-            tiles.append((f'{abs(100 * value):.0f} %',
-                          f'{"lower" if value >= 0 else "higher"} {name} with d = ±1'))
-    return tiles
+    """Return the peaks by condition, where there are no two to compare."""
+    conditions = dict.fromkeys(c.help for c in evaluation.conditions if c.help.announced >= 0)
+    return [(f'{peak_text(peak, evaluation.stuck(condition))} N·m',
+             f'peak, {nonbreaking_label(evaluation, condition)}') for condition in conditions
+            if np.isfinite(peak := evaluation.peak_of(condition))][:_MOST_TILES]
+
+
+def _percent(share: Interval) -> str:
+    low, high = 100 * (share.low or 0.0), 100 * (share.high or 0.0)
+    return f'{low:.0f}\u202f–\u202f{high:.0f}\u00a0%'
 
 
 def _colours(evaluation: Evaluation) -> dict[Help, str]:
     """Return a colour for each condition: blue without a direction, orange with, then others."""
     plain, assisted = ['blue', 'green', 'violet', 'grey'], ['orange', 'red', 'yellow', 'pink']
     colours: dict[Help, str] = {}
-    for condition in evaluation.conditions:
-        if condition.help not in colours:
-            compensation = condition.help
-            palette = ['pink', 'grey'] if compensation.announced < 0 else (
-                assisted if compensation.uses_direction else plain)
-            used = sum(other.uses_direction == compensation.uses_direction for other in colours)
-            colours[condition.help] = palette[used % len(palette)]
+    for condition in dict.fromkeys(c.help for c in evaluation.conditions):
+        palette = ['pink', 'grey'] if condition.announced < 0 else (
+            assisted if condition.uses_direction else plain)
+        used = sum(other.uses_direction == condition.uses_direction for other in colours)
+        colours[condition] = palette[used % len(palette)]
     return colours

@@ -1,19 +1,21 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page on a planned motion: its coverage, and how well it distinguishes effects."""
+"""The pages on planned motion: what it covers and distinguishes, and a model improved by it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from friction_comp.excitation.plan import JointPlan
 from friction_comp.excitation.separation import Pair
 from friction_comp.reports.figures import COLOURS, new_figure, styled
-from friction_comp.reports.html import Report
+from friction_comp.reports.html import quantity, Report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from friction_comp.excitation.improve import Improvement
 
 _RATE = 50.0
 
@@ -36,7 +38,7 @@ def excitation_report(plans: Sequence[JointPlan],
                    f'{100 * worst[0]:.2g} % of one is independent of the other and of Eq. 6.')
     for plan, other in zip(plans, others):
         report.heading(f'Joint {plan.limits.joint}')
-        report.figure(_figure(plan), 'Left: position and velocity over time. Right: '
+        report.figure(_plan_figure(plan), 'Left: position and velocity over time. Right: '
                       'velocity over position; dashed: the limits.')
         report.table(
             ['effects', 'this plan (%)', *(f'{name} (%)' for name in other)],
@@ -50,7 +52,7 @@ def excitation_report(plans: Sequence[JointPlan],
 
 
 @styled
-def _figure(plan: JointPlan) -> Figure:
+def _plan_figure(plan: JointPlan) -> Figure:
     motion, limits = plan.samples(_RATE), plan.limits
     figure, axes = new_figure(1, 2, height=3.2)
     axes[0].plot(motion.time, motion.position, color=COLOURS['blue'], label='position (rad)')
@@ -63,6 +65,74 @@ def _figure(plan: JointPlan) -> Figure:
         axes[1].axvline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
     for value in (-limits.velocity, limits.velocity):
         axes[1].axhline(value, color=COLOURS['grey'], linestyle='--', linewidth=0.8)
-    axes[1].set_xlabel('position (rad)')
-    axes[1].set_ylabel('velocity (rad/s)')
+    axes[1].set(xlabel='position (rad)', ylabel='velocity (rad/s)')
+    return figure
+
+
+def improvement_report(improvement: Improvement, names: Sequence[str],
+                       command: Sequence[str] = ()) -> Report:
+    """Return the page; the refined model has a page of its own, refinement.html beside it.
+
+    Parameters
+    ----------
+    improvement : Improvement
+    names : sequence of str
+        Names of the recordings.
+    command : sequence of str
+        Lines for the footer.
+    """
+    last, report = improvement.rounds[-1], improvement.result.report
+    unit = report['unit']
+    page = Report(f"The friction model of {report['joint'] or 'the joint'}, improved by motion")
+    ended = improvement.ended or 'there are further rounds'
+    rounds = len(improvement.rounds)
+    page.verdict(f'**After {rounds} round{"s" * (rounds > 1)}, {improvement.seconds:g} s of '
+                 f'motion: {last.verdict}.** {ended.capitalize()}.')
+    page.numbers([
+        (quantity(report['before']['held_out_rmse'], unit),
+         'error before: Eq. 6, or the given model'),
+        (quantity(last.held_out, unit), 'error with the effects found, on data not fitted'),
+        (quantity(last.predicted, unit), 'error on the last motion, before it was fitted'),
+        (quantity(report['noise_floor'], unit), 'noise from sample to sample')])
+    page.text('What was found: ' + ('; '.join(
+        entry['in_words'] for entry in report['effects']) or 'no effect beyond the model')
+        + '. The page `refinement.html` beside this one describes the model.')
+    page.heading('Rounds')
+    page.text('Each round planned a motion for the questions that earlier recordings left open, '
+              'predicted it with the model of these recordings, and then fitted all of them '
+              'together. The error of the prediction is the error on motion that the model has '
+              'not seen.')
+    page.figure(_rounds_figure(improvement, unit), 'Error of each round before it was fitted, and '
+                'on data not fitted after all rounds. The dashed line is the noise from sample to '
+                'sample.')
+    page.table(['round', 'planned for', 'error predicted', 'error held out', 'effects', 'verdict'],
+               [[k + 1, _effect_names(name for pair in round_.asked for name in pair),
+                 quantity(round_.predicted, unit), quantity(round_.held_out, unit),
+                 _effect_names(round_.effects) or 'none', round_.verdict]
+                for k, round_ in enumerate(improvement.rounds)])
+    page.bullets(last.reasons, 'What remains open:')
+    page.made_by(*command, f'Recordings: {", ".join(names)}')
+    return page
+
+
+def _effect_names(names: Iterable[str]) -> str:
+    return ', '.join(dict.fromkeys(name.replace('_', ' ') for name in names))
+
+
+@styled
+def _rounds_figure(improvement: Improvement, unit: str) -> Figure:
+    rounds = improvement.rounds
+    figure, axes = new_figure(1, 1, height=2.6)
+    numbers = range(1, len(rounds) + 1)
+    axes.plot(numbers, [round_.predicted for round_ in rounds], 'o-', color=COLOURS['orange'],
+              label='predicted before it was fitted')
+    axes.plot(numbers, [round_.held_out for round_ in rounds], 's-', color=COLOURS['blue'],
+              label='held out, all rounds fitted')
+    axes.axhline(improvement.result.report['noise_floor'], color='0.5', linestyle='--')
+    largest = max(value for round_ in rounds for value in (round_.predicted, round_.held_out)
+                  if value == value)
+    axes.set_ylim(0.0, 1.25 * largest)
+    axes.set_xticks(list(numbers))
+    axes.set(xlabel='round', ylabel=f'RMS error in motion ({unit})')
+    axes.legend(loc='upper right', ncols=2)
     return figure

@@ -28,15 +28,15 @@ COLOURS = {
     'violet': '#8474d6', 'grey': '#87909a', 'red': '#d2454f', 'yellow': '#c39b12',
 }
 # Placeholder for the page's text colour, which replaces it in the SVG.
-_INK = '#1a2b3d'
+INK = '#1a2b3d'
 _GRID = '#87909a'
 # Size of an SVG from which a bitmap is used instead, characters.
 _LARGEST_SVG = 700_000
 
 _STYLE: dict[Any, Any] = {
     'axes.prop_cycle': cycler(color=list(COLOURS.values())),
-    'axes.edgecolor': _INK, 'axes.labelcolor': _INK, 'axes.titlecolor': _INK,
-    'text.color': _INK, 'xtick.color': _INK, 'ytick.color': _INK,
+    'axes.edgecolor': INK, 'axes.labelcolor': INK, 'axes.titlecolor': INK,
+    'text.color': INK, 'xtick.color': INK, 'ytick.color': INK,
     'axes.facecolor': 'none', 'figure.facecolor': 'none', 'savefig.facecolor': 'none',
     'axes.spines.top': False, 'axes.spines.right': False, 'axes.linewidth': 0.8,
     'axes.titlesize': 10.5, 'axes.titleweight': 'bold', 'axes.titlelocation': 'left',
@@ -45,16 +45,12 @@ _STYLE: dict[Any, Any] = {
     'axes.axisbelow': True, 'lines.linewidth': 1.5, 'legend.frameon': False,
     'legend.fontsize': 8.5, 'font.family': ['DejaVu Sans'], 'svg.fonttype': 'path',
     'figure.dpi': 100, 'mathtext.default': 'regular', 'axes.formatter.useoffset': False,
-    'axes.formatter.limits': (-4, 5),
+    'axes.formatter.limits': (-4, 5), 'axes.formatter.min_exponent': 4,
 }
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function that draws, so that its figure has the style of this module.
-
-    Legends, titles and labels take their style from matplotlib's settings when they are created;
-    these settings change only within the function.
-    """
+    """Decorate a function that draws, so that its figure has the style of this module."""
     @wraps(draw)
     def with_style(*args: P.args, **kwargs: P.kwargs) -> T:
         with mpl.rc_context(_STYLE):
@@ -65,7 +61,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 @styled
 def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: float = 3.0,
                **options: Any) -> tuple[Figure, Any]:
-    """Create a figure with a grid of axes.
+    """Create a figure with a grid of axes, an ndarray of them where there are several.
 
     Parameters
     ----------
@@ -74,11 +70,6 @@ def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: floa
         Width of the figure and height of one row, inches.
     **options
         Further arguments of ``Figure.subplots``, such as ``sharex=True``.
-
-    Returns
-    -------
-    figure : matplotlib.figure.Figure
-    axes : Axes, or ndarray of Axes where there are several
     """
     figure = Figure(figsize=(width, height * rows), layout='constrained')
     FigureCanvasAgg(figure)
@@ -94,9 +85,8 @@ def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour
     axes : Axes
     x, mean, spread : ndarray, shape (N,)
         `spread` is half the width of the band.
-    colour : str
-        A key of COLOURS.
-    label : str
+    colour, label : str
+        `colour` is a key of COLOURS.
     """
     x, mean, spread = thin(x, mean, spread)
     axes.fill_between(
@@ -111,48 +101,41 @@ def thin(x: np.ndarray, *curves: np.ndarray, points: int = 800) -> tuple[np.ndar
 
 
 def scatter(axes: Axes, x: np.ndarray, y: np.ndarray, colour: str, label: str | None = None,
-            points: int = 6000, size: float = 3.0, seed: int = 0) -> None:
+            points: int = 6000) -> None:
     """Draw measured points as small dots, a random sample where there are more than `points`."""
-    x, y = np.asarray(x), np.asarray(y)
     if len(x) > points:
-        chosen = np.sort(np.random.default_rng(seed).choice(len(x), points, replace=False))
+        chosen = np.sort(np.random.default_rng(0).choice(len(x), points, replace=False))
         x, y = x[chosen], y[chosen]
-    axes.plot(x, y, '.', color=COLOURS[colour], markersize=size, alpha=0.45, label=label,
+    axes.plot(x, y, '.', color=COLOURS[colour], markersize=3.0, alpha=0.45, label=label,
               markeredgewidth=0, rasterized=True)
 
 
 def to_svg(figure: Figure) -> str:
     """Return a figure as SVG in the page's text colour, without external files or scripts."""
-    stream = io.StringIO()
-    with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
-        _lay_out(figure)
-        figure.savefig(stream, format='svg', dpi=160, metadata={'Date': None, 'Creator': None})
-    text = stream.getvalue()
+    text = _saved(figure, format='svg', metadata={'Date': None, 'Creator': None}).decode()
     text = text[text.index('<svg'):]
     text = re.sub(r'<metadata>.*?</metadata>\s*', '', text, flags=re.DOTALL)
-    return text.replace(_INK, 'currentColor')
-
-
-def _lay_out(figure: Figure) -> None:
-    """Run the layout engine once: otherwise saving draws twice."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine(None)
+    return text.replace(INK, 'currentColor')
 
 
 def to_png(figure: Figure, resolution: int = 160) -> bytes:
     """Return a figure as PNG on white."""
+    return _saved(figure, format='png', dpi=resolution, facecolor='white')
+
+
+def _saved(figure: Figure, **options: Any) -> bytes:
     stream = io.BytesIO()
-    with mpl.rc_context(_STYLE):
-        _lay_out(figure)
-        figure.savefig(stream, format='png', dpi=resolution, facecolor='white')
+    with mpl.rc_context({**_STYLE, 'svg.hashsalt': 'friction_comp'}):
+        # Run the layout engine once: otherwise saving draws twice.
+        engine = figure.get_layout_engine()
+        if engine is not None:
+            engine.execute(figure)
+            figure.set_layout_engine(None)
+        figure.savefig(stream, **{'dpi': 160, **options})
     return stream.getvalue()
 
 
 def for_page(figure: Figure) -> str | bytes:
     """Return a figure as SVG text, or as PNG bytes where the SVG would be too large."""
     text = to_svg(figure)
-    if len(text) <= _LARGEST_SVG:
-        return text
-    return to_png(figure)
+    return text if len(text) <= _LARGEST_SVG else to_png(figure)

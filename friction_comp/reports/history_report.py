@@ -7,6 +7,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from friction_comp.evaluation.drive_history import RecordedFriction
 from friction_comp.reports.figures import COLOURS, new_figure, styled
 from friction_comp.reports.html import Report
@@ -57,7 +59,7 @@ def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, s
     warm = [recording.temperature for recording in recordings]
     rows = 2 + any(value is not None for value in warm)
     figure, axes = new_figure(rows, 1, height=2.1, sharex=True)
-    order = range(1, len(recordings) + 1)
+    order = np.arange(1, len(recordings) + 1)
     axes[0].errorbar(order, [100.0 * recording.level for recording in recordings],
                      [196.0 * recording.level_error for recording in recordings], fmt='o',
                      color=COLOURS['blue'], capsize=3)
@@ -68,14 +70,13 @@ def _figure(recordings: Sequence[RecordedFriction], notes: Sequence[tuple[str, s
     axes[1].set_ylim(bottom=0.0)
     axes[1].set_ylabel('error (mA)')
     if rows == 3:
-        axes[2].plot(order, [float('nan') if value is None else value for value in warm], 'o',
-                     color=COLOURS['red'])
+        axes[2].plot(order, np.array(warm, dtype=float), 'o', color=COLOURS['red'])
         axes[2].set_ylabel('motor (°C)')
     for day, _ in notes:
         before = sum(recording.day < day for recording in recordings)
         for each in axes:
             each.axvline(before + 0.5, color=COLOURS['violet'], linestyle='--', linewidth=1.0)
     step = -(-len(recordings) // _MOST_LABELS)
-    axes[-1].set_xticks(list(order)[::step], [recording.day for recording in recordings[::step]],
+    axes[-1].set_xticks(order[::step], [recording.day for recording in recordings[::step]],
                         rotation=30, ha='right')
     return figure

@@ -1,63 +1,67 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures with hover and zoom by Bokeh, which work without network access.
+"""Turns drawings into Bokeh plots with hover and zoom, which work without network access.
 
-One principle: **the drawing comes first**. A page contains each figure as a drawing that needs no
-script and can be printed; where scripts run and Bokeh was installed, a plot of the same data
-replaces it on the screen. A page made without Bokeh only lacks hover and zoom.
+The drawing comes first: it needs no script and can be printed. Where scripts run and Bokeh was
+installed, a plot of the curves in it replaces it on the screen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from html import escape
-from typing import Any
+from importlib.util import find_spec
+from typing import Any, TYPE_CHECKING
 
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex
 import numpy as np
 
-from friction_comp.reports.figures import COLOURS
+from friction_comp.reports.figures import INK
 
-# Largest number of points of a line: two for each column of pixels of a screen are enough.
-POINTS = 2000
-# Text colour of the light page; the style sheet inverts whole plots for the dark one.
-_INK = '#1a2b3d'
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+# Largest number of points of a line: two for each column of pixels of a screen are enough; and of
+# dots.
+POINTS, _DOTS = 2000, 1500
 _FONT = 'system-ui, sans-serif'
 
 
-@dataclass
-class Line:
-    """A curve of a panel.
+def bokeh_is_installed() -> bool:
+    """Return whether plots can be made."""
+    return find_spec('bokeh') is not None
 
-    Parameters
-    ----------
-    name : str
-        Name in legend and hover.
-    x, y : ndarray, shape (N,)
-    colour : str
-        A key of `friction_comp.reports.figures.COLOURS`.
-    spread : ndarray, shape (N,), optional
-        Half width of a band around the curve.
-    style : str
-        'line', 'dashed' or 'dots'.
+
+def library() -> str:
+    """Return Bokeh's library as a script tag for the page's head."""
+    from bokeh.resources import Resources
+
+    return Resources(mode='inline', components=['bokeh']).render_js()
+
+
+def interactive_plot(figure: Figure) -> tuple[str, str]:
+    """Return the lines, dots and bands of a figure as HTML, and a note on thinned curves.
+
+    The panels share the x axis in a column and the y axis in a row.
     """
+    from bokeh.embed import components
 
-    name: str
-    x: np.ndarray
-    y: np.ndarray
-    colour: str = 'blue'
-    spread: np.ndarray | None = None
-    style: str = 'line'
-
-
-@dataclass
-class Panel:
-    """One plot: axis labels with units, curves and title."""
-
-    x_label: str
-    y_label: str
-    lines: list[Line] = field(default_factory=list)
-    title: str = ''
+    plots: dict[tuple[int, int], Any] = {}
+    for axes in figure.axes:
+        spec: Any = axes.get_subplotspec()
+        row, column = spec.rowspan.start, spec.colspan.start
+        plots[row, column] = _plot(axes, plots.get((0, column)), plots.get((row, 0)))
+    script, elements = components([plots[place] for place in sorted(plots)])
+    panels = ''.join(f'<div>{element}</div>' for element in elements)
+    lines = [line for axes in figure.axes for line in _lines(axes)]
+    most = max((len(line.get_path()) for line in lines if not _is_dots(line)), default=0)
+    note = (f' Of up to {most} points per curve, the lowest and highest of each of {POINTS // 2} '
+            'stretches are drawn.') if most > POINTS else ''
+    return (f'{_key(lines)}<div class="panels" style="--columns:{1 + max(plots)[1]}">{panels}'
+            f'</div>{script.strip()}', note)
 
 
 def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
@@ -68,12 +72,7 @@ def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
     ----------
     x, y : ndarray, shape (N,)
     points : int
-        Largest number of points.
-
-    Returns
-    -------
-    tuple of ndarray
-        x and y, shape (M,), M <= `points`.
+        Largest number of points that is returned.
     """
     if len(x) <= points:
         return x, y
@@ -90,114 +89,77 @@ def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
     return x[indices], y[indices]
 
 
-def thinning_note(panels: Sequence[Sequence[Panel]]) -> str:
-    """Return a sentence on curves that were thinned out, '' where none were."""
-    most = max((len(line.x) for row in panels for panel in row for line in panel.lines), default=0)
-    if most <= POINTS:
-        return ''
-    return (f' Of up to {most} points per curve, the lowest and highest of each of {POINTS // 2} '
-            'stretches are drawn.')
+def _lines(axes: Axes) -> list[Line2D]:
+    """Return the lines with data, without those across the whole panel."""
+    return [line for line in axes.lines if line.get_transform() is axes.transData]
 
 
-def bokeh_version() -> str | None:
-    """Return the version of Bokeh, or None where it is not installed."""
-    try:
-        import bokeh
-    except ModuleNotFoundError:
-        return None
-    return str(bokeh.__version__)
+def _is_dots(line: Line2D) -> bool:
+    return line.get_linestyle() == 'None'
 
 
-def library() -> str:
-    """Return Bokeh's library as a script tag for the page's head."""
-    from bokeh.resources import Resources
-
-    return Resources(mode='inline', components=['bokeh']).render_js()
+def _name(line: Line2D) -> str:
+    name = str(line.get_label())
+    return '' if name.startswith('_') else name
 
 
-def plots(figures: Sequence[Sequence[Sequence[Panel]]]) -> tuple[str, list[str]]:
-    """Return the script that draws figures, and the elements of each figure with its key.
-
-    Parameters
-    ----------
-    figures : sequence of rows of Panel
-        The panels of a figure share the x axis in a column and the y axis in a row.
-    """
-    from bokeh.embed import components
-
-    grids = [_grid(rows) for rows in figures]
-    script, elements = components([plot for grid in grids for plot in grid])
-    parts = iter(elements)
-    return script, [
-        f'{_key(rows)}<div class="panels" style="--columns:{len(rows[0])}">'
-        + ''.join(f'<div>{next(parts)}</div>' for _ in grid) + '</div>'
-        for rows, grid in zip(figures, grids)]
-
-
-def _key(rows: Sequence[Sequence[Panel]]) -> str:
+def _key(lines: Iterable[Line2D]) -> str:
     """Return the key of curves as HTML, so that its lines wrap on a narrow page."""
-    curves = {line.name: line for row in rows for panel in row for line in panel.lines}
-    if len(curves) < 2:
+    named = {_name(line): line for line in lines if _name(line)}
+    if len(named) < 2:
         return ''
     return '<p class="key">' + ' '.join(
-        f'<span><i style="border-top:3px {"dashed" if line.style == "dashed" else "solid"} '
-        f'{COLOURS[line.colour]}"></i>{escape(name)}</span>' for name, line in curves.items()
+        f'<span><i style="border-top:3px {"dashed" if line.get_linestyle() == "--" else "solid"} '
+        f'{to_hex(line.get_color())}"></i>{escape(name)}</span>' for name, line in named.items()
     ) + '</p>'
 
 
-def _grid(rows: Sequence[Sequence[Panel]]) -> list[Any]:
-    plots: list[list[Any]] = []
-    for row in rows:
-        plot_row: list[Any] = []
-        for column, panel in enumerate(row):
-            shared: dict[str, Any] = {}
-            if plots:
-                shared['x_range'] = plots[0][column].x_range
-            if plot_row:
-                shared['y_range'] = plot_row[0].y_range
-            plot_row.append(_plot(panel, shared))
-        plots.append(plot_row)
-    return [plot for plot_row in plots for plot in plot_row]
+def _label(axes: Axes, span: str, name: str) -> str:
+    """Return a label of axes or, for inner ones, of others in the same column or row."""
+    def start(other: Any) -> int:
+        return int(getattr(other.get_subplotspec(), span).start)
+    figure: Any = axes.get_figure()
+    return next((label for other in figure.axes if start(other) == start(axes)
+                 and (label := getattr(other, name)())), '')
 
 
-def _plot(panel: Panel, shared: dict[str, Any]) -> Any:
-    from bokeh.models import HoverTool
+def _plot(axes: Axes, above: Any, left: Any) -> Any:
+    """Return one panel with the x range of the one above and the y range of the one to its left."""
+    from bokeh.models import HoverTool, Range1d
     from bokeh.plotting import figure
 
+    x_label, y_label = _label(axes, 'colspan', 'get_xlabel'), _label(axes, 'rowspan', 'get_ylabel')
     # The wheel scrolls the page unless its tool is selected.
-    plot = figure(height=270, sizing_mode='stretch_width', title=panel.title or None,
+    plot = figure(height=270, sizing_mode='stretch_width', title=axes.get_title(loc='left'),
                   tools='pan,box_zoom,wheel_zoom,reset,save', active_drag='box_zoom',
-                  x_axis_label=panel.x_label, y_axis_label=panel.y_label,
-                  background_fill_alpha=0.0, border_fill_alpha=0.0, outline_line_color=None,
-                  **shared)
+                  x_range=above.x_range if above else Range1d(*axes.get_xlim()),
+                  y_range=left.y_range if left else Range1d(*axes.get_ylim()),
+                  x_axis_type=axes.get_xscale(), x_axis_label=x_label, y_axis_label=y_label,
+                  background_fill_alpha=0.0, border_fill_alpha=0.0, outline_line_color=None)
+    for filled in axes.collections:
+        if isinstance(filled, PolyCollection):
+            for path in filled.get_paths():
+                plot.patch(*np.asarray(path.vertices).T, line_width=0, fill_alpha=0.2,
+                           fill_color=to_hex(np.asarray(filled.get_facecolor())[0]))
     renderers = []
-    for curve in panel.lines:
-        x, y = thin_extremes(np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float))
-        colour = COLOURS[curve.colour]
-        if curve.spread is not None:
-            step = max(1, -(-len(curve.x) // 400))
-            part = slice(None, None, step)
-            plot.varea(curve.x[part], (curve.y - curve.spread)[part],
-                       (curve.y + curve.spread)[part], fill_color=colour, fill_alpha=0.2)
+    for line in _lines(axes):
+        options: Any = {'color': to_hex(line.get_color()), 'name': _name(line)}
+        points = np.asarray(line.get_xydata()).T
         # Single precision halves the size of the page.
-        x, y = x.astype(np.float32), y.astype(np.float32)
-        if curve.style == 'dots':
-            renderers.append(plot.scatter(x, y, size=3, color=colour, alpha=0.5, name=curve.name))
+        if _is_dots(line):
+            dots = points[:, ::max(1, points.shape[1] // _DOTS)].astype(np.float32)
+            renderers.append(plot.scatter(*dots, size=3, alpha=0.5, **options))
         else:
-            renderers.append(plot.line(
-                x, y, color=colour, line_width=1.8,
-                line_dash=[6, 4] if curve.style == 'dashed' else 'solid',
-                name=curve.name))
+            x, y = (part.astype(np.float32) for part in thin_extremes(*points))
+            dash = [6, 4] if line.get_linestyle() == '--' else 'solid'
+            renderers.append(plot.line(x, y, line_width=1.8, line_dash=dash, **options))
     plot.add_tools(HoverTool(renderers=renderers, tooltips=[
-        ('', '$name'), (panel.x_label, '$x{0.[0000]}'), (panel.y_label, '$y{0.[0000]}')]))
-    for axis in (plot.xaxis, plot.yaxis):
-        axis.axis_label_text_font_style = 'normal'
-        axis.axis_label_text_font = axis.major_label_text_font = _FONT
-        axis.axis_label_text_color = axis.major_label_text_color = _INK
-    if panel.title:
-        plot.title.text_color = _INK
-        plot.title.text_font = _FONT
+        ('', '$name'), (x_label, '$x{0.[0000]}'), (y_label, '$y{0.[0000]}')]))
+    for axis in plot.axis:
+        axis.update(axis_label_text_font_style='normal', axis_label_text_font=_FONT,
+                    major_label_text_font=_FONT, axis_label_text_color=INK,
+                    major_label_text_color=INK)
+    plot.title.update(text_color=INK, text_font=_FONT)
     plot.grid.grid_line_alpha = 0.5
-    plot.toolbar.logo = None
-    plot.toolbar.autohide = True
+    plot.toolbar.update(logo=None, autohide=True)
     return plot

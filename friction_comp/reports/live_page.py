@@ -40,7 +40,8 @@ _PLOTS = (
                           ('reference_velocity', 'reference', '#E69F00'))),
     ('Direction', (('direction', 'announced', '#CC79A7'),)),
     ('Residual (A)', (('residual', 'measured − model, in motion', '#D55E00'),)))
-_TABLE = ('position', 'velocity', 'direction', 'current', 'torque', 'load', 'residual')
+_TABLE = {'position': 'rad', 'velocity': 'rad/s', 'direction': 'd', 'current': 'A',
+          'torque': 'N·m', 'load': 'N·m', 'residual': 'A'}
 _LEVELS = {'ok': '#0a7d4f', 'note': '#4a5765', 'warning': '#a85b00', 'problem': '#b3261e'}
 # Gap across which no line is drawn, s, and velocity below which friction balances the other
 # torques instead of following the model, rad/s.
@@ -93,14 +94,7 @@ class Feed(Protocol):
 
 
 def live_page(feed: Feed, length: float = 10.0) -> Callable[[Any], None]:
-    """Return the Bokeh application of a feed.
-
-    Parameters
-    ----------
-    feed : Feed
-    length : float
-        Length of the time axis, s.
-    """
+    """Return the Bokeh application of a feed; the time axis has `length` s."""
     def application(document: Any) -> None:
         page = _Page(feed, length)
         document.title = feed.title
@@ -115,93 +109,60 @@ class _Page:
 
     def __init__(self, feed: Feed, length: float):
         self._feed, self._length = feed, length
-        self._time, self._updated = 0.0, time.monotonic()
+        self._updated = time.monotonic()
         self._source = ColumnDataSource({name: [] for name in SIGNALS})
         self._overview = ColumnDataSource({'joint': [], **{name: [] for name in _TABLE}})
         self._status = Div(sizing_mode='stretch_width')
         self._drawing = Div(width=330, height=220)
         self._span: dict[str, tuple[float, float, float]] = {}
-        self._joint = Select(title='Joint', value=_first(feed.joints), options=feed.joints,
-                             width=160)
-        controls: list[Any] = [self._joint]
-        if feed.duration:
-            self._play = Toggle(label='Play', button_type='primary', active=False, width=80,
-                                align='end')
-            self._speed = Select(title='Speed', value='1', options=list(_PLAYBACK_SPEEDS), width=80)
-            self._seek = Slider(title='Time (s)', start=0.0, end=feed.duration, step=0.05,
-                                value=min(length, feed.duration), min_width=240,
-                                sizing_mode='stretch_width')
-            controls += [self._play, self._speed, self._seek]
+        self._joint = Select(title='Joint', value=next(iter(feed.joints), ''), width=160,
+                             options=feed.joints)
+        self._play = Toggle(label='Play', button_type='primary', width=80, align='end')
+        self._speed = Select(title='Speed', value='1', options=list(_PLAYBACK_SPEEDS), width=80)
+        self._seek = Slider(title='Time (s)', start=0.0, end=feed.duration or 1.0, step=0.05,
+                            value=min(length, feed.duration), min_width=240,
+                            sizing_mode='stretch_width')
+        playback = [self._play, self._speed, self._seek] if feed.duration else []
         self.layout = column(
             Div(text=f'<h1 style="font-size:1.3em;margin:0.2em 0">{escape(feed.title)}</h1>'),
             self._status,
             # The controls wrap on a narrow page.
-            row(*controls, sizing_mode='stretch_width', styles={'flex-wrap': 'wrap'}),
+            row(self._joint, *playback, sizing_mode='stretch_width',
+                styles={'flex-wrap': 'wrap'}),
             self._drawing,
             self._table(),
-            *self._figures(), sizing_mode='stretch_width')
+            *_plots(self._source), sizing_mode='stretch_width')
         self.update()
 
     def _table(self) -> Any:
         numbers, whole = (NumberFormatter(format=digits, nan_format='–', text_align='right')
                           for digits in ('0.0000', '0'))
-        units = {'position': 'rad', 'velocity': 'rad/s', 'current': 'A', 'torque': 'N·m',
-                 'load': 'N·m', 'residual': 'A', 'direction': 'd'}
-        columns = [TableColumn(field='joint', title='joint')] + [TableColumn(
-            field=name, title=f'{name} ({units[name]})',
-            formatter=whole if name == 'direction' else numbers) for name in _TABLE]
+        columns = [TableColumn(field='joint', title='joint')] + [
+            TableColumn(field=name, title=f'{name} ({unit})',
+                        formatter=whole if name == 'direction' else numbers)
+            for name, unit in _TABLE.items()]
         return DataTable(
             source=self._overview, columns=columns, index_position=None, sortable=False,
             selectable=False, reorderable=False, sizing_mode='stretch_width',
             height=30 + 26 * max(1, min(8, len(self._feed.joints))))
 
-    def _figures(self) -> list[Any]:
-        plots: list[Any] = []
-        for label, lines in _PLOTS:
-            shared = {'x_range': plots[0].x_range} if plots else {}
-            if label == 'Direction':
-                shared = {**shared, 'y_range': (-1.4, 1.4)}
-            plot = figure(height=125 if label == 'Direction' else 180, min_border_left=80,
-                          sizing_mode='stretch_width', tools='xpan,xwheel_zoom,reset',
-                          toolbar_location=None, y_axis_label=label, **shared)
-            for name, legend, colour in lines:
-                draw = plot.step if name == 'direction' else plot.line
-                # Set points are dashed.
-                draw('time', name, source=self._source, color=colour, line_width=1.6,
-                     line_dash=[6, 4] if name in ('command', 'reference_velocity') else 'solid',
-                     legend_label=legend)
-            if label == 'Direction':
-                plot.yaxis.ticker = [-1, 0, 1]
-            # Above the plot, where it does not cover the curves.
-            plot.add_layout(plot.legend[0], 'above')
-            plot.legend.orientation = 'horizontal'
-            plot.legend.border_line_color = None
-            plot.legend.margin = plot.legend.padding = 0
-            plot.legend.label_text_font_size = '9pt'
-            plot.yaxis.axis_label_text_font_style = 'normal'
-            plots.append(plot)
-        plots[-1].xaxis.axis_label = 'Time (s)'
-        return plots
-
     def update(self) -> None:
         """Update the page to the present time."""
         now = time.monotonic()
-        if self._feed.duration:
-            if self._play.active:
-                self._seek.value = min(
-                    self._seek.value + (now - self._updated) * float(self._speed.value),
-                    self._feed.duration)
-                self._play.active = self._seek.value < self._feed.duration
-            self._time = self._seek.value
+        if self._play.active:
+            self._seek.value = min(
+                self._seek.value + (now - self._updated) * float(self._speed.value),
+                self._feed.duration)
+            self._play.active = self._seek.value < self._feed.duration
         self._updated = now
         if self._joint.options != self._feed.joints:
             self._joint.options = list(self._feed.joints)
-            self._joint.value = self._joint.value or _first(self._feed.joints)
+            self._joint.value = self._joint.value or next(iter(self._feed.joints), '')
         if self._joint.value:
-            data = self._feed.window(self._joint.value, self._time, self._length)
+            data = self._feed.window(self._joint.value, self._seek.value, self._length)
             self._source.data = with_gaps(data)
             self._drawing.text = self._draw_joint(self._joint.value, data)
-        last = {joint: with_gaps(self._feed.window(joint, self._time, 1.0))
+        last = {joint: with_gaps(self._feed.window(joint, self._seek.value, 1.0))
                 for joint in self._feed.joints}
         self._overview.data = {'joint': list(last), **{
             name: [float(data[name][-1]) if len(data[name]) else float('nan')
@@ -223,6 +184,34 @@ class _Page:
         return still_joint(float(data['position'][-1]), float(data['load'][-1]), largest, middle)
 
 
+def _plots(source: ColumnDataSource) -> list[Any]:
+    """Return the plots one above the other, with a common time axis."""
+    plots: list[Any] = []
+    for label, lines in _PLOTS:
+        ranges: dict[str, Any] = {'x_range': plots[0].x_range} if plots else {}
+        if label == 'Direction':
+            ranges['y_range'] = (-1.4, 1.4)
+        plot = figure(height=125 if label == 'Direction' else 180, min_border_left=80,
+                      sizing_mode='stretch_width', tools='xpan,xwheel_zoom,reset',
+                      toolbar_location=None, y_axis_label=label, **ranges)
+        for name, legend, colour in lines:
+            draw = plot.step if name == 'direction' else plot.line
+            # Set points are dashed.
+            draw('time', name, source=source, color=colour, line_width=1.6,
+                 line_dash=[6, 4] if name in ('command', 'reference_velocity') else 'solid',
+                 legend_label=legend)
+        if label == 'Direction':
+            plot.yaxis.ticker = [-1, 0, 1]
+        # Above the plot, where it does not cover the curves.
+        plot.add_layout(plot.legend[0], 'above')
+        plot.legend.update(orientation='horizontal', border_line_color=None, margin=0, padding=0,
+                           label_text_font_size='9pt')
+        plot.yaxis.axis_label_text_font_style = 'normal'
+        plots.append(plot)
+    plots[-1].xaxis.axis_label = 'Time (s)'
+    return plots
+
+
 def with_gaps(data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return signals with NaN in gaps, and the residual with NaN at standstill."""
     still = ~(np.abs(data['velocity']) > _STANDSTILL)
@@ -232,7 +221,3 @@ def with_gaps(data: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     # Between its neighbours, so that time increases.
     result['time'] = np.insert(data['time'], gaps, data['time'][gaps - 1] + 0.5 * _GAP)
     return result
-
-
-def _first(joints: list[str]) -> str:
-    return joints[0] if joints else ''

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any, TYPE_CHECKING
 
@@ -11,16 +12,14 @@ import numpy as np
 
 from friction_comp.model.effects import EFFECTS
 from friction_comp.refinement.thresholds import LEAST_SHARE
-from friction_comp.refinement.units import in_unit
+from friction_comp.refinement.verdict import in_unit
 from friction_comp.reports.html import number, quantity, Report
 from friction_comp.reports.refinement_figures import (
-    DrawnFigure,
     friction_figure,
     parts_figure,
     residual_figure,
     spectrum,
     spectrum_figure,
-    steps_figure,
     time_figure,
 )
 
@@ -45,10 +44,6 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         Names of the recordings.
     command : sequence of str
         Lines for the footer, such as the command that made the page.
-
-    Returns
-    -------
-    Report
     """
     report = result.report
     joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
@@ -63,23 +58,22 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
         (quantity(after['elsewhere_motion_rmse'], unit), 'error to expect elsewhere, in motion'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample'),
         (f"{number(100 * max(after['held_out_r2'], 0.0), 4)} %", 'of the current explained')])
-    page.text('Why this verdict:\n\n' + verdict_words(report))
+    page.bullets(report['reasons'], 'Why this verdict:')
+    page.bullets(report['record_again'], 'What to record:')
     page.text(rest)
-    add_figure(page, time_figure(result), 'Measured and predicted current in a stretch from the '
-               'middle of the recording, each part predicted by a fit to all others; below, the '
-               'contribution of each effect of the new model.')
-    add_figure(page, friction_figure(result), 'Friction over velocity: the measured current minus '
-               'the effects, and Eq. 6 before and after.')
+    page.figure(time_figure(result), 'Measured and predicted current in a stretch from the middle '
+                'of the recording, each part predicted by a fit to all others; below, the '
+                'contribution of each effect of the new model.', interactive=True)
+    page.figure(friction_figure(result), 'Friction over velocity: the measured current minus the '
+                'effects, and Eq. 6 before and after.', interactive=True)
     page.heading('What was found')
-    page.table(['effect', 'number', 'value', 'unit', '95 % interval'], interval_rows(report))
-    if report['correlations']:
-        page.text('Of these pairs the recording determines a sum or a difference better than each '
-                  'number alone (correlation over parts drawn at random):\n\n' + '\n'.join(
-                      f"- {' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
-                      for pair in report['correlations']))
-    changed = change_rows(result)
-    if changed:
-        page.table(['number of the given model', 'before', 'after', 'unit'], changed)
+    page.table(['effect', 'number', 'before', 'after', 'unit', '95 % interval'],
+               number_rows(result))
+    page.bullets(
+        [f"{' and '.join(pair['between'])}: {number(pair['correlation'], 2)}"
+         for pair in report['correlations']],
+        'Of these pairs the recording determines a sum or a difference better than each number '
+        'alone (correlation over parts drawn at random):')
     if report['effects']:
         page.table(
             ['effect', f'RMS with it, held out ({unit})', 'chosen in'],
@@ -102,10 +96,8 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
               'the error at standstill is given separately. Elsewhere: the error to expect where '
               'the model was not fitted, from the growth of errors in thirds of position, speed, '
               'time and acceleration that are left out of the fit.')
-    add_figure(page, parts_figure(result), 'Error of each long part, predicted by a fit to all '
-               'others, and of the samples at standstill.')
-    page.figure(steps_figure(result), 'Error on data not fitted as effects were added, one at a '
-                'time. The dashed line is the noise from sample to sample.')
+    page.figure(parts_figure(result), 'Error of each long part, predicted by a fit to all others, '
+                'and of the samples at standstill.')
     page.heading('The residual, before and after')
     named = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),
@@ -114,23 +106,32 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
                         ('temperature', 'motor temperature (°C)')):
         wanted = name != 'acceleration' or name in named
         if wanted and getattr(result.samples, name) is not None:
-            add_figure(page, residual_figure(result, name, label),
-                       f'Residual over {name}: measured minus predicted current of data not '
-                       'fitted. The lines are averages over ranges, separately for the positive '
-                       'and the negative direction.')
+            page.figure(residual_figure(result, name, label),
+                        f'Residual over {name}: measured minus predicted current of data not '
+                        'fitted. The lines are averages over ranges, separately for the positive '
+                        'and the negative direction.', interactive=True)
     drawn = spectrum_figure(result)
     if drawn is not None:
-        add_figure(page, drawn, 'Spectrum of the residual over position: ripple shows as a '
-                   'peak at its number of periods per turn. ' + wave_words(result))
+        page.figure(drawn, 'Spectrum of the residual over position: ripple shows as a peak at its '
+                    'number of periods per turn. ' + wave_words(result), interactive=True)
     page.heading('The model')
-    page.text(model_words(result.model, unit))
+    page.bullets(model_words(result.model, unit))
     page.code(formula(result.model, unit))
-    if result.model.effects:
-        page.text(online_words(result.model))
+    # The compensator cannot apply every effect.
+    page.bullets(f'{effect.name}: ' + (
+        f'left out by the compensator, since {reason}' if (reason := effect.why_left_out())
+        else 'applied by the compensator') for effect in result.model.effects)
     page.heading('What the recordings cannot tell')
-    page.text(limitations(report))
+    page.bullets(limitations(report))
     page.made_by(*command, f'Recordings: {", ".join(names)}')
     return page
+
+
+def effect_names(effects: Sequence[dict[str, Any]]) -> str:
+    """Return the names of effects with their counts, or 'nothing'."""
+    counts = Counter(effect['name'].replace('_', ' ') for effect in effects)
+    return ', '.join(f'{name} × {count}' if count > 1 else name
+                     for name, count in counts.items()) or 'nothing'
 
 
 def summary(report: dict[str, Any]) -> str:
@@ -145,7 +146,7 @@ def summary(report: dict[str, Any]) -> str:
                  'not fitted.']
     else:
         gain = 100.0 * (1.0 - after / before) if before > 0 else 0.0
-        effects = '\n'.join(f"- {effect['in_words']}" for effect in report['effects'])
+        effects = ''.join(f"- {effect['in_words']}\n" for effect in report['effects'])
         lines = [f'The error of the model was **{quantity(before, unit)}** RMS. With the effects '
                  f'found in the recordings it is **{quantity(after, unit)}**, {gain:.0f} % less, '
                  'on data that were not fitted.',
@@ -160,60 +161,42 @@ def summary(report: dict[str, Any]) -> str:
     return '\n\n'.join(lines)
 
 
-def verdict_words(report: dict[str, Any]) -> str:
-    """Return the reasons for the verdict, and the recordings that would improve it."""
-    lines = [f'- {line}' for line in report['reasons']]
-    if report['record_again']:
-        lines += ['', 'What to record:', '']
-        lines += [f'- {line}' for line in report['record_again']]
-    return '\n'.join(lines)
-
-
-def interval_rows(report: dict[str, Any]) -> list[list[Any]]:
-    """Return a row for each fitted number: effect, name, value, unit, interval."""
-    unit, friction = report['unit'], report['friction']
-    rows = [['Eq. 6', name, number(friction[key]), number_unit.replace('A', unit, 1),
-             interval_text(friction['intervals'][key])
+def number_rows(result: RefineResult) -> list[list[str]]:
+    """Return a row for each fitted number: effect, name, before, after, unit, interval."""
+    unit, friction, sigmoid = result.report['unit'], result.report['friction'], result.start.sigmoid
+    before = {'offset': 0.5 * (sigmoid.upper + sigmoid.lower),
+              'coulomb': 0.5 * (sigmoid.upper - sigmoid.lower), 'viscous': sigmoid.viscous}
+    rows = [['Eq. 6', name, number(before[key]), number(friction[key]),
+             number_unit.replace('A', unit, 1), interval_text(friction['intervals'][key])
              if key in friction['intervals'] else 'as before']
             for key, name, number_unit in (
                 ('offset', 'offset', 'A'), ('coulomb', 'Coulomb friction', 'A'),
                 ('viscous', 'viscous friction', 'A·s/rad'))]
-    for effect in report['effects']:
-        name, bounds = effect['name'].replace('_', ' '), effect['intervals']
-        kind = EFFECTS.get(effect['name'])
+    for old, new in zip(result.start.effects, result.model.effects):
+        if old.name == new.name:
+            for index, pair in enumerate(zip(old.coefficients, new.coefficients)):
+                label, number_unit = _described(new.numbers, index, unit)
+                rows.append([new.name, label, *map(number, pair), number_unit, ''])
+    for effect in result.report['effects']:
+        name, bounds = effect['name'], effect['intervals']
+        described = EFFECTS[name].numbers if name in EFFECTS else ()
         for key, value in effect['parameters'].items():
             # A constant that was not searched has no interval, or one of zero width.
             if key != 'coefficients' and bounds.get(key) not in (None, [value, value]):
-                rows.append([name, key.replace('_', ' '), number(value), _UNITS.get(key, ''),
+                rows.append([name, key.replace('_', ' '), '', number(value), _UNITS.get(key, ''),
                              interval_text(bounds[key])])
         for index, (value, ends) in enumerate(zip(
                 effect['parameters'].get('coefficients', ()), bounds.get('coefficients', ()))):
-            described = kind.numbers[index:index + 1] if kind else ()
-            label, number_unit = described[0] if described else (f'coefficient {index + 1}', '')
-            rows.append([name, label, number(value), number_unit.replace('A', unit, 1),
-                         interval_text(ends)])
-    return rows
+            label, number_unit = _described(described, index, unit)
+            rows.append([name, label, '', number(value), number_unit, interval_text(ends)])
+    return [[row[0].replace('_', ' '), *row[1:]] for row in rows]
 
 
-def change_rows(result: RefineResult) -> list[list[Any]]:
-    """Return a row for each number of the given model that was fitted again: before and after."""
-    if not result.report['before']['model'].startswith('the given model'):
-        return []
-    unit = result.report['unit']
-    old, new = result.start.sigmoid, result.model.sigmoid
-    rows = [[f'Eq. 6: {name}', number(a), number(b), number_unit.replace('A', unit, 1)]
-            for name, a, b, number_unit in (
-                ('Coulomb friction', 0.5 * (old.upper - old.lower),
-                 0.5 * (new.upper - new.lower), 'A'),
-                ('offset', 0.5 * (old.upper + old.lower), 0.5 * (new.upper + new.lower), 'A'),
-                ('viscous friction', old.viscous, new.viscous, 'A·s/rad'))]
-    for before, after in zip(result.start.effects, result.model.effects):
-        if before.name == after.name:
-            for index, pair in enumerate(zip(before.coefficients, after.coefficients)):
-                described = after.numbers[index:index + 1] or ((f'coefficient {index + 1}', ''),)
-                rows.append([f"{after.name.replace('_', ' ')}: {described[0][0]}",
-                             *map(number, pair), described[0][1].replace('A', unit, 1)])
-    return rows
+def _described(numbers: Sequence[tuple[str, str]], index: int, unit: str) -> tuple[str, str]:
+    """Return name and unit of an effect's coefficient."""
+    if index >= len(numbers):
+        return f'coefficient {index + 1}', ''
+    return numbers[index][0], numbers[index][1].replace('A', unit, 1)
 
 
 def wave_words(result: RefineResult) -> str:
@@ -231,11 +214,6 @@ def wave_words(result: RefineResult) -> str:
             f'turn: {100 * share:.2g} % of the squared error. It is not named: {reason}.')
 
 
-def add_figure(page: Report, drawn: DrawnFigure, caption: str) -> None:
-    """Add a figure with its curves to a page."""
-    page.figure(drawn.figure, caption, live=drawn.live)
-
-
 def interval_text(interval: list[float | None]) -> str:
     """Return an interval as text."""
     low, high = interval
@@ -244,44 +222,30 @@ def interval_text(interval: list[float | None]) -> str:
     return f'{number(low)} to {number(high)}'
 
 
-def model_words(model: FrictionModel, unit: str = 'A') -> str:
-    """Return the parts of the model as a list in words."""
+def model_words(model: FrictionModel, unit: str = 'A') -> list[str]:
+    """Return the parts of the model in words."""
     s = model.sigmoid
-    lines = [f'- Friction by Eq. 6: {number(s.upper)} {unit} towards positive and '
-             f'{number(s.lower)} {unit} towards negative speed, {number(s.viscous)} {unit} more '
-             'per rad/s']
-    lines += [f'- {in_unit(effect.describe(), unit)}' for effect in model.effects]
-    return '\n'.join(lines)
+    return [f'Friction by Eq. 6: {number(s.upper)} {unit} towards positive and {number(s.lower)} '
+            f'{unit} towards negative speed, {number(s.viscous)} {unit} more per rad/s',
+            *(in_unit(effect.describe(), unit) for effect in model.effects)]
 
 
 def formula(model: FrictionModel, unit: str = 'A') -> str:
     """Return the model as a formula with its numbers."""
     s = model.sigmoid
-    lines = [f'i(t) = {s.viscous:.4g}·v {s.lower:+.4g} '
-             f'{s.upper - s.lower:+.4g}/(1 + exp(-{s.steepness:.4g}·(v - {s.shift:.3g})))']
-    lines += [f'       {effect.formula()}' for effect in model.effects]
-    lines.append('')
-    lines.append(f'i in {unit}, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m')
-    return '\n'.join(lines)
+    return '\n'.join([
+        f'i(t) = {s.viscous:.4g}·v {s.lower:+.4g} '
+        f'{s.upper - s.lower:+.4g}/(1 + exp(-{s.steepness:.4g}·(v - {s.shift:.3g})))',
+        *(f'       {effect.formula()}' for effect in model.effects), '',
+        f'i in {unit}, q in rad, v in rad/s, t in s, T in °C, τ_b in N·m'])
 
 
-def online_words(model: FrictionModel) -> str:
-    """Return how the compensator uses the effects."""
-    lines = []
-    for effect in model.effects:
-        reason = effect.why_left_out()
-        lines.append(f'- {effect.name}: ' + (
-            f'left out by the compensator, since {reason}' if reason else
-            'applied by the compensator'))
-    return '\n'.join(lines)
-
-
-def limitations(report: dict[str, Any]) -> str:
-    """Return what the recordings cannot tell, as a list."""
-    lines = [f"- **{entry['variable']}**: {entry['note']} "
-             f"({100 * entry['strength']:.0f} % of the remaining variance)."
-             for entry in report['unexplained']]
-    lines += [f"- **{' or '.join(dict.fromkeys(entry['between']))}**: {entry['why']}. To decide: "
-              f"{entry['experiment']}." for entry in report['ambiguous']]
-    lines += [f'- {line}' for line in report['warnings']]
-    return '\n'.join(lines) or 'Nothing of note.'
+def limitations(report: dict[str, Any]) -> list[str]:
+    """Return what the recordings cannot tell."""
+    return [
+        *(f"**{entry['variable']}**: {entry['note']} "
+          f"({100 * entry['strength']:.0f} % of the remaining variance)."
+          for entry in report['unexplained']),
+        *(f"**{' or '.join(dict.fromkeys(entry['between']))}**: {entry['why']}. To decide: "
+          f"{entry['experiment']}." for entry in report['ambiguous']),
+        *report['warnings']] or ['Nothing of note.']

@@ -18,17 +18,24 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 import math
-from typing import Any, TYPE_CHECKING, TypeAlias
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.errors import InputError
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
+from friction_comp.model.differentiation import METHOD
 from friction_comp.rigid_bodies.link_inertia import Bodies
-from friction_comp.rigid_bodies.link_intervals import link_intervals, LinkIntervals
 from friction_comp.rigid_bodies.products import FOLDS, FRICTION, stretches_of, Sums, sums_of
-from friction_comp.rigid_bodies.solver import Prior, solve, squares, Unknowns
+from friction_comp.rigid_bodies.solver import (
+    link_intervals,
+    LinkIntervals,
+    Prior,
+    solve,
+    squares,
+    Unknowns,
+)
 from friction_comp.samples import Samples
 
 if TYPE_CHECKING:
@@ -65,54 +72,27 @@ class Unseen:
 
 @dataclass
 class ArmFit:
-    """An arm's rigid bodies as recordings show them.
+    """An arm's rigid bodies as recordings show them."""
 
-    Attributes
-    ----------
-    tree : Tree
-        With the fitted parameters.
-    start : Tree
-        With those of the URDF.
-    scales : ndarray, shape (J,)
-        Current per torque of each joint, A per N·m.
-    friction : ndarray, shape (J, 4)
-        Offset A, Coulomb A, viscous A·s/rad and rotor A·s²/rad, as far as the fit needs them.
-    differentiation : dict
-        How velocity and acceleration are computed from position.
-    strength : float
-        Of the regularisation.
-    held_out, without : ndarray, shape (J,)
-        RMS error in A on stretches not fitted, and that of friction and rotor inertia alone.
-    identifiable : int
-        Number of combinations of the links' parameters that the motion shows.
-    unseen : list of Unseen
-        For every stretch the tree that was fitted without it.
-    intervals : LinkIntervals
-        How well the links and the currents per torque are known.
-    """
-
-    tree: Tree
-    start: Tree
-    scales: np.ndarray
+    tree: Tree  # with the fitted parameters
+    start: Tree  # with those of the URDF
+    scales: np.ndarray  # (J,): current per torque of each joint, A per N·m
+    # (J, 4): offset A, Coulomb A, viscous A·s/rad and rotor A·s²/rad, as the fit needs them.
     friction: np.ndarray
-    differentiation: dict[str, Any]
-    strength: float
-    held_out: np.ndarray
-    without: np.ndarray
-    identifiable: int
-    unseen: list[Unseen]
-    intervals: LinkIntervals
+    differentiation: dict[str, Any]  # how velocity and acceleration are computed from position
+    strength: float  # of the regularisation
+    held_out: np.ndarray  # (J,): RMS error in A on stretches not fitted
+    without: np.ndarray  # (J,): that of friction and rotor inertia alone
+    identifiable: int  # number of combinations of the links' parameters that the motion shows
+    unseen: list[Unseen]  # for every stretch the tree that was fitted without it
+    intervals: LinkIntervals  # how well the links and the currents per torque are known
 
     def torque(self, samples: Samples) -> np.ndarray:
         """Return the torque in N·m of the links on a joint, shape (N,).
 
         The torque in each stretch of a recording is that of links fitted without this stretch, so
-        that what is predicted with it there was not fitted to it.
-
-        Parameters
-        ----------
-        samples : Samples
-            Of one joint, as recorded, with `arm` and with `recording` as in the fit.
+        that what is predicted with it there was not fitted to it. The samples, of one joint with
+        `arm`, are numbered by `recording` as in the fit.
         """
         motion = moving_states(samples, self.tree.joints, self.differentiation)
         joint_index = self.tree.joints.index(samples.joint)
@@ -143,10 +123,6 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
     progress : callable, optional
         Called with a share of the work done.
 
-    Returns
-    -------
-    ArmFit
-
     Raises
     ------
     InputError
@@ -161,9 +137,8 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
                          'are needed')
     bodies = Bodies(chain.tree.parameters)
     best = _best_settings(chain, joints, bodies, declared, lambda share: report(0.5 * share))
-    chain, best = _mounted(chain, joints, bodies, best, declared)
+    chain, (_, settings, problem, prior, x) = _mounted(chain, joints, bodies, best, declared)
     report(0.7)
-    _, settings, problem, prior, x = best
     prior, errors = _choose_strength(problem, prior, x)
     parts = [solve(problem.total - own, prior, x) for own in problem.folds]
     report(0.8)
@@ -191,70 +166,67 @@ def fit_arm(chain: Chain, joints: list[Samples], declared: np.ndarray | None = N
         link_intervals(whole.sums, prior, x))
 
 
-_Trial: TypeAlias = 'tuple[float, dict[str, Any], Sums, Prior, np.ndarray]'
+class _Trial(NamedTuple):
+    """A fit, by the mean logarithm of its held-out errors; infinite where none is possible."""
+
+    error: float
+    settings: dict[str, Any]
+    problem: Sums
+    prior: Prior
+    x: np.ndarray
 
 
 def _best_settings(
         chain: Chain, joints: list[Samples], bodies: Bodies, declared: np.ndarray | None,
-        report: Callable[[float], None]) -> _Trial | None:
-    """Return the trial with the differentiation that suits best, or None where none does."""
-    best, choices = None, _settings(joints)
-    for index, settings in enumerate(choices):
-        best = _better(best, _trial(chain, joints, settings, bodies, declared))
-        report((index + 1) / len(choices))
-    return best
+        report: Callable[[float], None]) -> _Trial:
+    """Return the trial with the differentiation that suits best."""
+    trials, choices = [], _settings(joints)
+    for settings in choices:
+        trials.append(_trial(chain, joints, settings, bodies, declared))
+        report(len(trials) / len(choices))
+    return min(trials, key=lambda trial: trial.error)
 
 
 def _trial(
         chain: Chain, joints: list[Samples], settings: dict[str, Any], bodies: Bodies,
-        declared: np.ndarray | None) -> _Trial | None:
-    """Return the mean logarithm of the held-out errors and all that gave it, or None.
-
-    None is for an arm that asks of no joint what its current shows.
-    """
+        declared: np.ndarray | None) -> _Trial:
+    """Return a fit, infinitely bad where the arm asks of no joint what its current shows."""
     problem = sums_of(chain, joints, settings, _MOST_ROWS['choice'])
     usual = _usual_scale(problem, bodies)
-    if usual is None:
-        return None
     if declared is None:
-        prior = Prior(bodies, _FIRST_STRENGTH, np.full(len(joints), np.log(usual)), _UNKNOWN_WIDTH)
+        known = np.full(len(joints), np.log(usual or 1.0))
+        prior = Prior(bodies, _FIRST_STRENGTH, known, _UNKNOWN_WIDTH)
     else:
         prior = Prior(bodies, _FIRST_STRENGTH, np.log(declared), _DECLARED_WIDTH)
     unknowns = Unknowns(len(joints))
     x = np.zeros(unknowns.size)
     x[unknowns.scales] = prior.log_scale
+    if usual is None:
+        return _Trial(math.inf, settings, problem, prior, x)
     problem, x = _settled(problem, prior, x)
-    return float(np.mean(np.log(_held_out(problem, prior, x)))), settings, problem, prior, x
+    error = float(np.mean(np.log(_held_out(problem, prior, x))))
+    return _Trial(error, settings, problem, prior, x)
 
 
-def _better(old: Any, new: Any, by: float = 0.0) -> Any:
-    """Return the trial with the smaller errors; a new one has to be better by a share."""
-    if old is None or new is None:
-        return new or old
-    return new if new[0] < old[0] - by else old
-
-
-def _mounted(chain: Chain, joints: list[Samples], bodies: Bodies, best: Any,
-             declared: np.ndarray | None) -> tuple[Chain, Any]:
+def _mounted(chain: Chain, joints: list[Samples], bodies: Bodies, best: _Trial,
+             declared: np.ndarray | None) -> tuple[Chain, _Trial]:
     """Return the arm with gravity in the direction that the recording shows, and its trial.
 
     An arm may hang from a wall or a ceiling while its URDF begins at its own base. Another
     direction than the URDF's is taken only where stretches not fitted leave no doubt.
     """
-    mounted, other = chain, None
-    settings = best[1] if best else _settings(joints)[-1]
+    settings = best.settings if best.error < math.inf else _settings(joints)[-1]
+    trials = []
     for direction in product((-1.0, 0.0, 1.0), repeat=3):
         length = np.linalg.norm(direction)
-        if not 0.0 < length < 1.5:
-            continue
-        twin = chain.falling(np.array(direction) * np.linalg.norm(FREE_FALL) / length)
-        trial = _trial(twin, joints, settings, bodies, declared)
-        if trial is not None and _better(other, trial) is trial:
-            mounted, other = twin, trial
-    if other is None:
+        if 0.0 < length < 1.5:
+            twin = chain.falling(np.array(direction) * np.linalg.norm(FREE_FALL) / length)
+            trials.append((_trial(twin, joints, settings, bodies, declared), twin))
+    other, mounted = min(trials, key=lambda trial: trial[0].error)
+    if other.error == math.inf:
         raise InputError('the currents go against what the URDF says of every joint: it is the '
                          'URDF of another robot')
-    if _better(best, other, _CLEARLY_BETTER) is best:
+    if other.error >= best.error - _CLEARLY_BETTER:
         return chain, best
     return mounted, _best_settings(mounted, joints, bodies, declared, lambda share: None)
 
@@ -262,12 +234,8 @@ def _mounted(chain: Chain, joints: list[Samples], bodies: Bodies, best: Any,
 def identifiable(products: np.ndarray, least: float = 1e-6) -> int:
     """Return the number of base parameters: combinations that joint torques show.
 
-    Parameters
-    ----------
-    products : ndarray, shape (10·J, 10·J)
-        Sums of products of the links' columns.
-    least : float
-        Share of the largest singular value that still counts; columns are normalised.
+    `products`, shape (10·J, 10·J), are the sums of those of the links' columns; singular values of
+    the normalised columns count from a `least` share of the largest.
     """
     norm = np.sqrt(np.diag(products))
     seen = norm > 1e-9 * max(norm.max(), 1e-300)
@@ -284,7 +252,7 @@ def _settings(joints: list[Samples]) -> list[dict[str, Any]]:
     velocity = None if arm is None else arm.velocity
     if velocity is not None and np.any(velocity, axis=0).all():
         sources.append('velocity')
-    return [{'method': 'zero-phase Butterworth', 'source': source, 'bandwidth': value}
+    return [{'method': METHOD, 'source': source, 'bandwidth': value}
             for source in sources for value in [*narrow, None]]
 
 

@@ -29,17 +29,7 @@ _UPPER = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
 
 
 def pseudo_inertia(parameters: ArrayLike) -> np.ndarray:
-    """Return the pseudo-inertia of a link.
-
-    Parameters
-    ----------
-    parameters : array_like, shape (10,)
-        kg, kg·m and kg·m².
-
-    Returns
-    -------
-    ndarray, shape (4, 4)
-    """
+    """Return the pseudo-inertia, shape (4, 4), of a link with ten parameters."""
     m, x, y, z, xx, xy, yy, xz, yz, zz = np.asarray(parameters, dtype=float).tolist()
     half = 0.5 * (xx + yy + zz)
     return np.array([[half - xx, -xy, -xz, x], [-xy, half - yy, -yz, y],
@@ -58,14 +48,7 @@ def parameters_of(pseudo: np.ndarray) -> np.ndarray:
 def nearest_possible(parameters: ArrayLike) -> np.ndarray:
     """Return the ten parameters with mass and extent raised to where a body has them.
 
-    Parameters
-    ----------
-    parameters : array_like, shape (10,)
-
-    Returns
-    -------
-    ndarray, shape (10,)
-        The same numbers where they are possible with some room to spare.
+    They are the same where they are possible with some room to spare.
     """
     pseudo = pseudo_inertia(parameters)
     mass = max(pseudo[3, 3], _LEAST_MASS)
@@ -96,18 +79,10 @@ class Bodies:
         self._root = np.array([np.linalg.cholesky(pseudo_inertia(row)) for row in self.known])
 
     def parameters(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return parameters and derivatives.
+        """Return parameters, shape (L, 10), and derivatives at free numbers, shape (10·L,).
 
-        Parameters
-        ----------
-        numbers : ndarray, shape (10·L,)
-
-        Returns
-        -------
-        ndarray, shape (L, 10)
-            The links' parameters.
-        ndarray, shape (L, 10, 10)
-            Derivative of each link's parameters (second axis) by its own numbers (third axis).
+        The derivatives, shape (L, 10, 10), are those of each link's parameters (second axis) by its
+        own numbers (third axis).
         """
         own = np.reshape(numbers, (-1, PARAMETERS))
         upper = np.zeros((len(own), 4, 4))

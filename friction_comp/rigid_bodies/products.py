@@ -28,22 +28,13 @@ _TRANSITION, _STILL = 0.03, 0.01
 
 @dataclass
 class Sums:
-    """Sums of products of all columns over stretches of the recordings.
+    """Sums of products of all columns over stretches of the recordings."""
 
-    Parameters
-    ----------
-    sums : ndarray, shape (S, J, 10·J + 5, 10·J + 5)
-        Of the columns of the links, of friction and of the current, for each stretch and joint; in
-        units of `variance`.
-    variance : ndarray, shape (J,)
-        One unit of each joint's squared error, A².
-    counts : ndarray, shape (J,)
-        Number of samples.
-    """
-
+    # (S, J, 10·J + 5, 10·J + 5): of the columns of the links, of friction and of the current, for
+    # each stretch and joint; in units of `variance`.
     sums: np.ndarray
-    variance: np.ndarray
-    counts: np.ndarray
+    variance: np.ndarray  # (J,): one unit of each joint's squared error, A²
+    counts: np.ndarray  # (J,): number of samples
 
     @property
     def total(self) -> np.ndarray:
@@ -61,15 +52,7 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
             most_rows: int) -> Sums:
     """Return the sums over recordings of all joints, in units of the current's variance.
 
-    Parameters
-    ----------
-    chain : Chain
-    joints : list of Samples, length J
-        On one time base.
-    settings : dict
-        How velocity and acceleration are computed from position.
-    most_rows : int
-        Of more samples every second, third and so on is taken.
+    Of more samples than `most_rows`, every second, third and so on is taken.
     """
     q, v, a = moving_states(joints[0], chain.tree.joints, settings)
     every = max(1, len(q) // most_rows)
@@ -85,33 +68,22 @@ def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
     counts &= np.ptp(current, axis=0) > 0.0
     variance = np.maximum(np.var(current, axis=0), 1e-12)
     stretch = stretches_of(joints[0].recording)[rows]
-    sums = np.array([
-        _products(chain.regressor(q[own], v[own], a[own]), friction[own], current[own],
-                  counts[own] / variance)
-        for own in (stretch == index for index in range(int(stretch.max()) + 1))])
-    return Sums(sums, variance, counts.sum(axis=0).astype(float))
+    sums = []
+    for index in range(int(stretch.max()) + 1):
+        own = stretch == index
+        regressor, weights = chain.regressor(q[own], v[own], a[own]), counts[own] / variance
+        columns = [np.hstack((regressor[:, joint], friction[own, joint], current[own, joint, None]))
+                   for joint in range(len(joints))]
+        sums.append([(part * weights[:, joint, None]).T @ part
+                     for joint, part in enumerate(columns)])
+    return Sums(np.array(sums), variance, counts.sum(axis=0).astype(float))
 
 
 def stretches_of(recording: np.ndarray) -> np.ndarray:
     """Return which stretch each sample belongs to, shape (N,), counted from 0.
 
-    Parameters
-    ----------
-    recording : ndarray of int, shape (N,)
-        Recording of each sample; no stretch goes over the edge of one.
+    No stretch goes over the edge of a recording.
     """
     stretch = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
     run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
     return np.unique(stretch + (STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
-
-
-def _products(regressor: np.ndarray, friction: np.ndarray, current: np.ndarray,
-                    weights: np.ndarray) -> np.ndarray:
-    """Return each joint's sums of products, shape (J, 10·J + 5, 10·J + 5)."""
-    size = regressor.shape[2] + FRICTION + 1
-    result = np.empty((current.shape[1], size, size))
-    for joint in range(current.shape[1]):
-        columns = np.hstack(
-            (regressor[:, joint], friction[:, joint], current[:, joint, None]))
-        result[joint] = (columns * weights[:, joint, None]).T @ columns
-    return result

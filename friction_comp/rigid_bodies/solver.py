@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from friction_comp.model.arm.tree import PARAMETERS
 from friction_comp.rigid_bodies.link_inertia import Bodies
@@ -19,38 +20,26 @@ from friction_comp.rigid_bodies.products import FRICTION
 # A step that gains less than this, in squared standard deviations of one sample, is the last.
 _STEPS, _CONVERGED = 60, 0.05
 _STIFFEST = 1e8
+_LEVEL = 0.95
+# Share of the uncertainty of a parameter that the recording must remove for the value to be
+# attributed to it.
+_OWN = 0.5
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known before the recording.
+    """What is known before the recording."""
 
-    Parameters
-    ----------
-    bodies : Bodies
-        The URDF's links.
-    strength : float
-        What it costs when a link differs from the URDF, in units of squared standard deviations of
-        one sample: see `Bodies` for the distance.
-    log_scale : ndarray, shape (J,)
-        Logarithm of each joint's current per torque, A per N·m.
-    log_width : float
-        Standard deviation of that.
-    """
-
-    bodies: Bodies
+    bodies: Bodies  # the URDF's links
+    # What it costs when a link differs from the URDF, in units of squared standard deviations of
+    # one sample: see `Bodies` for the distance.
     strength: float
-    log_scale: np.ndarray
-    log_width: float
+    log_scale: np.ndarray  # (J,): logarithm of each joint's current per torque, A per N·m
+    log_width: float  # standard deviation of that
 
 
 class Unknowns:
-    """One vector of all that is fitted: links, logarithms of current per torque, friction.
-
-    Parameters
-    ----------
-    joints : int
-    """
+    """One vector of all that is fitted: links, logarithms of current per torque, friction."""
 
     def __init__(self, joints: int) -> None:
         self.joints = joints
@@ -69,20 +58,9 @@ class Unknowns:
 
 
 def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
-    """Return the unknowns that fit best.
+    """Return the unknowns, shape (U,), that fit best to sums of each joint; see `Sums`.
 
     Coefficients of friction that would be negative stay at zero.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
-        See `Sums`.
-    prior : Prior
-    start : ndarray, shape (U,)
-
-    Returns
-    -------
-    ndarray, shape (U,)
     """
     unknowns = Unknowns(len(matrices))
     x = np.maximum(start, unknowns.lowest)
@@ -112,16 +90,7 @@ def solve(matrices: np.ndarray, prior: Prior, start: np.ndarray) -> np.ndarray:
 
 def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns,
                           x: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return half the loss, its gradient and the Gauss-Newton matrix.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
-        See `Sums`.
-    prior : Prior
-    unknowns : Unknowns
-    x : ndarray, shape (U,)
-    """
+    """Return half the loss, its gradient and the Gauss-Newton matrix."""
     joints, links = unknowns.joints, unknowns.links
     parameters, slopes = prior.bodies.parameters(x[links])
     flat = parameters.ravel()
@@ -156,18 +125,64 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
 
 
 def squares(matrices: np.ndarray, bodies: Bodies, x: np.ndarray) -> np.ndarray:
-    """Return each joint's sum of squared errors for unknowns x, shape (J,).
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (J, 10·J + 5, 10·J + 5)
-        See `Sums`.
-    bodies : Bodies
-    x : ndarray, shape (U,)
-    """
+    """Return each joint's sum of squared errors for unknowns x, shape (J,)."""
     unknowns = Unknowns(len(matrices))
     links = bodies.parameters(x[unknowns.links])[0].ravel()
     mixes = [np.concatenate((np.exp(scale) * links, x[unknowns.friction(joint)], [-1.0]))
              for joint, scale in enumerate(x[unknowns.scales])]
     return np.array([max(float(mix @ matrix @ mix), 0.0)
                      for mix, matrix in zip(mixes, matrices)])
+
+
+@dataclass(frozen=True)
+class LinkIntervals:
+    """The 95 % intervals of the links' parameters and of what turns torque into current."""
+
+    parameters: np.ndarray  # (J, 10, 2): both ends, infinite where the number is the URDF's
+    scales: np.ndarray  # (J, 2): of each joint's current per torque, A per N·m
+    # (J, 10): which part of the uncertainty that a parameter had by the URDF alone the recording
+    # took away: 0 where it shows nothing of it, towards 1 where it alone decides.
+    told: np.ndarray
+
+
+def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIntervals:
+    """Return the intervals of links as fitted, from the recording and the URDF together.
+
+    The effect of noise is computed from the scatter of the gradient between stretches of the
+    recording, since successive errors are correlated (White's covariance, clustered by parts, Liang
+    and Zeger 1986); the uncertainty left by the regularisation towards the URDF adds to it. A
+    parameter that the regularisation determines more than the recording is that of the URDF and has
+    no interval: how well the URDF's values are known cannot be seen in a recording.
+    """
+    unknowns = Unknowns(stretches.shape[1])
+    _, _, hessian = loss_gradient_hessian(stretches.sum(axis=0), prior, unknowns, x)
+    pulls = np.array([loss_gradient_hessian(own, prior, unknowns, x)[1] for own in stretches])
+    # The prior has the same gradient in every part, and cancels with the mean.
+    pulls -= pulls.mean(axis=0)
+    known = np.zeros(unknowns.size)
+    known[unknowns.links], known[unknowns.scales] = prior.strength, 1.0 / prior.log_width ** 2
+    free = x > unknowns.lowest
+    count = len(stretches)
+    inverse = np.linalg.pinv(hessian[np.ix_(free, free)], rcond=1e-13, hermitian=True)
+    scatter = pulls[:, free].T @ pulls[:, free] * count / max(count - 1, 1)
+    covariance = np.zeros_like(hessian)
+    covariance[np.ix_(free, free)] = inverse @ (scatter + np.diag(known[free])) @ inverse
+    wide = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, max(count - 1, 2)))
+
+    parameters, slopes = prior.bodies.parameters(x[unknowns.links])
+    _, before = prior.bodies.parameters(np.zeros_like(x[unknowns.links]))
+    bounds, known_share = np.empty((*parameters.shape, 2)), np.empty(parameters.shape)
+    for link, (own, first) in enumerate(zip(slopes, before)):
+        rows = slice(PARAMETERS * link, PARAMETERS * (link + 1))
+        variance = np.einsum('ij,jk,ik->i', own, covariance[rows, rows], own)
+        half = wide * np.sqrt(np.maximum(variance, 0.0))
+        bounds[link] = np.stack((parameters[link] - half, parameters[link] + half), axis=-1)
+        # The mass of a body is positive, whatever the linearised interval says.
+        bounds[link, 0] = np.maximum(bounds[link, 0], 0.0)
+        unseen = np.einsum('ij,ij->i', first, first) / prior.strength
+        known_share[link] = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
+        bounds[link, known_share[link] < _OWN] = -np.inf, np.inf
+    width = wide * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
+    middle = x[unknowns.scales]
+    return LinkIntervals(bounds, np.exp(np.clip(
+        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), known_share)

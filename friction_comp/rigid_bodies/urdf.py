@@ -34,19 +34,16 @@ class Chain:
     path : path-like
         URDF file.
     joints : sequence of str
-        Names of the joints whose positions are known, as recordings have them. Joints of the file
-        that are not among them are taken to stay where they are at position zero.
+        Names of the joints whose positions are known, as recordings have them.
 
     Attributes
     ----------
     tree : Tree
         With the file's figures, its joints named as in `joints`.
     locked : list of str
-        Joints of the file that are taken to stand still.
+        Joints of the file that are not recorded and taken to stay at position zero.
     unknown : list of str
         Joints that the file does not describe, such as those of a gripper.
-    names : dict of str to str
-        Name in the file of each joint that it describes.
 
     Raises
     ------
@@ -57,15 +54,15 @@ class Chain:
     def __init__(self, path: str | Path, joints: Sequence[str]) -> None:
         self._library = pinocchio()
         whole = _read(self._library, path)
-        self.names, self.unknown = match_names(joints, list(whole.names)[1:], path)
-        wanted = set(self.names.values())
-        self.locked = [name for name in list(whole.names)[1:] if name not in wanted]
-        neutral = self._library.neutral(whole)
-        numbers = [whole.getJointId(name) for name in self.locked]
-        self._model = (self._library.buildReducedModel(whole, numbers, neutral)
-                       if numbers else whole)
+        described = list(whole.names)[1:]
+        names, self.unknown = match_names(joints, described, path)
+        known = {there: here for here, there in names.items()}
+        self.locked = [name for name in described if name not in known]
+        self._model = whole
+        if self.locked:
+            self._model = self._library.buildReducedModel(
+                whole, list(map(whole.getJointId, self.locked)), self._library.neutral(whole))
         self._data = self._model.createData()
-        known = {there: here for here, there in self.names.items()}
         self.tree = self._to_tree([known[name] for name in list(self._model.names)[1:]])
 
     def _to_tree(self, joints: Sequence[str]) -> Tree:
@@ -91,13 +88,7 @@ class Chain:
             np.array(axes), np.array(parameters), np.array(FREE_FALL))
 
     def falling(self, gravity: ArrayLike) -> Chain:
-        """Return the same arm mounted otherwise.
-
-        Parameters
-        ----------
-        gravity : array_like, shape (3,)
-            Acceleration of free fall in the frame of the base, m/s².
-        """
+        """Return the same arm with another free fall, shape (3,), in the base's frame, m/s²."""
         twin = copy(self)
         twin._model = self._model.copy()
         twin._model.gravity.linear = np.array(gravity, dtype=float)
@@ -106,16 +97,9 @@ class Chain:
         return twin
 
     def regressor(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return the matrix that turns the links' parameters into joint torques.
+        """Return the matrix, shape (N, L, 10·L), that turns links' parameters into joint torques.
 
-        Parameters
-        ----------
-        q, v, a : ndarray, shape (N, L)
-            In the order of `tree.joints`.
-
-        Returns
-        -------
-        ndarray, shape (N, L, 10·L)
+        Position, velocity and acceleration, shape (N, L), are in the order of `tree.joints`.
         """
         full = np.zeros((len(q), self._model.nq))
         for k in range(q.shape[1]):
@@ -196,23 +180,10 @@ def _silent() -> Iterator[None]:
 
 def match_names(recorded: Sequence[str], described: Sequence[str],
                 path: str | Path) -> tuple[dict[str, str], list[str]]:
-    """Return which joint of a URDF file each recorded joint is.
+    """Return the name in a URDF file of each recorded joint, and the joints that it lacks.
 
     Names that are equal belong together; else those that are equal without the robot's prefix
     and without case, underscores and the word joint, where that leaves no choice.
-
-    Parameters
-    ----------
-    recorded, described : list of str
-    path : path-like
-        Named in the error.
-
-    Returns
-    -------
-    dict of str to str
-        Of those that are in the file.
-    list of str
-        The others.
 
     Raises
     ------
@@ -223,12 +194,11 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
     unknown: list[str] = []
     listed = ', '.join(map(repr, described))
     for name in recorded:
-        matches = [other for other in described if other == name]
-        if not matches:
-            matches = [other for other in described if plain(other) == plain(name)]
-        if not matches:
-            matches = [other for other in described
-                     if plain(other).endswith(plain(name)) or plain(name).endswith(plain(other))]
+        short = plain(name)
+        matches = ([other for other in described if other == name]
+                   or [other for other in described if plain(other) == short]
+                   or [other for other in described
+                       if plain(other).endswith(short) or short.endswith(plain(other))])
         if len(matches) > 1 or (matches and matches[0] in pairs.values()):
             raise InputError(f'{path}: joint {name!r} of the recording may be several of the '
                              f"URDF's: {listed}")

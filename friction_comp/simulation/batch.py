@@ -33,44 +33,33 @@ def _log(row: np.ndarray, columns: np.ndarray, out: Record, s: Record, command: 
         row[c] = values[columns[c]]
 
 
-@njit(cache=True)
-def _one_run(p: Record, random: np.ndarray, law: Record, s: Record, own: Record, out: Record,
-             reference: np.ndarray, disturbance: np.ndarray, speed: float, released: int,
-             count: int, sample_time: float, every: int, columns: np.ndarray, log: np.ndarray
-             ) -> tuple[float, float]:
-    """Run one joint and return the farthest that it went either way, rad."""
-    table, nothing = np.zeros((0, COLUMNS)), np.zeros(1)
-    start_joint(p, s, random)
-    s.rotor_speed = s.link_speed = speed
-    measure(p, s, random, sample_time, out)
-    period = reference.shape[1]
-    lowest = highest = s.rotor
-    for k in range(count):
-        i = k % period
-        command = 0.0
-        if observe(law, own, k * sample_time, out.position + disturbance[i], out.velocity, True):
-            command = decide(law, own, reference[2, i], 0.0, 0.0, 0.0)
-        else:
-            own.current = 0.0
-        if every > 0 and k % every == 0:
-            _log(log[k // every], columns, out, s, command)
-        joint_sample(p, s, random, table, nothing, sample_time, command, reference[0, i],
-                     reference[1, i], k < released, out)
-        lowest = min(lowest, s.rotor)
-        highest = max(highest, s.rotor)
-    return lowest, highest
-
-
 @njit(cache=True, parallel=True)
-def _all_runs(p: np.ndarray, random: np.ndarray, law: np.ndarray, s: np.ndarray, own: np.ndarray,
-              out: np.ndarray, reference: np.ndarray, which: np.ndarray, disturbance: np.ndarray,
-              speed: float, released: int, count: int, sample_time: float, every: int,
-              columns: np.ndarray, log: np.ndarray, extremes: np.ndarray) -> None:
-    for r in prange(p.shape[0]):
-        extremes[r, 0], extremes[r, 1] = _one_run(
-            p[r], random[r], law[r], s[r], own[r], out[r], reference[which[r]],
-            disturbance[r % disturbance.shape[0]], speed, released, count, sample_time, every,
-            columns, log[r])
+def _run_all(parameters: np.ndarray, random: np.ndarray, laws: np.ndarray, own: np.ndarray,
+             reference: np.ndarray, which: np.ndarray, disturbance: np.ndarray, speed: float,
+             released: int, count: int, sample_time: float, every: int, columns: np.ndarray,
+             log: np.ndarray, extremes: np.ndarray, states: np.ndarray, outs: np.ndarray) -> None:
+    for r in prange(len(parameters)):
+        p, law, s, out, shown = parameters[r], laws[r], states[r], outs[r], reference[which[r]]
+        added = disturbance[r % disturbance.shape[0]]
+        table, nothing = np.zeros((0, COLUMNS)), np.zeros(1)
+        start_joint(p, s, random[r])
+        s.rotor_speed = s.link_speed = speed
+        measure(p, s, random[r], sample_time, out)
+        lowest = highest = s.rotor
+        for k in range(count):
+            i = k % shown.shape[1]
+            command = 0.0
+            if observe(law, own[r], k * sample_time, out.position + added[i], out.velocity, True):
+                command = decide(law, own[r], shown[2, i], 0.0, 0.0, 0.0)
+            else:
+                own[r].current = 0.0
+            if every > 0 and k % every == 0:
+                _log(log[r, k // every], columns, out, s, command)
+            joint_sample(p, s, random[r], table, nothing, sample_time, command, shown[0, i],
+                         shown[1, i], k < released, out)
+            lowest = min(lowest, s.rotor)
+            highest = max(highest, s.rotor)
+        extremes[r, 0], extremes[r, 1] = lowest, highest
 
 
 def closed_loops(
@@ -130,8 +119,7 @@ def closed_loops(
     log = np.zeros((runs, -(-count // every) if every else 0, len(columns)))
     extremes, own = np.zeros((runs, 2)), np.zeros(runs, STATE)
     held = count if released is None else int(released)
-    _all_runs(np.ascontiguousarray(parameters), random.copy(), laws.copy(),
-              np.zeros(runs, JOINT_STATE), own, np.zeros(runs, MEASURED), movements, chosen,
-              added, float(speed), held, count, float(sample_time), int(every), columns, log,
-              extremes)
+    _run_all(np.ascontiguousarray(parameters), random.copy(), laws.copy(), own, movements, chosen,
+             added, float(speed), held, count, float(sample_time), int(every), columns, log,
+             extremes, np.zeros(runs, JOINT_STATE), np.zeros(runs, MEASURED))
     return {name: log[:, :, c] for c, name in enumerate(logged)}, extremes, own

@@ -101,11 +101,8 @@ def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, mem
         v = s.rotor_speed
         _advance_current(p, s, command, v, amplify)
         s.late_current += (s.current - s.late_current) * follow
-        if active:
-            follow_reference(p, s, h, muscle, reference_position + reference_velocity * k * h,
-                             reference_velocity, s.link, s.link_speed)
-        else:
-            s.human = s.pushed_on = 0.0
+        follow_reference(p, s, h, muscle, active, reference_position + reference_velocity * k * h,
+                         reference_velocity, s.link, s.link_speed)
         # The direction in which the joint slides, or would slide, determines the level.
         way = v if v != 0.0 else s.late_current
         level, load = friction_level(p, s, abs(v), way > 0.0), 0.0

@@ -31,10 +31,8 @@ class PlantState:
     ----------
     time : float
         s since the start.
-    position : ndarray
-        rad, whole encoder counts.
-    velocity : ndarray
-        rad/s, first difference of the counted position.
+    position, velocity : ndarray
+        rad, whole encoder counts, and their first difference, rad/s.
     current : ndarray
         Measured motor current in A.
     interaction_torque : ndarray
@@ -94,15 +92,12 @@ class Plant:
         self._zeros, self._nobody = np.zeros(self.joints), np.zeros(self.joints, dtype=bool)
         self._everybody = ~self._nobody
         start_bank(self._parameters, self._states, self._random, self.sample_time, self._out)
-        self._compile()
-        self.state = self._measured()
-
-    def _compile(self) -> None:
-        """Have the step compiled, or read from its cache, before anybody waits for it."""
+        # Have the step compiled, or read from its cache, before anybody waits for it.
         none = np.zeros(0)
         bank_sample(self._parameters[:0], self._states[:0], self._random[:0], self._tables[:0],
                     self._memories[:0], self.sample_time, none, none, none, none.astype(bool),
                     self._out[:0])
+        self.state = self._measured()
 
     def step(self, command: ArrayLike, reference_position: ArrayLike | None = None,
              reference_velocity: ArrayLike | None = None,
@@ -117,10 +112,6 @@ class Plant:
             The movement that the person follows, at the state's time: rad, rad/s.
         human_active : array_like of bool, shape (J,), optional
             Which joints the person holds; all that have a reference when omitted.
-
-        Returns
-        -------
-        PlantState
         """
         if human_active is None:
             active = self._nobody if reference_position is None else self._everybody

@@ -81,18 +81,28 @@ def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, me
     out : record of MEASURED
         Written in place.
     """
-    if not math.isfinite(command):
-        command = 0.0
-    for j in range(DELAYS - 1, 0, -1):
-        s.command[j] = s.command[j - 1]
-    s.command[0] = min(p.limit, max(-p.limit, command))
-    command = s.command[p.delay]
+    command = delayed_command(p, s, command)
     if p.kind == RIGID:
         move_rigid(p, s, random, table, memory, sample_time, command, reference_position,
                    reference_velocity, active)
     else:
         move_geared(p, s, random, table, memory, sample_time, command, reference_position,
                     reference_velocity, active)
+    end_sample(p, s, random, sample_time, out)
+
+
+@njit(cache=True)
+def delayed_command(p: Record, s: Record, command: float) -> float:
+    """Take a command in A and return the limited one that is due, whole samples late."""
+    for j in range(DELAYS - 1, 0, -1):
+        s.command[j] = s.command[j - 1]
+    s.command[0] = min(p.limit, max(-p.limit, command)) if math.isfinite(command) else 0.0
+    return s.command[p.delay]
+
+
+@njit(cache=True)
+def end_sample(p: Record, s: Record, random: np.ndarray, sample_time: float, out: Record) -> None:
+    """Warm the motor up over a sample, and measure."""
     s.temperature = warmed_up(s.temperature, s.current, sample_time, p.thermal)
     s.samples += 1.0
     measure(p, s, random, sample_time, out)

@@ -55,7 +55,7 @@ DEFAULT_GEAR_DAMPING = 0.05
 
 
 def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None) -> np.void:
-    """Return the kernel's parameters of one joint.
+    """Return the kernel's parameters of one joint, a record of `joint_records.JOINT`.
 
     Parameters
     ----------
@@ -63,10 +63,6 @@ def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None)
         Sigmoid, breakaway with its scatter, and the section `simulation`, which
         msg_docs/model_file.md describes. What is missing follows from the drive.
     undeclared : Undeclared, optional
-
-    Returns
-    -------
-    record of joint_records.JOINT
 
     Raises
     ------
@@ -99,10 +95,8 @@ def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None)
     _set_human(p, section, typical, inertia)
     if 'gear' in section:
         _set_gear(p, model, typical / stiffness)
-    elif GEAR_ENTRIES & set(section):
-        raise InputError(
-            f'simulation.{min(GEAR_ENTRIES & set(section))} needs a gear: '
-            f'one of {", ".join(GEARS)}')
+    elif own := GEAR_ENTRIES & set(section):
+        raise InputError(f'simulation.{min(own)} needs a gear: one of {", ".join(GEARS)}')
     return p
 
 
@@ -129,14 +123,13 @@ def _set_friction(p: np.void, model: FrictionModel) -> float:
 
 def _set_human(p: np.void, section: dict[str, Any], typical: float, inertia: float) -> None:
     human = check_mapping(section.get('human') or {}, 'simulation.human', HUMAN_ENTRIES)
-    stiffness = p['human_stiffness'] = _entry(
-        human, 'stiffness', typical / DEFAULT_HUMAN_LAG, 'simulation.human', least=0.0)
-    p['human_damping'] = _entry(
-        human, 'damping', 2.0 * math.sqrt(stiffness * inertia), 'simulation.human', least=0.0)
-    p['human_response'] = _entry(
-        human, 'response_time', DEFAULT_HUMAN_RESPONSE, 'simulation.human', least=0.0)
-    p['human_integral_time'] = _entry(
-        human, 'integral_time', DEFAULT_HUMAN_INTEGRAL_TIME, 'simulation.human', least=0.0)
+
+    def entry(name: str, default: float) -> float:
+        return _entry(human, name, default, 'simulation.human', least=0.0)
+    p['human_stiffness'] = entry('stiffness', typical / DEFAULT_HUMAN_LAG)
+    p['human_damping'] = entry('damping', 2.0 * math.sqrt(p['human_stiffness'] * inertia))
+    p['human_response'] = entry('response_time', DEFAULT_HUMAN_RESPONSE)
+    p['human_integral_time'] = entry('integral_time', DEFAULT_HUMAN_INTEGRAL_TIME)
 
 
 def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:

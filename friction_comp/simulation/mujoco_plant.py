@@ -20,13 +20,13 @@ import numpy as np
 from friction_comp.errors import InputError
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
+from friction_comp.simulation.friction_level import friction_level
 from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.joint_kernel import measure
-from friction_comp.simulation.joint_records import DELAYS, RIGID
+from friction_comp.simulation.joint_kernel import delayed_command, end_sample
+from friction_comp.simulation.joint_records import RIGID
 from friction_comp.simulation.person import follow_reference
-from friction_comp.simulation.rigid_joint import RENEWAL, SETTLING, SUBSTEPS
-from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
+from friction_comp.simulation.rigid_joint import clamped_friction, move_bristle, SUBSTEPS
+from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 
 
 class MujocoPlant(Plant):
@@ -62,13 +62,13 @@ class MujocoPlant(Plant):
                              f'{len(joints)} joints')
         self._step_of_engine, self._multiply = mujoco.mj_step, mujoco.mj_mulM
         self.body = _model(mujoco, file)
-        self._dof = [_degree_of_freedom(mujoco, self.body, file, joint) for joint in joints]
+        self._position, self._velocity = np.array([
+            _degree_of_freedom(mujoco, self.body, file, joint) for joint in joints]).T
         self.body.opt.timestep = sample_time / SUBSTEPS
         super().__init__(models, seed, undeclared, sample_time)
         if (self._parameters['kind'] != RIGID).any():
             raise InputError('engine mujoco moves the links itself: model files with a gear in '
                              'their section simulation cannot be used')
-        self._position, self._velocity = np.array(self._dof).T
         self.body.dof_armature[self._velocity] += self._parameters['motor_inertia']
         self.data = mujoco.MjData(self.body)
         # What follows from the armature.
@@ -80,8 +80,7 @@ class MujocoPlant(Plant):
         self._product, self._unit = np.zeros((2, self.body.nv))
         self._update_inertia()
         self._forces(self._zeros, 0, self._zeros, self._zeros, self._nobody)
-        _measure(self._parameters, self._states, self._random, self.sample_time, *self._moving(),
-              self._out)
+        self._end_sample()
         # The encoder has not moved yet.
         self._out['velocity'] = 0.0
         self.state = self._measured()
@@ -97,8 +96,11 @@ class MujocoPlant(Plant):
             self._forces(command, k, position, velocity, active)
             self.data.qfrc_applied[self._velocity] = self._torque
             self._step_of_engine(self.body, self.data)
-        _measure(self._parameters, self._states, self._random, self.sample_time, *self._moving(),
-              self._out)
+        self._end_sample()
+
+    def _end_sample(self) -> None:
+        _end_sample(self._parameters, self._states, self._random, self.sample_time,
+                    *self._moving(), self._out)
 
     def _forces(self, command: np.ndarray, substep: int, position: np.ndarray,
                 velocity: np.ndarray, active: np.ndarray) -> None:
@@ -153,19 +155,13 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
         p, s = parameters[j], states[j]
         x, v = position[j], velocity[j]
         if substep == 0:
-            wanted = command[j] if math.isfinite(command[j]) else 0.0
-            for k in range(DELAYS - 1, 0, -1):
-                s.command[k] = s.command[k - 1]
-            s.command[0] = min(p.limit, max(-p.limit, wanted))
-            s.current = s.command[p.delay]
+            s.current = delayed_command(p, s, command[j])
         s.late_current += (s.current - s.late_current) * low_pass_weight(h, p.actuation_lag)
-        if active[j] and math.isfinite(reference_position[j] + reference_velocity[j]):
-            follow_reference(
-                p, s, h, low_pass_weight(h, p.human_response),
-                reference_position[j] + reference_velocity[j] * substep * h,
-                reference_velocity[j], x, v)
-        else:
-            s.human = s.pushed_on = 0.0
+        follow_reference(
+            p, s, h, low_pass_weight(h, p.human_response),
+            active[j] and math.isfinite(reference_position[j] + reference_velocity[j]),
+            reference_position[j] + reference_velocity[j] * substep * h, reference_velocity[j], x,
+            v)
         driving, extra = p.torque_per_current * s.late_current + s.human, 0.0
         sigma0, sigma1 = p.bristle_stiffness, p.bristle_damping
         if tables[j].shape[0] > 0 and tables[j][0, 0] >= 0.0:
@@ -176,35 +172,17 @@ def _torques(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, ta
             driving += load
         stuck = (v + h / inertia[j] * (driving - bias[j] - sigma0 * s.bristle[0])) / (
             1.0 + h / inertia[j] * (sigma1 + h * sigma0))
-        force = sigma0 * (s.bristle[0] + h * stuck) + sigma1 * stuck
-        base = friction_level(p, s, abs(v), force > 0.0)
-        level = max(base + extra, LEAST_LEVEL * base)
-        if abs(force) <= level:
-            s.bristle[0] += h * stuck
-            s.rest += h
-            if s.sliding == 1 and s.rest > SETTLING:
-                s.sliding, s.slid = 0, 0.0
-                draw_levels(p, s, randoms[j])
-        else:
-            force = math.copysign(level, force)
-            limit = level / sigma0
-            s.bristle[0] = min(limit, max(-limit, s.bristle[0] + h * v))
-            s.rest, s.sliding = 0.0, 1
-            s.slid += h * abs(v)
-            if s.slid > RENEWAL * limit:
-                s.slid = 0.0
-                draw_levels(p, s, randoms[j])
-        torque[j] = driving - force
+        friction, slips = clamped_friction(p, s, stuck, extra, abs(v), h)
+        move_bristle(p, s, randoms[j], v if slips else stuck, friction, slips, h)
+        torque[j] = driving - friction
 
 
 @njit(cache=True)
-def _measure(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray, sample_time: float,
-          position: np.ndarray, velocity: np.ndarray, out: np.ndarray) -> None:
-    """Write what the sensors show at the end of a sample."""
+def _end_sample(parameters: np.ndarray, states: np.ndarray, randoms: np.ndarray,
+                sample_time: float, position: np.ndarray, velocity: np.ndarray, out: np.ndarray
+                ) -> None:
     for j in range(parameters.shape[0]):
         p, s = parameters[j], states[j]
         s.rotor = s.link = position[j]
         s.rotor_speed = s.link_speed = velocity[j]
-        s.temperature = warmed_up(s.temperature, s.current, sample_time, p.thermal)
-        s.samples += 1.0
-        measure(p, s, randoms[j], sample_time, out[j])
+        end_sample(p, s, randoms[j], sample_time, out[j])

@@ -27,22 +27,17 @@ which leaves a part of friction, and so a part of the way, to the person."""
 
 
 @njit(cache=True)
-def follow_reference(p: Record, s: Record, h: float, muscle: float, reference_position: float,
-                     reference_velocity: float, position: float, velocity: float) -> None:
-    """Advance the torque `s.human` in N·m that the person gives, by one substep.
+def follow_reference(p: Record, s: Record, h: float, muscle: float, active: bool,
+                     reference_position: float, reference_velocity: float, position: float,
+                     velocity: float) -> None:
+    """Advance the torque `s.human` in N·m that the person gives, by one substep of h s.
 
-    Parameters
-    ----------
-    p, s : records of JOINT and JOINT_STATE
-    h : float
-        s.
-    muscle : float
-        Weight of the low pass of the person's reaction over the substep.
-    reference_position, reference_velocity : float
-        What is shown, rad and rad/s.
-    position, velocity : float
-        Where the person holds the joint, rad and rad/s.
+    `muscle` is the weight of the low pass of the person's reaction over the substep, `active`
+    whether the person holds the joint; position and velocity are where, in rad and rad/s.
     """
+    if not active:
+        s.human = s.pushed_on = 0.0
+        return
     lag = reference_position - position
     if reference_velocity != 0.0:
         s.arrived = 0

@@ -34,6 +34,43 @@ RENEWAL = 3.0
 
 
 @njit(cache=True)
+def clamped_friction(p: Record, s: Record, stuck: float, extra: float, speed: float, h: float
+                     ) -> tuple[float, bool]:
+    """Return friction in N·m, and whether the bristle slips; `stuck` is its speed if it does not.
+
+    Undeclared effects add `extra` N·m to the level at a speed.
+    """
+    force = p.bristle_stiffness * (s.bristle[0] + h * stuck) + p.bristle_damping * stuck
+    base = friction_level(p, s, speed, force > 0.0)
+    level = max(base + extra, LEAST_LEVEL * base)
+    if abs(force) <= level:
+        return force, False
+    return math.copysign(level, force), True
+
+
+@njit(cache=True)
+def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: float, slips: bool,
+                 h: float) -> None:
+    """Advance the bristle by a substep of h s at the speed v, and draw levels for a new rest."""
+    s.bristle[0] += h * v
+    if not slips:
+        s.rest += h
+        if s.sliding == 1 and s.rest > SETTLING:
+            s.sliding = 0
+            s.slid = 0.0
+            draw_levels(p, s, random)
+        return
+    limit = abs(friction) / p.bristle_stiffness
+    s.bristle[0] = min(limit, max(-limit, s.bristle[0]))
+    s.rest = 0.0
+    s.sliding = 1
+    s.slid += h * abs(v)
+    if s.slid > RENEWAL * limit:
+        s.slid = 0.0
+        draw_levels(p, s, random)
+
+
+@njit(cache=True)
 def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                sample_time: float, command: float, reference_position: float,
                reference_velocity: float, active: bool) -> None:
@@ -49,11 +86,8 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
     for k in range(SUBSTEPS):
         s.late_current += (command - s.late_current) * follow
         x, v = s.rotor, s.rotor_speed
-        if active:
-            follow_reference(p, s, h, muscle, reference_position + reference_velocity * k * h,
-                             reference_velocity, x, v)
-        else:
-            s.human = s.pushed_on = 0.0
+        follow_reference(p, s, h, muscle, active, reference_position + reference_velocity * k * h,
+                         reference_velocity, x, v)
         torque = p.torque_per_current * s.late_current + s.human
         # The direction in which the bristle would deflect determines the level.
         stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
@@ -64,27 +98,8 @@ def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memo
                                             s.temperature, s.rest, base)
             torque += load
             stuck = (v + over_inertia * (torque - sigma0 * s.bristle[0])) * implicit
-        force = sigma0 * (s.bristle[0] + h * stuck) + sigma1 * stuck
-        base = friction_level(p, s, abs(v), force > 0.0)
-        level = max(base + extra, LEAST_LEVEL * base)
-        if abs(force) <= level:
-            v = stuck
-            s.bristle[0] += h * v
-            s.rest += h
-            if s.sliding == 1 and s.rest > SETTLING:
-                s.sliding = 0
-                s.slid = 0.0
-                draw_levels(p, s, random)
-        else:
-            level = math.copysign(level, force)
-            v += over_inertia * (torque - level)
-            limit = abs(level) / sigma0
-            s.bristle[0] = min(limit, max(-limit, s.bristle[0] + h * v))
-            s.rest = 0.0
-            s.sliding = 1
-            s.slid += h * abs(v)
-            if s.slid > RENEWAL * limit:
-                s.slid = 0.0
-                draw_levels(p, s, random)
+        friction, slips = clamped_friction(p, s, stuck, extra, abs(v), h)
+        v = v + over_inertia * (torque - friction) if slips else stuck
+        move_bristle(p, s, random, v, friction, slips, h)
         s.rotor_speed = s.link_speed = v
         s.rotor = s.link = x + h * v

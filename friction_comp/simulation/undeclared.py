@@ -28,58 +28,62 @@ COLUMNS = 10
 (STRIBECK, VISCOUS_SHAPE, DIRECTION, OFFSET, GRAVITY, COGGING, FRICTION_RIPPLE, BUMP, LOAD,
  TEMPERATURE, WARM_UP, HYSTERESIS, REST) = range(13)
 
-# name: (code, {parameter: (default or None where it must be given, lowest, highest)}), in the
-# order of the kernel's columns. Torques N·m at the joint, angles rad, times s, the rest as said.
-_ANY = (-math.inf, math.inf)
-_POSITIVE = (1e-9, math.inf)
-EFFECTS: dict[str, tuple[int, dict[str, tuple[Any, ...]]]] = {
+Bounds = tuple[float | None, float, float]
+"""Default of a parameter, None where it must be given; lowest and highest value."""
+
+
+def _any(default: float | None = None) -> Bounds:
+    return default, -math.inf, math.inf
+
+
+def _positive(default: float | None = None) -> Bounds:
+    return default, 1e-9, math.inf
+
+
+_RIPPLE = {'amplitude': _any(), 'frequency': _positive(), 'phase': _any(0.0), 'slope': _any(0.0)}
+# Name: code and parameters in the order of the kernel's columns. Torques N·m at the joint, angles
+# rad, times s, the rest as said.
+EFFECTS: dict[str, tuple[int, dict[str, Bounds]]] = {
     # level + amplitude·exp(-(|v|/velocity)^exponent)
-    'stribeck': (STRIBECK, {'amplitude': (None, *_ANY), 'velocity': (None, *_POSITIVE),
-                            'exponent': (1.0, 0.1, 5.0)}),
+    'stribeck': (STRIBECK, {
+        'amplitude': _any(), 'velocity': _positive(), 'exponent': (1.0, 0.1, 5.0)}),
     # level + amplitude·|v/velocity|^exponent; exponent below 1 sub-linear, above 1 super-linear
-    'viscous_shape': (VISCOUS_SHAPE, {'amplitude': (None, *_ANY), 'velocity': (1.0, *_POSITIVE),
-                                      'exponent': (None, 0.05, 5.0)}),
+    'viscous_shape': (VISCOUS_SHAPE, {
+        'amplitude': _any(), 'velocity': _positive(1.0), 'exponent': (None, 0.05, 5.0)}),
     # level ± (coulomb + viscous·|v|): plus in positive, minus in negative direction
-    'direction': (DIRECTION, {'coulomb': (0.0, *_ANY), 'viscous': (0.0, *_ANY)}),
+    'direction': (DIRECTION, {'coulomb': _any(0.0), 'viscous': _any(0.0)}),
     # constant torque that the motor has to hold
-    'offset': (OFFSET, {'torque': (None, *_ANY)}),
+    'offset': (OFFSET, {'torque': _any()}),
     # torque amplitude·sin(x + phase)
-    'gravity': (GRAVITY, {'amplitude': (None, *_ANY), 'phase': (0.0, *_ANY)}),
+    'gravity': (GRAVITY, {'amplitude': _any(), 'phase': _any(0.0)}),
     # torque amplitude·(1 + slope·|v|)·sin(frequency·x + phase); frequency in rad per rad, that is
     # periods per joint turn
-    'cogging': (COGGING, {'amplitude': (None, *_ANY), 'frequency': (None, *_POSITIVE),
-                          'phase': (0.0, *_ANY), 'slope': (0.0, *_ANY)}),
+    'cogging': (COGGING, _RIPPLE),
     # the same, added to the level of friction
-    'friction_ripple': (FRICTION_RIPPLE, {
-        'amplitude': (None, *_ANY), 'frequency': (None, *_POSITIVE), 'phase': (0.0, *_ANY),
-        'slope': (0.0, *_ANY)}),
+    'friction_ripple': (FRICTION_RIPPLE, _RIPPLE),
     # level + amplitude·exp(-(x - position)²/(2·width²))
-    'bump': (BUMP, {'amplitude': (None, *_ANY), 'position': (None, *_ANY),
-                    'width': (None, *_POSITIVE)}),
+    'bump': (BUMP, {'amplitude': _any(), 'position': _any(), 'width': _positive()}),
     # level + coefficient·|load|
-    'load': (LOAD, {'coefficient': (None, *_ANY)}),
+    'load': (LOAD, {'coefficient': _any()}),
     # level·(1 + coefficient·(temperature - reference)), coefficient 1/K
-    'temperature': (TEMPERATURE, {'coefficient': (None, *_ANY), 'reference': (25.0, *_ANY)}),
+    'temperature': (TEMPERATURE, {'coefficient': _any(), 'reference': _any(25.0)}),
     # level·(1 + share·exp(-t/time_constant))
-    'warm_up': (WARM_UP, {'share': (None, *_ANY), 'time_constant': (None, *_POSITIVE)}),
+    'warm_up': (WARM_UP, {'share': _any(), 'time_constant': _positive()}),
     # a second Dahl element: torque z, dz/dx = stiffness·(1 - z·sgn(dx)/torque)
-    'hysteresis': (HYSTERESIS, {'torque': (None, *_POSITIVE), 'stiffness': (None, *_POSITIVE)}),
+    'hysteresis': (HYSTERESIS, {'torque': _positive(), 'stiffness': _positive()}),
     # level·(1 + share·s); s grows to 1 with the time at rest, is lost over a distance of sliding
-    'rest': (REST, {'share': (None, *_ANY), 'time_constant': (None, *_POSITIVE),
-                    'distance': (0.05, *_POSITIVE)}),
+    'rest': (REST, {'share': _any(), 'time_constant': _positive(), 'distance': _positive(0.05)}),
 }
 
 # Effects of the joint itself rather than of its friction; the joint reads them as attributes.
-JOINT_EFFECTS = {
+JOINT_EFFECTS: dict[str, dict[str, Bounds]] = {
     'inertia': {'inertia': (None, 0.0, math.inf)},
     'actuation_lag': {'lag': (None, 0.0, 1.0)},
     'torque_constant': {'factor': (None, 0.1, 10.0)},
 }
-
-THERMAL = {
+THERMAL: dict[str, Bounds] = {
     'ambient': (25.0, -273.15, math.inf), 'initial': (None, -273.15, math.inf),
-    'heating': (0.0, 0.0, math.inf), 'time_constant': (600.0, *_POSITIVE),
-}
+    'heating': (0.0, 0.0, math.inf), 'time_constant': _positive(600.0)}
 
 _MEMORY = {HYSTERESIS: 3, REST: 4}
 
@@ -123,57 +127,40 @@ class Undeclared:
             Names and parameters as in `EFFECTS` and `JOINT_EFFECTS`.
         thermal : dict, optional
             As in `THERMAL`; `initial` is the ambient temperature when omitted.
-
-        Raises
-        ------
-        InputError
-            If a name or parameter is unknown, missing or out of range.
         """
         rows, result = [], cls()
         for entry in effects:
             if not isinstance(entry, dict) or 'name' not in entry:
                 raise InputError(f'an undeclared effect needs a name: {entry!r}')
-            name = entry['name']
-            check_mapping(entry, f"undeclared effect '{name}'", ('name', 'parameters'))
+            name, where = entry['name'], f"undeclared effect '{entry['name']}'"
+            check_mapping(entry, where, ('name', 'parameters'))
             given = entry.get('parameters') or {}
-            where = f"undeclared effect '{name}'"
             if name in EFFECTS:
                 code, wanted = EFFECTS[name]
                 row = np.zeros(COLUMNS)
-                row[0] = code
                 values = list(_read(given, wanted, where).values())
-                row[1:1 + len(values)] = values
-                row[-1] = result.memory_size
+                row[0], row[1:1 + len(values)], row[-1] = code, values, result.memory_size
                 result.memory_size += _MEMORY.get(code, 0)
                 rows.append(row)
-            elif name == 'inertia':
-                result.inertia += _read(given, JOINT_EFFECTS[name], where)['inertia']
-            elif name == 'actuation_lag':
-                result.actuation_lag += _read(given, JOINT_EFFECTS[name], where)['lag']
-            elif name == 'torque_constant':
-                result.torque_constant_factor *= _read(
-                    given, JOINT_EFFECTS[name], where)['factor']
+            elif name in JOINT_EFFECTS:
+                own = _read(given, JOINT_EFFECTS[name], where)
+                result.inertia += own.get('inertia', 0.0)
+                result.actuation_lag += own.get('lag', 0.0)
+                result.torque_constant_factor *= own.get('factor', 1.0)
             else:
                 raise InputError(f"unknown undeclared effect '{name}'; known: "
                                  f"{', '.join([*EFFECTS, *JOINT_EFFECTS])}")
         if rows:
             result.table = np.array(rows)
         if thermal is not None:
-            thermal = dict(thermal) if isinstance(thermal, dict) else thermal
-            if isinstance(thermal, dict):
-                thermal.setdefault('initial', thermal.get('ambient', THERMAL['ambient'][0]))
-            result.thermal = np.array(list(_read(thermal, THERMAL, 'thermal').values()))
+            ambient = check_mapping(thermal, 'thermal').get('ambient', THERMAL['ambient'][0])
+            constants = _read({'initial': ambient, **thermal}, THERMAL, 'thermal')
+            result.thermal = np.array(list(constants.values()))
         return result
 
     @classmethod
     def from_file(cls, path: str | Path) -> Undeclared:
-        """Read a YAML file.
-
-        Raises
-        ------
-        InputError
-            Naming the file and what is wrong with it.
-        """
+        """Read a YAML file."""
         document = read_yaml(path)
         with errors_name(path):
             return cls.from_dict(document)
@@ -186,7 +173,7 @@ class Undeclared:
             check_list(document.get('effects'), 'effects'), document.get('thermal'))
 
 
-def _read(given: Any, wanted: dict[str, tuple[Any, ...]], where: str) -> dict[str, float]:
+def _read(given: Any, wanted: dict[str, Bounds], where: str) -> dict[str, float]:
     check_mapping(given, where, wanted)
     values = {}
     for name, (default, lowest, highest) in wanted.items():
@@ -209,10 +196,8 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
         `Undeclared.table` and `memory_size` zeros of the run's own, changed in place.
     t, x, v : float
         Time, joint position and velocity: s, rad, rad/s.
-    load : float
-        Torque that the person applies, N·m.
-    temperature : float
-        Of the motor, degrees Celsius.
+    load, temperature : float
+        Torque that the person applies, N·m; that of the motor, degrees Celsius.
     rest_time : float
         How long the joint has been sticking, s; 0 while it slides.
     base_level : float
@@ -283,17 +268,10 @@ def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float,
 
 @njit(cache=True)
 def warmed_up(temperature: float, current: float, step: float, thermal: np.ndarray) -> float:
-    """Return the motor temperature a time step later, degrees Celsius.
+    """Return the motor temperature in degrees Celsius a time step later, s; `current` in A.
 
     First order: the motor tends to ambient + heating·current² with its time constant, as the
     windings lose heat in proportion to how much warmer they are than the air.
-
-    Parameters
-    ----------
-    temperature, current, step : float
-        Degrees Celsius, A, s.
-    thermal : ndarray, shape (4,)
-        `Undeclared.thermal`.
     """
     goal = thermal[0] + thermal[2] * current * current
     return goal + (temperature - goal) * math.exp(-step / thermal[3])

@@ -12,6 +12,7 @@ import argparse
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+import itertools
 import json
 import os
 from pathlib import Path
@@ -19,11 +20,14 @@ import shlex
 import shutil
 import sys
 import tempfile
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TYPE_CHECKING, TypeVar
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, encodable, plain
+
+if TYPE_CHECKING:
+    from friction_comp.reports.html import Report
 
 T = TypeVar('T')
 # Version of the JSON that the tools write: increased when an entry is removed or changes its
@@ -38,13 +42,12 @@ class Arguments(argparse.ArgumentParser):
     with `ros2 run` from a launch file.
     """
 
-    def __init__(self, name: str, description: str, examples: Sequence[str] = (),
-                 **options: Any) -> None:
+    def __init__(self, name: str, description: str, examples: Sequence[str] = ()) -> None:
         lines = [f'  python3 -m friction_comp {name} {example}'.rstrip() for example in examples]
         super().__init__(
             prog=f'python3 -m friction_comp {name}', description=description,
             allow_abbrev=False, epilog='\n'.join(['examples:', *lines]) if lines else None,
-            formatter_class=argparse.RawDescriptionHelpFormatter, **options)
+            formatter_class=argparse.RawDescriptionHelpFormatter)
         self._name = name
         self._check_output: Callable[[Path], None] | None = None
 
@@ -52,23 +55,18 @@ class Arguments(argparse.ArgumentParser):
         """Exit with status 2 and one line on standard error."""
         self.exit(2, f'{self._name}: {message} (try --help)\n')
 
-    def parse(self, argv: list[str] | None = None) -> Namespace:
-        """Return the parsed arguments.
-
-        Parameters
-        ----------
-        argv : list of str, optional
-            The process's own by default.
+    def parse(self, argv: Sequence[str] | None = None) -> Namespace:
+        """Return the parsed arguments; `command` is the whole command, marked as code for a page.
 
         Raises
         ------
         InputError
             If the output cannot be written: known before the work, which may take minutes.
         """
-        arguments = list(sys.argv[1:] if argv is None else argv)
-        if '--ros-args' in arguments:
-            arguments = arguments[:arguments.index('--ros-args')]
-        parsed = self.parse_args(arguments)
+        given = list(sys.argv[1:] if argv is None else argv)
+        own = itertools.takewhile(lambda word: word != '--ros-args', given)
+        parsed = self.parse_args(list(own))
+        parsed.command = f'`friction_comp {shlex.join([self._name, *given])}`'
         if self._check_output is not None:
             self._check_output(parsed.output)
         return parsed
@@ -100,6 +98,14 @@ class Arguments(argparse.ArgumentParser):
                           'joint turn')
         return self
 
+    def add_jobs(self) -> Arguments:
+        """Add --jobs; None where it is not given."""
+        self.add_argument(
+            '--jobs', metavar='N', type=whole_number(),
+            help='recordings that are worked on at once, each in a process of its own (by '
+            'default, where that saves time, as many as there are processors)')
+        return self
+
     def add_json(self) -> Arguments:
         """Add --json."""
         self.add_argument('--json', action='store_true',
@@ -112,20 +118,12 @@ class Arguments(argparse.ArgumentParser):
         self._check_output = check_file
         return self
 
-    def add_output(self,
-                   what: str = 'folder for the results, made where it is missing') -> Arguments:
-        """Add --output."""
-        self.add_argument('--output', metavar='DIR', type=Path, required=True, help=what)
+    def add_output(self) -> Arguments:
+        """Add --output, a folder."""
+        self.add_argument('--output', metavar='DIR', type=Path, required=True,
+                          help='folder for the results, made where it is missing')
         self._check_output = check_folder
         return self
-
-
-def command_line(name: str, argv: Sequence[str] | None) -> str:
-    """Return the command that made a page, for its foot, marked as code."""
-    given = list(sys.argv[1:] if argv is None else argv)
-    # The arguments of the process begin with its name.
-    named = given if argv is None and given[:1] == [name] else [name, *given]
-    return f'`friction_comp {shlex.join(named)}`'
 
 
 def positive(text: str) -> float:
@@ -152,60 +150,52 @@ def _checked(text: str, kind: Callable[[str], T], check: Callable[[object], T]) 
 
 
 @contextmanager
-def output_folder(path: str | Path) -> Iterator[Path]:
-    """Provide a folder for results, which are moved to `path` when the block succeeds.
+def output_folder(path: Path) -> Iterator[Path]:
+    """Yield a folder for results, which are moved to `path` when the block succeeds.
 
-    Until then they are in a hidden folder next to it, which is removed if the block raises. Files
-    with the same names in `path` are replaced, others are kept.
-
-    Parameters
-    ----------
-    path : path-like
-
-    Yields
-    ------
-    Path
-        Where to write.
+    Until then they are in a hidden folder inside, which is removed if the block raises. Files with
+    the same names in `path` are replaced, others are kept.
 
     Raises
     ------
     InputError
         If the folder cannot be made or written.
     """
-    path = Path(path)
     if path.exists() and not path.is_dir():
         raise InputError(f'{path}: exists and is not a folder')
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     room = None
-    done = False
     try:
         path.mkdir(parents=True, exist_ok=True)
         room = Path(tempfile.mkdtemp(prefix='.unfinished.', dir=path))
         yield room
-        made_here = sorted(room.rglob('*'))
-        for source in made_here:
-            target = path / source.relative_to(room)
-            kind = 'folder' if source.is_dir() else 'file'
-            if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
-                raise InputError(f'{target}: is in the way, and is no ordinary {kind}')
-        for source in made_here:
-            target = path / source.relative_to(room)
-            if source.is_dir():
-                target.mkdir(exist_ok=True)
-            else:
-                os.replace(source, target)
-        done = True
+        _move_content(room, path)
+        made = []
     except OSError as error:
         name = error.filename if error.filename and room is None else path
         raise InputError(f'{name}: cannot be written: {error.strerror or error}') from None
     finally:
         if room is not None:
             shutil.rmtree(room, ignore_errors=True)
-        if not done:
-            # Folders that were created are removed as well, the innermost first.
-            for folder in made:
-                with suppress(OSError):
-                    folder.rmdir()
+        # Without success, folders that were made are removed as well, the innermost first.
+        for folder in made:
+            with suppress(OSError):
+                folder.rmdir()
+
+
+def _move_content(room: Path, path: Path) -> None:
+    sources = sorted(room.rglob('*'))
+    for source in sources:
+        target = path / source.relative_to(room)
+        kind = 'folder' if source.is_dir() else 'file'
+        if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
+            raise InputError(f'{target}: is in the way, and is no ordinary {kind}')
+    for source in sources:
+        target = path / source.relative_to(room)
+        if source.is_dir():
+            target.mkdir(exist_ok=True)
+        else:
+            os.replace(source, target)
 
 
 @contextmanager
@@ -214,10 +204,6 @@ def progress(description: str) -> Iterator[Callable[..., None]]:
 
     A program that watches sets the environment variable FRICTION_COMP_PROGRESS to ``lines`` and
     gets a line ``progress SHARE DESCRIPTION`` for each report.
-
-    Parameters
-    ----------
-    description : str
 
     Yields
     ------
@@ -253,6 +239,13 @@ def _progress_lines(first: str) -> Callable[..., None]:
         done = done if share is None else min(max(float(share), 0.0), 1.0)
         print(f'progress {done:.4f} {word}', file=sys.stderr, flush=True)
     return report
+
+
+def write_report(folder: Path, content: dict[str, Any], page: Report, *origin: str) -> None:
+    """Write report.json and report.html, whose footer names its origin, such as the command."""
+    (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+    page.made_by(*origin)
+    page.save(folder / 'report.html')
 
 
 def to_json(content: dict[str, Any]) -> str:

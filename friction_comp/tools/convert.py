@@ -16,13 +16,7 @@ from friction_comp.tools.recorded_drive import layout_of
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the recording in the other form; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read, or the output cannot be written or is there already.
-    """
+    """Write the recording in the other form; returns 0."""
     parser = Arguments('convert', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --output output/with_direction.csv',
         'output/with_direction.csv --output output/with_direction')).add_recordings(several=False)
@@ -39,11 +33,10 @@ def main(argv: list[str] | None = None) -> int:
         raise InputError(f'{output}: is there already; a recording is never written over')
     if output.resolve() == arguments.recording.resolve():
         raise InputError(f'{output}: is the recording itself')
-    notes: list[str] = []
     with progress('reading') as report:
-        joints = read_joints(
+        joints, notes = read_joints(
             arguments.recording, [arguments.joint] if arguments.joint is not None else None,
-            progress=lambda share: report(0.5 * share), layout=layout_of(arguments), notes=notes)
+            lambda share: report(0.5 * share), layout_of(arguments))
         report(0.5, 'writing')
         output.parent.mkdir(parents=True, exist_ok=True)
         if to_table:

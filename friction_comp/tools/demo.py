@@ -7,14 +7,14 @@ Identify, compensate, evaluate, find what the model lacks, load the refined mode
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 import signal
+from typing import NoReturn
 
 from friction_comp.package_files import package_file
 from friction_comp.tools.common import Arguments, whole_number
 from friction_comp.tools.improve import main as improve
-from friction_comp.tools.ros_domain import leased_domain
+from friction_comp.tools.ros_domain import private_domain
 
 SCENES = {
     'loop': 'identify, compensate, evaluate, refine, compensate again',
@@ -25,13 +25,7 @@ SCENES = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one scene of the demo and write its report; returns 0.
-
-    Raises
-    ------
-    InputError
-        If an argument cannot be used, or a node fails.
-    """
+    """Run one scene of the demo and write its report; returns 0."""
     parser = Arguments('demo', __doc__, ('--watch', '--scene two_joints', '--scene wear --watch'))
     parser.add_argument('--output', metavar='DIR', type=Path, default=Path('friction_comp_demo'),
                         help='folder for models, recordings and the report (%(default)s)')
@@ -41,42 +35,34 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=1,
                         help="of the simulated joint's noise and scatter (%(default)s)")
     parser.add_argument('--scene', choices=SCENES, default='loop',
-                        help='; '.join(f'{name}: {text}' for name, text in SCENES.items())
+                        help='; '.join(f'{name}: {words}' for name, words in SCENES.items())
                         + ' (%(default)s)')
     parser.add_argument('--watch', action='store_true',
                         help='with a live page on localhost (needs Bokeh)')
-    parser.add_argument('--undeclared', metavar='FILE', type=Path,
-                        help='what the simulated joint hides from the other nodes '
-                        '(config/undeclared_example.yaml)')
     arguments = parser.parse(argv)
     if arguments.scene == 'improve':
         return improve([
             '--simulate', str(package_file('config', 'armin_configuration_1.yaml')),
-            '--undeclared', str(arguments.undeclared
-                                or package_file('config', 'undeclared_pair.yaml')),
+            '--undeclared', str(package_file('config', 'undeclared_pair.yaml')),
             '--position', '-1', '1', '--velocity', '1.5', '--acceleration', '6',
             '--seed', str(arguments.seed), '--output', str(arguments.output)])
-    # A separate domain, on this machine only, so that no robot is disturbed.
-    with leased_domain() as domain:
+    with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
-        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-        # Nodes then discover each other in half a second instead of three.
-        os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
-                              str(package_file('config', 'quick_discovery.xml')))
         from friction_comp.nodes.demo_client import DemoClient
-        from friction_comp.tools.demo_arm import GuidedArm
-        from friction_comp.tools.demo_scenes import TwoJoints, Wear
-        from friction_comp.tools.demo_stage import tell
-        from friction_comp.tools.demo_story import Demo
+        from friction_comp.tools.demo_loop import play_loop
+        from friction_comp.tools.demo_scenes import play_arm, play_two_joints, play_wear
+        from friction_comp.tools.demo_stage import open_stage
 
-        scene = {'loop': Demo, 'two_joints': TwoJoints, 'arm': GuidedArm,
-                 'wear': Wear}[arguments.scene]
+        play = {'loop': play_loop, 'two_joints': play_two_joints, 'arm': play_arm,
+                'wear': play_wear}[arguments.scene]
         previous = signal.signal(signal.SIGTERM, _interrupt)
         try:
-            return tell(arguments, DemoClient, scene)
+            with open_stage(arguments, DemoClient) as stage:
+                play(stage)
         finally:
             signal.signal(signal.SIGTERM, previous)
+    return 0
 
 
-def _interrupt(*_: object) -> None:
+def _interrupt(*_: object) -> NoReturn:
     raise KeyboardInterrupt

@@ -1,209 +1,233 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Further scenes of the tool ``demo``: two joints with reversals, and a drive that changes."""
+"""Further scenes of the tool ``demo``: two joints, an arm, and a drive that changes."""
 
 from __future__ import annotations
 
-from argparse import Namespace
 import csv
+from dataclasses import replace
+import importlib.util
 import math
 from pathlib import Path
-import time
 from typing import Any, TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import evaluate_recordings
+from friction_comp.files import write_yaml
+from friction_comp.model.arm_document import arm_document
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
-from friction_comp.recordings import read_recording
-from friction_comp.recordings.arm_reader import read_arm
+from friction_comp.recordings import read_arm
+from friction_comp.refinement.whole_arm import refine_arm
 from friction_comp.reports.evaluation_words import compared_peaks
 from friction_comp.reports.scene_reports import (
+    arm_scene_report,
     effort,
+    peaks_of,
     stages_of,
     two_joints_report,
     wear_report,
     wear_words,
 )
-from friction_comp.tools.common import progress, to_json
-from friction_comp.tools.demo_stage import Stage
-from friction_comp.tools.processes import Nodes
+from friction_comp.tools.common import progress
+from friction_comp.tools.demo_loop import JOINT, recorded, TRUE_MODEL
 
 if TYPE_CHECKING:
-    from friction_comp.nodes.demo_client import DemoClient
+    from friction_comp.samples import Samples
+    from friction_comp.tools.demo_stage import Stage
 
-_SAMPLE_TIME = 4e-3
-
-
-class TwoJoints(Stage):
-    """An exercise from YAML with reversals, without and with the directions announced."""
-
-    def __init__(self, arguments: Namespace, nodes: Nodes, ros: DemoClient) -> None:
-        super().__init__(arguments, nodes, ros, ['shoulder', 'elbow'])
-        self._models = [package_file('config', f'armin_configuration_{k}.yaml') for k in (1, 2)]
-        self._exercise = package_file('config', 'exercises', 'two_joints.yaml')
-
-    def run(self) -> None:
-        """Move with each law, evaluate, and write the report."""
-        self._say('starts two simulated joints, a shoulder and an elbow, and the compensator')
-        # From the first state on: the compensator, the exercise and the recorder.
-        self._start_plant(self._models, ['', ''], _SAMPLE_TIME, wait_for_reference=True,
-                          wait_for_listeners=3, clock_period=0.02)
-        self._nodes.start('compensator', {**self._common(*self._models), 'law': 'kinetic'})
-        for law, title in (('kinetic', 'kinetic friction only'),
-                           ('continuous', 'each direction announced as it changes')):
-            self._ros.set_parameter('compensator', 'law', law)
-            self._record(law)
-            for k in range(self._arguments.repetitions):
-                self._nodes.start('exercise', {
-                    'joints': self._joints, 'exercise_file': str(self._exercise),
-                    'clock': 'ticks', 'when_done': 'exit', 'use_sim_time': True,
-                    'input_reliability': 'reliable', 'wait_for_listeners': 2})
-                self._follow(f'{title}, {k + 1} of {self._arguments.repetitions}')
-            self._nodes.stop('recorder')
-            self._say(f'moved with {title}')
-        self._nodes.stop('compensator', 'plant')
-        self._conclude()
-
-    def _conclude(self) -> None:
-        folder = self._output / 'recordings'
-        evaluations = evaluate_recordings([folder])
-        gains = {joint: FrictionModel.load(path).drive.torque_per_current
-                 for joint, path in zip(self._joints, self._models)}
-        recorded = read_arm(folder / 'continuous', gains.__getitem__)
-        shown = {joint: recorded[joint][0][0] for joint in self._joints}
-        report = two_joints_report(evaluations, shown, self._exercise)
-        report.save(self._output / 'report.html')
-        content = {'joints': [one.as_dict() for one in evaluations],
-                   'seconds': time.monotonic() - self._began}
-        (self._output / 'report.json').write_text(to_json(content), encoding='utf-8')
-        for one in evaluations:
-            before, after = compared_peaks(one) or ('–', '–')
-            self._console.print(f'{one.joint}: peak {before} N·m with kinetic friction only, '
-                                f'{after} N·m with the direction announced')
-        self._console.print(f'report: {self._output / "report.html"}', soft_wrap=True)
+# Joints of the arm, with the note's configuration whose drive they have.
+ARM = {'turn': 1, 'lift': 2, 'bend': 1}
+# A person who holds the arm at its cuff: N·m/rad, N·m·s/rad, s.
+PERSON = {'stiffness': 60.0, 'damping': 6.0, 'response_time': 0.04}
+# The effect of the drive that changes, which only the plant knows.
+BINDING = package_file('config', 'binding_example.yaml')
+# The movement of the drive that changes, and the duration of one forth and back, s.
+WEAR_MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
+                 'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.7}
+WEAR_PERIOD = 2.0 * (1.0 + 40.0 / 30.0 + 0.5)
+# Half of the default tolerance, so that the change is detected early.
+WEAR_TOLERANCE = 0.125
+# s of simulated time within which a warning must come; s of movement before refinement, in which
+# the drive reaches nearly its final temperature. In the first half of the warm-up, effects of
+# temperature and of speed cannot always be distinguished, and a model that confuses them is wrong
+# once the drive is warmer.
+WEAR_PATIENCE, WEAR_PAST = 400.0, 40.0
 
 
-class Wear(Stage):
-    """A drive whose friction grows while it runs; the loop is closed without a restart."""
+def play_two_joints(stage: Stage) -> None:
+    """Play an exercise with reversals, without and with the directions announced."""
+    joints = ['shoulder', 'elbow']
+    models = [package_file('config', f'armin_configuration_{k}.yaml') for k in (1, 2)]
+    exercise = package_file('config', 'exercises', 'two_joints.yaml')
+    stage.say('starts two simulated joints, a shoulder and an elbow, and the compensator')
+    stage.start_plant(joints, models)
+    stage.start('compensator', *models, law='kinetic')
+    for law, title in (('kinetic', 'kinetic friction only'),
+                       ('continuous', 'each direction announced as it changes')):
+        stage.ros.set_parameter('compensator', 'law', law)
+        _move(stage, law, title, exercise, stage.arguments.repetitions)
+    stage.nodes.stop('compensator', 'plant')
 
-    joint = 'armin_1'
-    movement = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
-                'acceleration_time': 0.5, 'standstill': 1.0, 'announcement': 0.7}
-    period = 2.0 * (1.0 + 40.0 / 30.0 + 0.5)
-    # Half of the default tolerance, so that the change is detected early.
-    tolerance = 0.125
-    # Coarser than elsewhere, since refinement and the loop share the machine.
-    sample_time, clock_period = 4e-3, 0.02
-    # s of simulated time within which a warning must come; s of movement before refinement, in
-    # which the drive reaches nearly its final temperature. In the first half of the warm-up,
-    # effects of temperature and of speed cannot always be distinguished, and a model that confuses
-    # them is wrong once the drive is warmer.
-    patience, past = 400.0, 40.0
+    evaluations = evaluate_recordings([stage.output / 'recordings'])
+    gains = {joint: FrictionModel.load(path).drive.torque_per_current
+             for joint, path in zip(joints, models)}
+    shown = _recorded_joints(stage.recording('continuous'), gains)
+    peaks = {one.joint: compared_peaks(one) or ('–', '–') for one in evaluations}
+    stage.finish(
+        two_joints_report(evaluations, shown, exercise),
+        {'joints': [one.as_dict() for one in evaluations]},
+        *(f'{joint}: peak {before} N·m with kinetic friction only, {after} N·m with the direction '
+          'announced' for joint, (before, after) in peaks.items()))
 
-    def __init__(self, arguments: Namespace, nodes: Nodes, ros: DemoClient) -> None:
-        super().__init__(arguments, nodes, ros, [self.joint])
-        self._model = package_file('config', 'armin_configuration_1.yaml')
-        self._hidden = (arguments.undeclared
-                        or package_file('config', 'binding_example.yaml')).absolute()
-        self._marks: dict[str, float] = {}
 
-    def run(self) -> None:
-        """Move until the watch warns, refine, load, move on, and write the report."""
-        self._say('starts a joint whose gear binds as it warms, the compensator with the model of '
-                  'the cold drive, and the node that watches the residual')
-        # From the first state on: the compensator, the refinement, the exercise and the recorder.
-        self._start_plant([self._model], [self._hidden], self.sample_time, wait_for_reference=True,
-                          wait_for_listeners=4, clock_period=self.clock_period)
-        common = self._common(self._model)
-        self._nodes.start('compensator', common)
-        self._nodes.start('refinement', {
-            'joints': self._joints, 'model_files': [str(self._model)], 'use_sim_time': True,
-            'tolerance': self.tolerance, 'output_folder': str(self._output / 'models')})
-        self._record('session')
-        self._nodes.start('exercise', {
-            'joints': self._joints, 'clock': 'ticks', 'use_sim_time': True,
-            # The compensator, the recorder and the refinement.
-            'input_reliability': 'reliable', 'wait_for_listeners': 3,
-            'repetitions': 1000, **self.movement})
-        warning = self._until_warned()
-        self._say(f'warned after {self._marks["warned"]:.0f} s of movement: {warning}')
-        self._gather()
-        result = self._refine()
-        self._say(f'{result.message}; verdict: {result.verdict}')
-        self._marks['loaded'] = self._now()
-        words = self._judged()
-        self._say(f'now {words}')
-        self._nodes.stop('exercise', 'recorder', 'refinement', 'compensator', 'plant')
-        self._conclude(result, warning, words)
+def play_arm(stage: Stage) -> None:
+    """Guide an arm alone; then with weight and friction, refined from that, taken by motors."""
+    for module, package in (('mujoco', 'mujoco'), ('pinocchio', 'pin')):
+        if importlib.util.find_spec(module) is None:
+            raise InputError(f'the scene arm needs {module}: pip install {package}')
+    exercise = package_file('config', 'exercises', 'guided_arm.yaml')
+    drives = {joint: replace(FrictionModel.load(package_file(
+        'config', f'armin_configuration_{number}.yaml')), joint=joint)
+        for joint, number in ARM.items()}
+    files = [stage.output / 'models' / f'{joint}.yaml' for joint in ARM]
+    for model, path in zip(drives.values(), files):
+        replace(model, simulation={**model.simulation, 'human': PERSON}).save(path)
+    stage.say('starts an arm of three joints that hangs down, moved by MuJoCo, and the '
+              'compensator with the models of its drives')
+    stage.start_plant(list(ARM), files, engine='mujoco',
+                      arm_file=package_file('config', 'arms', 'guided_arm.xml'))
+    stage.start('compensator', *files, law='none')
+    _move(stage, 'alone', 'a person guides it without any help', exercise)
+    gains = {joint: model.drive.torque_per_current for joint, model in drives.items()}
+    alone = _recorded_joints(stage.recording('alone'), gains)
+    with progress('refines the arm') as show:
+        result = refine_arm(
+            {joint: [samples] for joint, samples in alone.items()},
+            package_file('config', 'arms', 'guided_arm.urdf'),
+            {joint: model.drive for joint, model in drives.items()}, drives,
+            declared=True, progress=show)
+    path = stage.output / 'models' / 'arm.yaml'
+    write_yaml(path, arm_document({
+        joint: one.model.to_dict() for joint, one in result.results.items()}))
+    stage.say('refined all joints from that: weight and inertia of the links, in '
+              f'{path.relative_to(stage.output.parent)}')
+    stage.ros.set_parameter('compensator', 'model_files', [str(path)] * len(ARM))
+    stage.ros.set_parameter('compensator', 'law', 'continuous')
+    _move(stage, 'helped', 'the motors carry the weight and take the friction', exercise)
+    stage.nodes.stop('compensator', 'plant')
 
-    def _now(self) -> float:
-        return float(self._ros.value('exercise', 'time [s]') or 0.0)
+    helped = _recorded_joints(stage.recording('helped'), gains)
+    peaks = peaks_of(alone, helped)
+    stage.finish(
+        arm_scene_report(alone, helped, result, exercise),
+        {'joints': peaks, 'arm': result.report()},
+        *(f'{joint}: the person gives {own["alone"]["rms"]:.2f} N·m RMS, '
+          f'{own["alone"]["peak"]:.2f} at most, without help; '
+          f'{own["helped"]["rms"]:.2f} and {own["helped"]["peak"]:.2f} with it'
+          for joint, own in peaks.items()))
 
-    def _until_warned(self) -> str:
-        key = f'{self.joint}: residual'
-        with progress('moves, and watches the residual') as show:
-            while 'no longer fits' not in (words := self._ros.value('refinement', key) or ''):
-                self._ros.wait(0.1)
-                show(self._now() / self.patience, f'moves; {words}')
-                if self._now() > self.patience:
-                    raise InputError(f'no warning within {self.patience:.0f} s of movement: '
-                                     f'{words or "the watch says nothing"}')
-        self._marks['warned'] = self._now()
-        return str(words)
 
-    def _gather(self) -> None:
-        """Keep moving until there are enough data to refine from."""
-        with progress('moves on, to have enough to refine from') as show:
-            while (now := self._now()) < self.past:
-                self._ros.wait(0.1)
-                show(now / self.past)
+def _move(stage: Stage, name: str, title: str, exercise: Path, repetitions: int = 1) -> None:
+    """Record an exercise."""
+    stage.start_recorder(name)
+    stage.wait_for_recorder()
+    for k in range(repetitions):
+        stage.start_exercise(exercise_file=exercise)
+        stage.follow(f'{title}, {k + 1} of {repetitions}')
+    stage.nodes.stop('recorder')
+    stage.say(f'moved: {title}')
 
-    def _judged(self) -> str:
-        """Keep moving with the refined model until the watch has a verdict; return its words."""
-        begin, least = self._now(), self._arguments.repetitions * self.period + 1.0
-        words = ''
-        with progress('moves on with the refined model') as show:
-            while (passed := self._now() - begin) < least or (
-                    not words.startswith('the model') and passed < self.patience):
-                self._ros.wait(0.1)
-                words = str(self._ros.value('refinement', f'{self.joint}: residual') or '')
-                show(passed / max(least, 0.1 * self.patience))
-        return words
 
-    def _refine(self) -> Any:
-        """Refine from all that the node has kept, while the joint moves on."""
-        # A loop that runs as fast as it can would leave little processor time to refinement.
-        self._ros.set_parameter('plant', 'pace', 1.0)
-        with progress('refines beside the running loop') as show:
-            result = self._ros.refine(
-                {'joint': self.joint, 'seconds': 0.0, 'load': True},
-                lambda feedback: show(feedback.progress, f'refines: {feedback.step}'))
-        self._ros.set_parameter('plant', 'pace', 0.0)
-        if not result.loaded:
-            raise InputError(f'the refined model was not loaded: {result.message}')
-        return result
+def _recorded_joints(path: Path, gains: dict[str, float]) -> dict[str, Samples]:
+    """Return a recording of several joints, by joint; `gains` are k_t · n in N·m/A."""
+    parts = read_arm(path, gains.__getitem__)
+    return {joint: parts[joint][0][0] for joint in gains}
 
-    def _conclude(self, result: Any, warning: str, words: str) -> None:
-        path = self._output / 'recordings' / 'session'
-        evaluation, = evaluate_recordings([path], self.joint)
-        stages = stages_of(evaluation, self._marks, self._arguments.repetitions)
-        effects = [f'{effect.name.replace("_", " ")} ({effect.variable})'
-                 for effect in FrictionModel.load(result.model_file).effects]
-        facts = {
-            'warning': warning, 'afterwards': words, 'message': result.message,
-            'verdict': result.verdict, 'error_before': result.error_before,
-            'error_after': result.error_after, 'found': effects, 'report': str(Path(result.report))}
-        drive = FrictionModel.load(self._model).drive
-        samples, = read_recording(
-            path, self.joint, drive.torque_constant, drive.gear_ratio)
-        page = wear_report(evaluation, stages, self._marks, facts, samples, self._hidden)
-        page.save(self._output / 'report.html')
-        content = {**facts, 'marks': self._marks,
-                   'rms_torque': {name: effort(part).as_dict() for name, part in stages.items()},
-                   'seconds': time.monotonic() - self._began}
-        (self._output / 'report.json').write_text(to_json(content), encoding='utf-8')
-        with (self._output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
-            csv.writer(stream, lineterminator='\n').writerows(evaluation.table())
-        self._console.print(wear_words(stages, facts).replace('**', ''))
-        self._console.print(f'report: {self._output / "report.html"}', soft_wrap=True)
+
+def play_wear(stage: Stage) -> None:
+    """Move a joint whose friction grows until a warning comes; refine, load, and move on."""
+    stage.say('starts a joint whose gear binds as it warms, the compensator with the model of '
+              'the cold drive, and the node that monitors the residual')
+    # The refinement listens, too.
+    stage.start_plant([JOINT], [TRUE_MODEL], BINDING, wait_for_listeners=4)
+    stage.start('compensator', TRUE_MODEL)
+    stage.nodes.start('refinement', {
+        'joints': [JOINT], 'model_files': [TRUE_MODEL], 'use_sim_time': True,
+        'tolerance': WEAR_TOLERANCE, 'output_folder': stage.output / 'models'})
+    stage.start_recorder('session')
+    stage.wait_for_recorder()
+    stage.start_exercise(wait_for_listeners=3, repetitions=1000, **WEAR_MOVEMENT)
+    warning = _wait_for_warning(stage)
+    marks = {'warned': stage.exercise_time()}
+    stage.say(f'warned after {marks["warned"]:.0f} s of movement: {warning}')
+    stage.wait_while('moves on, to have enough to refine from',
+                     lambda: stage.exercise_time() < WEAR_PAST,
+                     lambda: stage.exercise_time() / WEAR_PAST)
+    result = _refine_live(stage)
+    stage.say(f'{result.message}; verdict: {result.verdict}')
+    marks['loaded'] = stage.exercise_time()
+    afterwards = _wait_for_verdict(stage, marks['loaded'])
+    stage.say(f'now {afterwards}')
+    stage.nodes.stop('exercise', 'recorder', 'refinement', 'compensator', 'plant')
+
+    evaluation, = evaluate_recordings([stage.recording('session')], JOINT)
+    stages = stages_of(evaluation, marks, stage.arguments.repetitions)
+    facts = {
+        'warning': warning, 'afterwards': afterwards, 'message': result.message,
+        'verdict': result.verdict, 'error_before': result.error_before,
+        'error_after': result.error_after, 'report': result.report,
+        'found': [f'{effect.name.replace("_", " ")} ({effect.variable})'
+                  for effect in FrictionModel.load(result.model_file).effects]}
+    with (stage.output / 'repetitions.csv').open('w', newline='', encoding='utf-8') as stream:
+        csv.writer(stream, lineterminator='\n').writerows(evaluation.table())
+    stage.finish(
+        wear_report(evaluation, stages, marks, facts, recorded(stage.recording('session')),
+                    BINDING),
+        {**facts, 'marks': marks,
+         'rms_torque': {name: effort(part).as_dict() for name, part in stages.items()}},
+        wear_words(stages, facts).replace('**', ''))
+
+
+def _residual(stage: Stage) -> str:
+    """Return what the monitoring says of the residual."""
+    return stage.ros.value('refinement', f'{JOINT}: residual') or ''
+
+
+def _wait_for_warning(stage: Stage) -> str:
+    stage.wait_while(
+        'moves until the model no longer fits',
+        lambda: 'no longer fits' not in _residual(stage) and stage.exercise_time() < WEAR_PATIENCE,
+        lambda: stage.exercise_time() / WEAR_PATIENCE)
+    words = _residual(stage)
+    if 'no longer fits' not in words:
+        raise InputError(f'no warning within {WEAR_PATIENCE:.0f} s of movement: '
+                         f'{words or "the monitoring says nothing"}')
+    return words
+
+
+def _refine_live(stage: Stage) -> Any:
+    """Refine from all that the node has kept, while the joint moves on."""
+    # A loop that runs as fast as it can would leave little processor time to refinement.
+    stage.ros.set_parameter('plant', 'pace', 1.0)
+    with progress('refines beside the running loop') as show:
+        result = stage.ros.refine(
+            {'joint': JOINT, 'seconds': 0.0, 'load': True},
+            lambda feedback: show(feedback.progress, f'refines: {feedback.step}'))
+    stage.ros.set_parameter('plant', 'pace', 0.0)
+    if not result.loaded:
+        raise InputError(f'the refined model was not loaded: {result.message}')
+    return result
+
+
+def _wait_for_verdict(stage: Stage, begin: float) -> str:
+    """Keep moving with the refined model until the monitoring has a verdict; return its words."""
+    least = stage.arguments.repetitions * WEAR_PERIOD + 1.0
+
+    def going() -> bool:
+        passed = stage.exercise_time() - begin
+        return passed < least or (
+            not _residual(stage).startswith('the model') and passed < WEAR_PATIENCE)
+    stage.wait_while('moves on with the refined model', going,
+                     lambda: (stage.exercise_time() - begin) / max(least, 0.1 * WEAR_PATIENCE))
+    return _residual(stage)

@@ -12,6 +12,7 @@ import argparse
 from collections.abc import Iterator
 import importlib.metadata
 import importlib.util
+import itertools
 import os
 from pathlib import Path
 import platform
@@ -19,11 +20,13 @@ import sys
 from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
+from friction_comp.monitoring import network
+from friction_comp.monitoring.observation import Finding, NOTE, OK, PROBLEM, WARNING
 from friction_comp.package_files import middlewares, name_this_environment
 from friction_comp.tools.common import Arguments, positive, progress, to_json
 
 if TYPE_CHECKING:
-    from friction_comp.monitoring.observation import Finding, Observation
+    from friction_comp.monitoring.observation import Observation
 
 # Module, distribution on PyPI, purpose, and whether the package works without it.
 _PACKAGES = (
@@ -34,23 +37,12 @@ _PACKAGES = (
     ('bokeh', 'bokeh', 'watch, and curves to hover and zoom in pages', True),
     ('pyarrow', 'pyarrow', 'Parquet files', True))
 _ROS = ('rclpy', 'sensor_msgs', 'std_msgs', 'geometry_msgs', 'diagnostic_msgs', 'lifecycle_msgs')
-_STYLES = {'ok': ('green', 'ok'), 'note': ('cyan', 'note'), 'warning': ('yellow', 'warning'),
-           'problem': ('bold red', 'PROBLEM')}
+_STYLES = {OK: ('green', 'ok'), NOTE: ('cyan', 'note'), WARNING: ('yellow', 'warning'),
+           PROBLEM: ('bold red', 'PROBLEM')}
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Look at the installation and at what runs, and print what was found.
-
-    Returns
-    -------
-    int
-        0 when nothing is wrong, 1 when there is a problem.
-
-    Raises
-    ------
-    InputError
-        If a model file cannot be used.
-    """
+    """Look at the installation and at what runs, and print what was found."""
     given = list(sys.argv[1:] if argv is None else argv)
     parser = Arguments('doctor', __doc__, (
         '', '--installed', '--seconds 10 --model config/armin_configuration_2.yaml',
@@ -63,25 +55,19 @@ def main(argv: list[str] | None = None) -> int:
                         help='look at this machine only, not at what runs')
     parser.add_argument('--json', action='store_true', help='print findings as JSON')
     arguments = parser.parse(given)
-    from friction_comp.monitoring.observation import PROBLEM
-
     findings = list(check_machine())
-    broken = any(finding.level == PROBLEM for finding in findings)
-    if not arguments.installed and not broken:
-        ros = given[given.index('--ros-args'):] if '--ros-args' in given else []
-        findings += look(arguments, ros)
+    if not arguments.installed and PROBLEM not in {finding.level for finding in findings}:
+        ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
+        findings += check_running_system(arguments, list(ros))
     if arguments.json:
         print(to_json({'findings': [vars(finding) for finding in findings]}), end='')
     else:
         _print(findings)
-    return int(any(finding.level == PROBLEM for finding in findings))
+    return int(PROBLEM in {finding.level for finding in findings})
 
 
 def check_machine() -> Iterator[Finding]:
     """Yield the findings about this machine."""
-    from friction_comp.monitoring.network import loopback_fault
-    from friction_comp.monitoring.observation import Finding, NOTE, OK, PROBLEM, WARNING
-
     yield Finding(OK, 'Python', f'{platform.python_version()}, {sys.executable}')
     for module, name, use, optional in _PACKAGES:
         if importlib.util.find_spec(module) is None:
@@ -89,7 +75,11 @@ def check_machine() -> Iterator[Finding]:
                           'not installed' + (f'; it is for {use}' if use else ''),
                           f'pip install {name}')
         elif not optional:
-            yield Finding(OK, name, _version(name))
+            try:
+                version = importlib.metadata.version(name)
+            except importlib.metadata.PackageNotFoundError:
+                version = 'installed by the system'
+            yield Finding(OK, name, version)
     missing = [name for name in _ROS if importlib.util.find_spec(name) is None]
     if missing:
         yield Finding(PROBLEM, 'ROS 2', f'no {", ".join(missing)}', 'source a ROS 2 '
@@ -98,7 +88,7 @@ def check_machine() -> Iterator[Finding]:
         yield Finding(OK, 'ROS 2', os.environ.get('ROS_DISTRO', 'from wheels in this environment'))
         yield from _interfaces()
         yield from _middleware()
-    if fault := loopback_fault():
+    if fault := network.loopback_fault():
         what, _, do = fault.partition(': ')
         yield Finding(PROBLEM, 'network', what, do)
     load = os.getloadavg()[0] / (os.cpu_count() or 1)
@@ -108,8 +98,6 @@ def check_machine() -> Iterator[Finding]:
 
 
 def _interfaces() -> Iterator[Finding]:
-    from friction_comp.monitoring.observation import Finding, OK, PROBLEM
-
     name_this_environment()
     try:
         action = importlib.import_module('friction_comp_interfaces.action')
@@ -126,8 +114,6 @@ def _interfaces() -> Iterator[Finding]:
 
 def _middleware() -> Iterator[Finding]:
     """Give what would end every ROS 2 process at its first step, with words that name no remedy."""
-    from friction_comp.monitoring.observation import Finding, PROBLEM
-
     wanted, installed = os.environ.get('RMW_IMPLEMENTATION'), middlewares()
     if wanted and installed and wanted not in installed:
         yield Finding(PROBLEM, 'middleware', f'RMW_IMPLEMENTATION is {wanted}, which is not '
@@ -136,17 +122,9 @@ def _middleware() -> Iterator[Finding]:
                       f'and on the robot alike, or install {wanted} on both')
 
 
-def _version(name: str) -> str:
-    try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return 'installed by the system'
-
-
-def look(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
+def check_running_system(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
     """Return the findings about the running system."""
     from friction_comp.monitoring.checkup import check_system
-    from friction_comp.monitoring.observation import Finding, OK
     from friction_comp.nodes.system_probe import middleware, observe
 
     variables = ', '.join(f'{name}={os.environ[name]}' for name in (
@@ -162,28 +140,25 @@ def look(arguments: argparse.Namespace, ros: list[str]) -> list[Finding]:
 def _models(seen: Observation, paths: list[Path]) -> list[Finding]:
     """Return how the models fit that were given, or that the compensator uses."""
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.monitoring.check_model import check_joint
-    from friction_comp.monitoring.observation import Finding, PROBLEM
+    from friction_comp.monitoring.checkup import check_joint
 
-    pairs = []
-    if paths:
-        models = [FrictionModel.load(path) for path in paths]
-        joints = seen.states.joints if seen.states else []
-        pairs = [(model.joint if model.joint in joints or index >= len(joints)
-                  else joints[index], model) for index, model in enumerate(models)]
+    joints = seen.states.joints if seen.states else []
+    models = [FrictionModel.load(path) for path in paths]
+    pairs = [(model.joint if model.joint in joints or index >= len(joints)
+              else joints[index], model) for index, model in enumerate(models)]
     findings: list[Finding] = []
-    for node, values in seen.parameters.items():
-        if paths or 'compensator' not in node:
-            continue
-        for joint, path in zip(values.get('joints') or (), values.get('model_files') or ()):
-            try:
-                pairs.append((joint, FrictionModel.load(path)))
-            except InputError as error:
-                findings.append(Finding(PROBLEM, joint, str(error),
-                                        'look whether the file is on this machine too'))
-    if not seen.states:
-        return findings
-    return findings + [one for joint, model in pairs for one in check_joint(seen, joint, model)]
+    used = [] if paths else [
+        pair for node, values in seen.parameters.items() if 'compensator' in node
+        for pair in zip(values.get('joints') or (), values.get('model_files') or ())]
+    for joint, path in used:
+        try:
+            pairs.append((joint, FrictionModel.load(path)))
+        except InputError as error:
+            findings.append(Finding(PROBLEM, joint, str(error),
+                                    'look whether the file is on this machine too'))
+    for joint, model in pairs if seen.states else ():
+        findings += check_joint(seen, joint, model)
+    return findings
 
 
 def _print(findings: list[Finding]) -> None:
@@ -206,8 +181,6 @@ def _print(findings: list[Finding]) -> None:
 
 def readiness(findings: list[Finding]) -> str:
     """Return the last line: ready, or what is missing."""
-    from friction_comp.monitoring.observation import PROBLEM
-
     missing = list(dict.fromkeys(f.about for f in findings if f.level == PROBLEM))
     if not missing:
         return 'ready'

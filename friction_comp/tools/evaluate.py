@@ -5,39 +5,34 @@
 from __future__ import annotations
 
 import csv
+from functools import partial
 import io
+import os
 from pathlib import Path
 
 from friction_comp.files import encodable
-from friction_comp.tools.common import Arguments, command_line, output_folder, progress, to_json
+from friction_comp.parallel import run_each
+from friction_comp.tools.common import Arguments, output_folder, progress, to_json, write_report
 from friction_comp.tools.recorded_drive import layout_of
-from friction_comp.tools.workers import add_workers, for_workers, workers
 
 # Bytes to read above which processes save more time than their start takes: 40 MB are read and
-# evaluated in a second; a process takes about 6 s of processor time to start and 150 MB of memory.
-# A recording is read once for each of its joints (bench/many_recordings.py). With a smaller number
-# two processes are slower than one, with a larger one a core stays idle.
+# evaluated in a second; a process takes some seconds of processor time to start and 150 MB of
+# memory. A recording is read once for each of its joints (bench/many_recordings.py). With a smaller
+# number two processes are slower than one, with a larger one a core stays idle.
 _MIN_SHARED = 2_000_000_000
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Evaluate recorded trials and write report.json, report.html and repetitions.csv; returns 0.
-
-    Raises
-    ------
-    InputError
-        If no recording can be used.
-    """
+    """Write report.json, report.html and repetitions.csv; returns 0."""
     parser = Arguments('evaluate', __doc__, (
         'examples/elbow --output output/evaluation',
         'examples/elbow --model config/armin_configuration_2.yaml --jobs 2 --output output/weeks')
-    ).add_recordings().add_output().add_json()
+    ).add_recordings().add_output().add_jobs().add_json()
     parser.add_argument(
         '--model', metavar='FILE', type=Path,
         help='model file: tells, also without a torque sensor, what current the movements asked '
              'for beyond what was commanded')
-    add_workers(parser)
-    arguments = for_workers(parser.parse(argv))
+    arguments = parser.parse(argv)
     from friction_comp.evaluation.sessions import evaluate_pieces, pieces_of
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.reports.evaluation_report import evaluation_report
@@ -47,11 +42,12 @@ def main(argv: list[str] | None = None) -> int:
     with progress('reading') as report:
         pieces, failures = pieces_of(
             arguments.recordings, arguments.joint, layout_of(arguments))
-        with workers(arguments, len(pieces), sum(
-                size_of(piece.path) for piece in pieces) >= _MIN_SHARED) as run:
-            evaluations = evaluate_pieces(
-                pieces, failures, friction, progress=lambda share: report(
-                    0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'), run=run)
+        shared = sum(size_of(piece.path) for piece in pieces) >= _MIN_SHARED
+        jobs = arguments.jobs or (os.cpu_count() or 1 if shared else 1)
+        evaluations = evaluate_pieces(
+            pieces, failures, friction, progress=lambda share: report(
+                0.95 * share, f'{round(share * len(pieces))} of {len(pieces)}'),
+            run=partial(run_each, jobs=jobs))
         report(0.95, 'writing')
         content = evaluations[0].as_dict()
         if len(evaluations) > 1:
@@ -61,12 +57,9 @@ def main(argv: list[str] | None = None) -> int:
         csv.writer(table, lineterminator='\n').writerows(
             [rows[0][0], *(row for part in rows for row in part[1:])])
         with output_folder(arguments.output) as folder:
-            (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+            write_report(folder, content, evaluation_report(evaluations), arguments.command)
             (folder / 'repetitions.csv').write_text(
                 encodable(table.getvalue()), encoding='utf-8')
-            page = evaluation_report(evaluations)
-            page.made_by(command_line('evaluate', argv))
-            page.save(folder / 'report.html')
     if arguments.json:
         print(to_json(content), end='')
         return 0

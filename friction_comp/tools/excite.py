@@ -18,13 +18,11 @@ from friction_comp import __version__
 from friction_comp.errors import InputError
 from friction_comp.tools.common import (
     Arguments,
-    command_line,
     output_folder,
     positive,
     progress,
-    REPORT_VERSION,
-    to_json,
     whole_number,
+    write_report,
 )
 
 if TYPE_CHECKING:
@@ -36,13 +34,7 @@ _HIGHEST_RATE = 1000.0
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the plan; returns 0.
-
-    Raises
-    ------
-    InputError
-        If limits, model or report cannot be used, or no plan keeps the limits.
-    """
+    """Write the plan; returns 0."""
     parser = Arguments('excite', __doc__, (
         '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --output output/excite',
         '--urdf arm.urdf --acceleration 4 --seconds 90 --output output/excite')).add_output()
@@ -80,19 +72,19 @@ def main(argv: list[str] | None = None) -> int:
     seconds, rate = arguments.seconds, 50.0
     seeds = np.random.SeedSequence(arguments.seed).generate_state(len(limits)).tolist()
     plans, others = [], []
-    with progress('Planning') as report:
+    with progress('planning') as show:
         for index, (own, seed) in enumerate(zip(limits, seeds)):
             plans.append(plan_joint(
                 own, pairs, seconds, seed, model,
-                lambda share, index=index: report(  # type: ignore[misc]
-                    (index + share) / len(limits), f'Planning {limits[index].joint}')))
+                lambda share, index=index: show(  # type: ignore[misc]
+                    (index + share) / len(limits), f'planning {limits[index].joint}')))
             scene = scene_within(own, seconds, 1.0 / rate)
             others.append({
                 'staircase of speeds': separations(staircase(own, seconds, rate), pairs, scene),
                 'random Fourier series': separations(
                     fourier_series(own, seconds, rate, seed), pairs, scene)})
-    checked = ['effort limits are kept by the model' if model else 'effort is not checked']
-    content = {'version': REPORT_VERSION, 'seconds': seconds, 'seed': arguments.seed,
+    checked = 'effort limits are kept by the model' if model else 'effort is not checked'
+    content = {'seconds': seconds, 'seed': arguments.seed,
                'effort_checked': model is not None, 'joints': [{
                    'joint': plan.limits.joint, 'start': plan.start, 'moves': len(plan.moves),
                    'pairs': [{'between': list(pair), 'plan': share,
@@ -101,18 +93,15 @@ def main(argv: list[str] | None = None) -> int:
                              for pair, share in plan.separation.items()]}
                    for plan, other in zip(plans, others)]}
     with output_folder(arguments.output) as folder:
-        page = excitation_report(plans, others)
-        page.made_by(command_line('excite', argv))
-        page.save(folder / 'report.html')
-        (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+        write_report(folder, content, excitation_report(plans, others), arguments.command)
         (folder / 'trajectory.yaml').write_text(
             trajectory_of(plans, arguments.rate).to_yaml(
-                f'Planned by friction_comp {__version__}; {checked[0]}'), encoding='utf-8')
+                f'Planned by friction_comp {__version__}; {checked}'), encoding='utf-8')
     for plan in plans:
         pair, share = min(plan.separation.items(), key=lambda entry: entry[1])
         print(f'{plan.limits.joint}: {len(plan.moves)} moves; hardest to tell apart: '
               f'{" and ".join(pair)}, {100 * share:.2g} % of the one is its own')
-    print(f'{checked[0]}; begins and ends at rest in the middle of each range')
+    print(f'{checked}; begins and ends at rest in the middle of each range')
     print(arguments.output / 'trajectory.yaml')
     return 0
 
@@ -131,13 +120,7 @@ def add_limits(parser: Arguments) -> None:
 
 
 def limits_of(arguments: Namespace) -> list[JointLimits]:
-    """Return the joints' limits, by `add_limits` and --joint.
-
-    Raises
-    ------
-    InputError
-        If something is missing or contradicts itself.
-    """
+    """Return the joints' limits, by `add_limits` and --joint."""
     from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 
     if arguments.limits:

@@ -23,13 +23,7 @@ _FORMS = ('mujoco', 'urdf', 'sdf', 'csv')
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the file; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the model cannot be read or the output not be written.
-    """
+    """Write the file; returns 0."""
     parser = Arguments('export', __doc__, (
         'config/armin_configuration_2.yaml --to mujoco --output output/elbow.xml',
         'output/refined/model.yaml --to csv --output output/friction.csv'))
@@ -61,7 +55,7 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     joint = simulator_joint(model, arguments.top_speed)
     name = arguments.joint or model.joint or 'joint'
-    remarks = words(joint, str(arguments.model))
+    remarks = remarks_on(joint, str(arguments.model))
     write_atomically(arguments.output, document(arguments.to, name, joint, remarks))
     print(f'{arguments.output}: {name}')
     for line in remarks[1:]:
@@ -69,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def words(joint: SimulatorJoint, model: str) -> list[str]:
+def remarks_on(joint: SimulatorJoint, model: str) -> list[str]:
     """Return what a reader of the file should know."""
     return [
         f'Friction of {model}, by friction_comp {__version__}',
@@ -81,17 +75,7 @@ def words(joint: SimulatorJoint, model: str) -> list[str]:
 
 
 def document(form: str, name: str, joint: SimulatorJoint, remarks: list[str]) -> str:
-    """Return the file's text.
-
-    Parameters
-    ----------
-    form : str
-        'mujoco', 'urdf' or 'sdf'.
-    name : str
-        Of the joint.
-    joint : SimulatorJoint
-    remarks : list of str
-    """
+    """Return the text of a file for 'mujoco', 'urdf' or 'sdf'."""
     # Two consecutive hyphens would end an XML comment.
     remark = '\n'.join(f'  {line}' for line in remarks).replace('--', '- -')
     friction, damping = f'{joint.friction:.9g}', f'{joint.damping:.9g}'

@@ -11,23 +11,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import (
-    Arguments,
-    command_line,
-    output_folder,
-    REPORT_VERSION,
-    to_json,
-)
+from friction_comp.tools.common import Arguments, output_folder, write_report
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write report.html and report.json; returns 0.
-
-    Raises
-    ------
-    InputError
-        If there is no history, or it cannot be read.
-    """
+    """Write report.html and report.json; returns 0."""
     parser = Arguments('history', __doc__, (
         'output/next/model.yaml --output output/history',
         "output/next/model.yaml --note 'new grease' --output output/history")).add_output()
@@ -52,14 +40,12 @@ def main(argv: list[str] | None = None) -> int:
     recorded = recorded_friction(history, model)
     if not recorded:
         raise InputError(f'{arguments.model}: in none of the recordings kept does the joint slide')
-    content = {'version': REPORT_VERSION, 'model': str(arguments.model),
+    content = {'model': str(arguments.model),
                'recordings': [one.as_dict() for one in recorded],
                'notes': [{'day': day, 'text': text} for day, text in history.notes]}
     with output_folder(arguments.output) as folder:
-        page = history_report(str(arguments.model), recorded, history.notes)
-        page.made_by(command_line('history', argv))
-        page.save(folder / 'report.html')
-        (folder / 'report.json').write_text(to_json(content), encoding='utf-8')
+        write_report(folder, content, history_report(
+            str(arguments.model), recorded, history.notes), arguments.command)
     for one in recorded:
         print(f"{one.day}  {100 * one.level:5.1f} % of the model's friction, error "
               f'{1e3 * one.error:.3g} mA  {one.name}')

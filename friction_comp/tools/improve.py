@@ -17,19 +17,18 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from friction_comp.errors import InputError
-from friction_comp.package_files import package_file
 from friction_comp.tools.common import (
     Arguments,
-    command_line,
     output_folder,
     positive,
     progress,
-    to_json,
     whole_number,
+    write_report,
 )
 from friction_comp.tools.excite import add_limits, limits_of
+from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, plant_parameters
 from friction_comp.tools.recorded_drive import drive_of
-from friction_comp.tools.ros_domain import leased_domain
+from friction_comp.tools.ros_domain import private_domain
 
 if TYPE_CHECKING:
     from friction_comp.drive import Drive
@@ -37,22 +36,13 @@ if TYPE_CHECKING:
     from friction_comp.excitation.plan import JointPlan
     from friction_comp.nodes.trajectory_client import TrajectoryClient
     from friction_comp.samples import Samples
-    from friction_comp.tools.processes import Nodes
 
 # Points of a trajectory a second, and s within which the other nodes must answer.
 _RATE, _PATIENCE = 50.0, 20.0
-# Of the simulated joint: s between states.
-_SAMPLE_TIME = 4e-3
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Improve the model and write report.json, two pages and model.yaml; returns 0.
-
-    Raises
-    ------
-    InputError
-        If limits, model, recordings or output cannot be used, or the joint is not moved.
-    """
+    """Improve the model and write report.json, two pages and model.yaml; returns 0."""
     parser = Arguments('improve', __doc__, (
         '--joint elbow --position -1.2 1.0 --velocity 1.5 --acceleration 6 --model elbow.yaml '
         '--output output/improved',
@@ -98,19 +88,13 @@ def main(argv: list[str] | None = None) -> int:
 
     recorded = read_recording(arguments.recorded, limits.joint, drive.torque_constant,
                               drive.gear_ratio) if arguments.recorded else []
-
-    schedule = Schedule(arguments.seconds, arguments.budget, arguments.seed)
-
     names = [str(path) for path in arguments.recorded]
-
-    def write(improvement: Improvement) -> None:
-        _write(arguments, names, argv, improvement)
-    with ExitStack() as stack:
-        ros, nodes = stack.enter_context(_system(arguments, limits.joint))
-        show = stack.enter_context(progress('improves'))
+    with _system(arguments, limits.joint) as (ros, nodes), progress('improves') as show:
         improvement = improve(
             lambda plan: _played(arguments, names, plan, ros, nodes, drive, show), limits, drive,
-            model=model, recorded=recorded, schedule=schedule, progress=show, done=write)
+            model=model, recorded=recorded,
+            schedule=Schedule(arguments.seconds, arguments.budget, arguments.seed), progress=show,
+            done=lambda so_far: _write(arguments, names, so_far))
     for k, one in enumerate(improvement.rounds):
         words = '' if one.predicted != one.predicted else (
             f'predicted with {1e3 * one.predicted:.3g} mA, ')
@@ -127,31 +111,22 @@ def main(argv: list[str] | None = None) -> int:
 @contextmanager
 def _system(arguments: Namespace, joint: str) -> Iterator[tuple[TrajectoryClient, Nodes]]:
     """Give the tool's part in ROS 2, and its nodes: with --simulate, plant and identification."""
-    from friction_comp.tools.processes import Nodes
-
     output = arguments.output.absolute()
     with ExitStack() as stack:
         if arguments.simulate:
-            # A separate domain, on this machine only, so that no robot is disturbed.
-            domain = stack.enter_context(leased_domain())
-            os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-            os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
-                                  str(package_file('config', 'quick_discovery.xml')))
+            stack.enter_context(private_domain())
         os.environ.setdefault('ROS_LOG_DIR', str(output / 'logs' / 'ros'))
         from friction_comp.nodes.trajectory_client import TrajectoryClient
 
         nodes = stack.enter_context(Nodes(output / 'logs'))
         ros = stack.enter_context(TrajectoryClient(nodes.check, _PATIENCE))
         if arguments.simulate:
-            common = {'joints': [joint], 'model_files': [str(arguments.simulate)]}
-            nodes.start('plant', {
-                **common, 'clock': 'lockstep', 'seed': arguments.seed, 'clock_period': 0.02,
-                'sample_time': _SAMPLE_TIME, 'wrench_period': 4 * _SAMPLE_TIME,
-                'wait_for_listeners': 2,
-                'undeclared_effect_files': [str(arguments.undeclared or '')]})
+            nodes.start('plant', {**plant_parameters(
+                [joint], [arguments.simulate], arguments.undeclared, arguments.seed),
+                'wait_for_listeners': 2})
             nodes.start('identification', {
-                **common, 'use_sim_time': True, 'input_reliability': 'reliable',
-                'joint_state_timeout': 10.0, 'output_folder': str(output)})
+                'joints': [joint], 'model_files': [arguments.simulate], **IN_LOCKSTEP,
+                'output_folder': output})
         yield ros, nodes
 
 
@@ -187,17 +162,16 @@ def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: Trajec
     return samples
 
 
-def _write(arguments: Namespace, names: list[str], argv: list[str] | None,
-           improvement: Improvement) -> None:
+def _write(arguments: Namespace, names: list[str], improvement: Improvement) -> None:
     """Write what was found so far: an interruption loses the round at hand alone."""
-    from friction_comp.reports.improvement_report import improvement_report
+    from friction_comp.reports.excitation_report import improvement_report
     from friction_comp.reports.refinement_report import refinement_report
 
     model: Any = improvement.result.model
     model.notes = {**model.notes, 'refined_from': list(names), 'unit': 'A'}
     with output_folder(arguments.output) as folder:
-        (folder / 'report.json').write_text(to_json(improvement.report()), encoding='utf-8')
-        command = [command_line('improve', argv)]
-        improvement_report(improvement, names, command).save(folder / 'report.html')
-        refinement_report(improvement.result, names, command).save(folder / 'refinement.html')
+        write_report(folder, improvement.report(), improvement_report(
+            improvement, names, [arguments.command]))
+        refinement_report(improvement.result, names, [arguments.command]).save(
+            folder / 'refinement.html')
         model.save(folder / 'model.yaml')

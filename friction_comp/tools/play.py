@@ -10,20 +10,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from friction_comp.tools.common import Arguments, positive, progress
+from friction_comp.tools.common import Arguments, progress
 
 # s within which the other side must respond.
 _PATIENCE = 20.0
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Play the trajectory; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be read, or nobody plays it to its end.
-    """
+    """Play the trajectory; returns 0."""
     parser = Arguments('play', __doc__, (
         'output/excite/trajectory.yaml',
         'output/excite/trajectory.yaml --controller joint_trajectory_controller'))
@@ -32,11 +26,6 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--joint', metavar='NAME', help='this joint alone')
     parser.add_argument('--controller', metavar='NAME',
                         help='of ros2_control; its action is NAME/follow_joint_trajectory')
-    parser.add_argument('--ramp-slope', metavar='A/S', type=positive, default=0.0,
-                        help='of the current ramp that breaks a joint free first '
-                        "(the node's own; not with --controller)")
-    parser.add_argument('--ramp-period', metavar='S', type=positive, default=0.0,
-                        help='of that ramp')
     arguments = parser.parse(argv)
     from friction_comp.trajectory import Trajectory
 
@@ -52,6 +41,6 @@ def main(argv: list[str] | None = None) -> int:
         for index, joint in enumerate(trajectory.joints if not arguments.controller else ()):
             def tell(share: float, word: str, index: int = index, joint: str = joint) -> None:
                 show((index + share) / len(trajectory.joints), f'{joint}: {word}')
-            ros.play(trajectory.of(joint), tell, arguments.ramp_slope, arguments.ramp_period)
+            ros.play(trajectory.of(joint), tell)
     print(f'played {arguments.trajectory}: {", ".join(trajectory.joints)}')
     return 0

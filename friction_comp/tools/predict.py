@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings.reader import RecordingInfo
+    from friction_comp.recordings import RecordingInfo
     from friction_comp.samples import Samples
 
 # Share of the top speed below which a joint is considered at rest.
@@ -29,13 +29,7 @@ _SLOWEST = 0.05
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write a row for each joint state: time (s), measured, predicted current (A); returns 0.
-
-    Raises
-    ------
-    InputError
-        If the recording or the model cannot be used.
-    """
+    """Write a row for each joint state: time (s), measured, predicted current (A); returns 0."""
     parser = Arguments('predict', __doc__, (
         'examples/elbow/with_direction.mcap.zstd --model config/armin_configuration_2.yaml '
         '--output output/current.csv',
@@ -54,14 +48,12 @@ def main(argv: list[str] | None = None) -> int:
     from friction_comp.recordings import find_recording, read_recording_with_info
 
     model = FrictionModel.load(arguments.model, arguments.joint)
+    whole_arm = model.arm is not None
     with progress('reading') as report:
-        joint = arguments.joint
-        if model.arm is not None:
-            joint = joint or model.joint
         (samples, info), = read_recording_with_info(
-            find_recording(arguments.recording), joint, model.drive.torque_constant,
-            model.drive.gear_ratio, progress=report, others=model.arm is not None,
-            layout=layout_of(arguments))
+            find_recording(arguments.recording),
+            arguments.joint or (model.joint if whole_arm else None), model.drive.torque_constant,
+            model.drive.gear_ratio, progress=report, others=whole_arm, layout=layout_of(arguments))
         report(1.0, 'predicting')
         with errors_name(arguments.recording):
             predicted = model.predict(samples, same_recording=arguments.with_time_effects)

@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-import os
+from collections.abc import Mapping, Sequence
+import json
 from pathlib import Path
 import signal
 import subprocess
@@ -13,44 +13,48 @@ import sys
 import time
 from typing import Any
 
-from friction_comp.beside import interrupts_deferred
 from friction_comp.errors import InputError
+from friction_comp.parallel import interrupts_deferred
+
+SAMPLE_TIME = 4e-3
+"""Of simulated joints, s: a quarter of the rate of a real driver, for a quarter of the time. At 1
+kHz the demo's peaks are the same within 8 %, and its refined model's error is 2.7 mA instead of
+3.5."""
+IN_LOCKSTEP: dict[str, Any] = {
+    'use_sim_time': True, 'input_reliability': 'reliable',
+    # A plant in lockstep waits while the machine does something else.
+    'joint_state_timeout': 10.0}
+"""Parameters of nodes that move a simulated joint."""
+
+# s within which a node must end.
+_PATIENCE = 10.0
+
+
+def plant_parameters(joints: Sequence[str], models: Sequence[Path], undeclared: Path | None,
+                     seed: int, sample_time: float = SAMPLE_TIME) -> dict[str, Any]:
+    """Return the parameters of a plant in lockstep, whose joints all hide the same effects."""
+    return {'joints': joints, 'model_files': models,
+            'undeclared_effect_files': [undeclared or ''] * len(joints),
+            'clock': 'lockstep', 'seed': seed, 'sample_time': sample_time,
+            'wrench_period': 4 * sample_time, 'clock_period': 0.02}
 
 
 def ros_arguments(parameters: Mapping[str, Any]) -> list[str]:
-    """Return the command-line arguments that set parameters, each value as YAML reads it."""
+    """Return the command-line arguments that set parameters; JSON is YAML, too."""
     arguments = ['--ros-args', '--log-level', 'warn']
     for name, value in parameters.items():
-        arguments += ['-p', f'{name}:={_yaml(value)}']
+        arguments += ['-p', f'{name}:={json.dumps(value, default=str, ensure_ascii=False)}']
     return arguments
 
 
-def _yaml(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (list, tuple)):
-        return '[' + ', '.join(_yaml(item) for item in value) + ']'
-    if isinstance(value, (str, os.PathLike)):
-        return "'" + str(value).replace("'", "''") + "'"
-    return repr(value)
-
-
 class Nodes:
-    """Runs nodes of this package, each in a separate process.
+    """Runs nodes of this package, each in a separate process that prints into the folder `logs`.
 
     Leaving the ``with`` block ends them all.
-
-    Parameters
-    ----------
-    logs : path-like
-        Folder for what they print.
-    environment : dict of str, optional
-        Changes to the environment.
     """
 
-    def __init__(self, logs: str | Path, environment: Mapping[str, str] | None = None) -> None:
-        self._logs = Path(logs)
-        self._environment = {**os.environ, **(environment or {})}
+    def __init__(self, logs: Path) -> None:
+        self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Nodes:
@@ -59,15 +63,8 @@ class Nodes:
     def __exit__(self, *_: object) -> None:
         self.stop(*self._running)
 
-    def start(self, name: str, parameters: dict[str, Any]) -> None:
-        """Start a node.
-
-        Parameters
-        ----------
-        name : str
-            As after ``python3 -m friction_comp``.
-        parameters : dict
-        """
+    def start(self, name: str, parameters: Mapping[str, Any]) -> None:
+        """Start a node, by its name after ``python3 -m friction_comp``."""
         self._logs.mkdir(parents=True, exist_ok=True)
         # If interrupted half-way, the process would run on unnoticed.
         with interrupts_deferred(), (self._logs / f'{name}.log').open('ab') as log:
@@ -75,49 +72,33 @@ class Nodes:
             # the nodes in order.
             self._running[name] = subprocess.Popen(
                 [sys.executable, '-m', 'friction_comp', name, *ros_arguments(parameters)],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=self._environment,
-                start_new_session=True)
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
 
     def check(self) -> None:
         """Raise InputError if a node has failed."""
         for name, process in self._running.items():
             if process.poll():
-                raise InputError(
-                    f'node {name} ended with status {process.returncode}: {self._last(name)}')
+                log = (self._logs / f'{name}.log').read_text(errors='replace')
+                last = log.strip().rpartition('\n')[2] or 'it printed nothing'
+                raise InputError(f'node {name} ended with status {process.returncode}: {last}')
 
-    def started(self, name: str) -> bool:
-        """Return whether a node was started and is not known to have ended."""
+    def running(self, name: str) -> bool:
+        """Return whether a node was started and has not ended; a failure raises InputError."""
+        self.check()
+        if name in self._running and self._running[name].poll() is not None:
+            del self._running[name]
         return name in self._running
 
-    def alive(self, name: str) -> bool:
-        """Return whether a node's process is there."""
-        return self._running[name].poll() is None
-
-    def ended(self, name: str) -> bool:
-        """Return whether a node has ended by itself; a failure raises InputError."""
-        self.check()
-        if self.alive(name):
-            return False
-        del self._running[name]
-        return True
-
-    def stop(self, *names: str, patience: float = 10.0) -> None:
+    def stop(self, *names: str) -> None:
         """Interrupt nodes, wait for them, and kill what does not end."""
         processes = [self._running.pop(name) for name in names if name in self._running]
         for process in processes:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-        end = time.monotonic() + patience
+        end = time.monotonic() + _PATIENCE
         for process in processes:
             try:
                 process.wait(max(0.0, end - time.monotonic()))
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-
-    def _last(self, name: str) -> str:
-        try:
-            lines = (self._logs / f'{name}.log').read_text(errors='replace').strip().splitlines()
-        except OSError:
-            lines = []
-        return lines[-1] if lines else 'it printed nothing'

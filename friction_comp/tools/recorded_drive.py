@@ -1,22 +1,25 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Derives the recorded drive's constants and units from a tool's arguments."""
+"""Derives the recorded drive's constants and units from a tool's arguments, and refines it."""
 
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 import re
 from typing import TYPE_CHECKING
 
 from friction_comp.columns import Layout, read_pairs
 from friction_comp.drive import Drive
-from friction_comp.errors import InputError
+from friction_comp.errors import errors_name, InputError
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import RecordingInfo
+    from friction_comp.recordings.history import History
+    from friction_comp.refinement.refine import RefineResult
     from friction_comp.samples import Samples
 
 
@@ -30,18 +33,12 @@ def drive_of(arguments: Namespace, model: FrictionModel | None) -> Drive:
     return Drive(**{'torque_constant': 1.0, 'gear_ratio': 1.0, **given})
 
 
-def limited(arguments: Namespace, drive: Drive, recorded: list[Samples]
+def with_current_limit(arguments: Namespace, drive: Drive, recorded: list[Samples]
             ) -> tuple[Drive, dict[str, str]]:
     """Return the drive with its current limit, and a note on the origin of the limit.
 
     If no limit is given, it is the largest current in the recordings, which the drive has certainly
     withstood.
-
-    Parameters
-    ----------
-    arguments : Namespace
-    drive : Drive
-    recorded : list of Samples
     """
     import numpy as np
 
@@ -56,13 +53,7 @@ def limited(arguments: Namespace, drive: Drive, recorded: list[Samples]
 
 
 def layout_of(arguments: Namespace) -> Layout:
-    """Return what ``--columns`` and ``--unit`` say of a table.
-
-    Raises
-    ------
-    InputError
-        If they name a signal or a unit that is not known.
-    """
+    """Return what ``--columns`` and ``--unit`` say of a table."""
     text = arguments.unit or ''
     try:
         return Layout(read_pairs(arguments.columns, '--columns') if arguments.columns else {},
@@ -90,6 +81,41 @@ def unit_of(arguments: Namespace, model: FrictionModel | None,
     unit = layout_of(arguments).units.get('effort', 'N·m')
     return 'N·m' if unit.replace('.', '').replace('*', '').replace('·', '') in ('Nm', 'mNm') \
         else unit
+
+
+def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | None,
+                      show: Callable[..., None] = lambda *_: None
+                      ) -> tuple[RefineResult, History | None]:
+    """Refine a model on recordings of one joint together, by the arguments of the tool `refine`.
+
+    `show` gets the share 0..1 that is done, and what is done. With ``--history``, the model's
+    history with the new recordings comes beside the result.
+    """
+    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.recordings.condense import read_condensed
+    from friction_comp.recordings.history import History
+    from friction_comp.refinement import refine
+
+    model = FrictionModel.load(arguments.model, joint) if arguments.model else None
+    drive = drive_of(arguments, model)
+    history = History.beside(arguments.model, drive) if arguments.history else None
+    recordings = read_condensed(
+        paths, joint, drive.torque_constant, drive.gear_ratio,
+        progress=lambda share: show(0.2 * share, 'reading'), layout=layout_of(arguments))
+    unit = unit_of(arguments, model, [info for _, info in recordings])
+    recorded = [samples for samples, _ in recordings]
+    drive, limit = with_current_limit(arguments, drive, recorded)
+    if history is not None:
+        recorded = history.with_new(recordings)
+    with errors_name(f'{paths[0]}: {joint}' if joint else paths[0]):
+        result = refine(
+            recorded, model, drive, unit=unit,
+            progress=lambda share, name: show(0.2 + 0.7 * share, f'trying {name}'))
+    result.report['warnings'].extend(
+        f'{info.path}: {note}' for _, info in recordings for note in info.notes)
+    result.model.notes = {**result.model.notes, 'refined_from': [str(path) for path in paths],
+                          'unit': unit, **limit}
+    return result, history
 
 
 def folder_name(joint: str) -> str:

@@ -7,27 +7,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from friction_comp.errors import errors_name, InputError
+from friction_comp.errors import InputError
 from friction_comp.tools.common import (
     Arguments,
-    command_line,
     output_folder,
     positive,
     progress,
     to_json,
+    write_report,
 )
-from friction_comp.tools.recorded_drive import drive_of, layout_of, limited, unit_of
-from friction_comp.tools.workers import add_workers
+from friction_comp.tools.recorded_drive import refine_recordings
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Refine a model and write report.json, report.html and model.yaml; returns 0.
-
-    Raises
-    ------
-    InputError
-        If recordings, model or output cannot be used.
-    """
+    """Refine a model and write report.json, report.html and model.yaml; returns 0."""
     parser = Arguments('refine', __doc__, (
         'examples/elbow --model config/armin_configuration_2.yaml --output output/refined',
         'examples/elbow --torque-constant 0.119 --gear-ratio 100 --output output/refined',
@@ -39,7 +32,7 @@ def main(argv: list[str] | None = None) -> int:
         '. A unit alone, such as A or V, is that of the figures in the report; by default A where '
         'a torque constant, a gear ratio or a model is given (1 and 1 say that effort holds '
         'current), else N·m, which is what effort holds by the message')).add_drive(
-    ).add_output().add_json()
+    ).add_output().add_jobs().add_json()
     parser.add_argument('--model', metavar='FILE', type=Path,
                         help="model to start from; without it the note's sigmoid is fitted first")
     parser.add_argument('--urdf', metavar='FILE', type=Path,
@@ -51,7 +44,6 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--history', action='store_true',
                         help='fit what is kept of earlier recordings too, in .history.npz beside '
                         '--model, and write it on beside the new model')
-    add_workers(parser)
     parser.add_argument('--current-limit', metavar='A', type=positive,
                         help='largest motor current that may ever be commanded, for the model '
                              'file; by default that of --model, else the largest recorded one')
@@ -63,46 +55,23 @@ def main(argv: list[str] | None = None) -> int:
         from friction_comp.tools.refine_each import refine_each
 
         return refine_each(arguments)
-    if arguments.jobs or arguments.scheduler:
-        raise InputError('--jobs and --scheduler go with --each: several recordings that give one '
-                         'model are fitted together')
+    if arguments.jobs:
+        raise InputError('--jobs goes with --each: several recordings that give one model are '
+                         'fitted together')
     if arguments.urdf:
         from friction_comp.tools.refine_arm import refine_whole_arm
 
         return refine_whole_arm(arguments)
-    from friction_comp.model.friction_model import FrictionModel
-    from friction_comp.recordings.condense import read_condensed
-    from friction_comp.recordings.history import History
-    from friction_comp.refinement import refine
     from friction_comp.reports.refinement_report import refinement_report
 
-    model = FrictionModel.load(arguments.model, arguments.joint) if arguments.model else None
-    drive = drive_of(arguments, model)
-    history = History.beside(arguments.model, drive) if arguments.history else None
-    with progress('reading') as report:
-        recordings = read_condensed(
-            arguments.recordings, arguments.joint, drive.torque_constant, drive.gear_ratio,
-            progress=lambda share: report(0.2 * share), layout=layout_of(arguments))
-        unit = unit_of(arguments, model, [info for _, info in recordings])
-        recorded = [samples for samples, _ in recordings]
-        drive, limit = limited(arguments, drive, recorded)
-        if history is not None:
-            recorded = history.with_new(recordings)
-        with errors_name(arguments.recordings[0]):
-            result = refine(
-                recorded, model, drive,
-                progress=lambda share, name: report(0.2 + 0.7 * share, f'trying {name}'),
-                unit=unit)
-        # Show what is missing or unusual in a recording together with the result.
-        result.report['warnings'].extend(
-            f'{info.path}: {note}' for _, info in recordings for note in info.notes)
-        report(0.9, 'writing')
-        names = [str(path) for path in arguments.recordings]
-        result.model.notes = {**result.model.notes, 'refined_from': names, 'unit': unit, **limit}
+    names = [str(path) for path in arguments.recordings]
+    with progress('reading') as show:
+        result, history = refine_recordings(
+            arguments, arguments.recordings, arguments.joint, show)
+        show(0.9, 'writing')
         with output_folder(arguments.output) as folder:
-            (folder / 'report.json').write_text(to_json(result.report), encoding='utf-8')
-            refinement_report(result, names, [command_line('refine', argv)]).save(
-                folder / 'report.html')
+            write_report(folder, result.report, refinement_report(
+                result, names, [arguments.command]))
             result.model.save(folder / 'model.yaml')
             if history is not None:
                 history.save(folder / 'model.yaml')

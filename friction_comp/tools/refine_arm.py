@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
-from friction_comp.tools.common import output_folder, progress, to_json
-from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, limited
+from friction_comp.tools.common import output_folder, progress, write_report
+from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, with_current_limit
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -22,24 +22,9 @@ def refine_whole_arm(arguments: Namespace) -> int:
 
     Of one joint (``--joint``) the same files as without a URDF are written. Of all joints there is
     a folder for each with these files, and above them ``report.json`` with the arm and all joints,
-    ``report.html``, and ``model.yaml`` with all joints' models.
-
-    Parameters
-    ----------
-    arguments : Namespace
-        Of the tool.
-
-    Returns
-    -------
-    int
-        0.
-
-    Raises
-    ------
-    InputError
-        If recordings, URDF, model or output cannot be used.
+    ``report.html``, and ``model.yaml`` with all joints' models. Returns 0.
     """
-    from friction_comp.recordings.arm_reader import read_arm
+    from friction_comp.recordings import read_arm
     from friction_comp.refinement.whole_arm import refine_arm
 
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
@@ -53,7 +38,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
                 lambda share: report(0.1 * share), layout_of(arguments)).items()}
         drives, limits = {}, {}
         for name, parts in recorded.items():
-            drives[name], limits[name] = limited(
+            drives[name], limits[name] = with_current_limit(
                 arguments, drive_of(arguments, models.get(name)), parts)
         try:
             result = refine_arm(
@@ -61,7 +46,9 @@ def refine_whole_arm(arguments: Namespace) -> int:
                 [arguments.joint] if arguments.joint else None,
                 lambda share, word: report(0.1 + 0.8 * share, word))
         except InputError as error:
-            raise InputError(_once(arguments, str(error))) from None
+            # Name the recording, unless a file is named already.
+            named = str(error).startswith((str(arguments.urdf), names[0]))
+            raise InputError(f'{"" if named else f"{names[0]}: "}{error}') from None
         report(0.9, 'writing')
         for name, one in result.results.items():
             one.model.notes = {**one.model.notes, 'refined_from': names,
@@ -74,12 +61,6 @@ def refine_whole_arm(arguments: Namespace) -> int:
     _print(result)
     print(arguments.output / 'report.html')
     return 0
-
-
-def _once(arguments: Namespace, text: str) -> str:
-    """Return an error's text with the recording named, unless it names a file already."""
-    named = (str(arguments.urdf), str(arguments.recordings[0]))
-    return text if text.startswith(named) else f'{arguments.recordings[0]}: {text}'
 
 
 def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
@@ -110,19 +91,16 @@ def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None)
     arm = result.report()
     folders = {name: folder if joint else folder / folder_name(name) for name in result.results}
     for name, one in result.results.items():
-        own_folder = folders[name]
-        own_folder.mkdir(exist_ok=True)
+        folders[name].mkdir(exist_ok=True)
         own = {**one.report, 'arm': arm} if joint else one.report
-        (own_folder / 'report.json').write_text(to_json(own), encoding='utf-8')
-        refinement_report(one, names).save(own_folder / 'report.html')
-        one.model.save(own_folder / 'model.yaml')
+        write_report(folders[name], own, refinement_report(one, names))
+        one.model.save(folders[name] / 'model.yaml')
     if joint:
         return
     whole = {'unit': next(iter(result.results.values())).report['unit'], 'arm': arm,
              'joints': {name: one.report for name, one in result.results.items()}}
-    (folder / 'report.json').write_text(to_json(whole), encoding='utf-8')
-    arm_report(result, names, {name: own_folder.name for name, own_folder in folders.items()}).save(
-        folder / 'report.html')
+    write_report(folder, whole, arm_report(
+        result, names, {name: own.name for name, own in folders.items()}))
     write_yaml(folder / 'model.yaml', arm_document(
         {name: one.model.to_dict() for name, one in result.results.items()}))
 

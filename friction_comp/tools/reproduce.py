@@ -1,10 +1,12 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tool ``reproduce``: repeats the technical note's experiments on its configurations."""
+"""The tool ``reproduce``: repeats the technical note's experiments on simulated joints.
+
+It prints the note's figures beside those that are found.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from friction_comp.tools.common import Arguments, output_folder, progress, to_json, whole_number
@@ -12,19 +14,9 @@ from friction_comp.tools.common import Arguments, output_folder, progress, to_js
 if TYPE_CHECKING:
     from friction_comp.note.experiment_set import ExperimentOutcome
 
-DESCRIPTION = """Repeat all of the technical note's experiments on simulated joints, and print its
-figures beside ours."""
-
-
 def main(argv: list[str] | None = None) -> int:
-    """Repeat the note's experiments and write results.json and report.html; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the output folder cannot be written.
-    """
-    parser = Arguments('reproduce', DESCRIPTION).add_output()
+    """Repeat the note's experiments and write results.json and report.html; returns 0."""
+    parser = Arguments('reproduce', __doc__).add_output()
     parser.add_argument('--cycles', metavar='N', type=whole_number(2), default=200,
                         help='current ramps per direction and configuration (200)')
     parser.add_argument('--seed', metavar='N', type=whole_number(0), default=2,
@@ -48,44 +40,16 @@ def _print(outcomes: list[ExperimentOutcome]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from friction_comp.note.note_report import compared
+
     table = Table(title='The note and its repetition (the note in brackets)')
-    for heading in ('', *(f'configuration {o.experiment.number}' for o in outcomes)):
-        table.add_column(heading, justify='left' if not heading else 'right')
-    for name, cells in summary_rows(outcomes):
-        table.add_row(name, *cells)
+    table.add_column()
+    for outcome in outcomes:
+        table.add_column(f'configuration {outcome.experiment.number}', justify='right')
+    for cells in zip(*map(compared, outcomes)):
+        table.add_row(cells[0][0], *(
+            f'{here} ({note})' if note else here for _, note, here in cells))
+    table.add_row('false starts in an hour, printed / continuous law', *(
+        ' / '.join(str(still.false_starts) for still in outcome.standstills.values())
+        for outcome in outcomes))
     Console().print(table)
-
-
-def summary_rows(outcomes: list[ExperimentOutcome]) -> list[tuple[str, list[str]]]:
-    """Return the rows of the table that is printed: a name, and one text per configuration."""
-    def row(name: str, text: Callable[[ExperimentOutcome], str]) -> tuple[str, list[str]]:
-        return name, [text(outcome) for outcome in outcomes]
-
-    return [
-        row('breakaway (mA)', lambda o: (
-            f'{_mean(o):.1f} ± {_std(o):.1f} '
-            f'({1e3 * o.experiment.breakaway:.1f} ± {1e3 * o.experiment.breakaway_std:.1f})')),
-        row('peak, no compensation (N·m)', lambda o: f'{o.peaks["none"]:.2f}'),
-        row('peak, d = 0 (N·m)', lambda o: (
-            f'{o.peaks["kinetic"]:.2f} ({o.experiment.peak_kinetic})')),
-        row('peak, printed law (N·m)', lambda o: (
-            f'{o.peaks["paper"]:.2f} ({o.experiment.peak_compensated})')),
-        row('peak, continuous law (N·m)', lambda o: f'{o.peaks["continuous"]:.2f}'),
-        row('peak, inertia alone (N·m)', lambda o: f'{o.peaks["inertia"]:.2f}'),
-        row('reduction, printed law', lambda o: (
-            f'{100 * o.reduction("paper"):.0f} % ({100 * o.experiment.reduction:.0f} %)')),
-        row('reduction, continuous law', lambda o: f'{100 * o.reduction("continuous"):.0f} %'),
-        row('false starts in an hour, printed / continuous', lambda o: (
-            f'{o.standstills["paper"].false_starts} / '
-            f'{o.standstills["continuous"].false_starts}')),
-    ]
-
-
-def _mean(outcome: ExperimentOutcome) -> float:
-    both = outcome.breakaway
-    return 500.0 * (both.positive_mean - both.negative_mean)
-
-
-def _std(outcome: ExperimentOutcome) -> float:
-    both = outcome.breakaway
-    return 500.0 * (both.positive_std + both.negative_std)

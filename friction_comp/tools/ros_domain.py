@@ -5,19 +5,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
-import fcntl
+from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
 import random
-import tempfile
+import socket
 
 from friction_comp.errors import InputError
+from friction_comp.package_files import package_file
 
 # Domain IDs that ROS 2 calls safe on all systems: their ports are below the ephemeral ports.
 _DOMAINS = range(1, 102)
-# DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain.
-_PORT_BASE, _PORT_GAIN = 7400, 250
+# DDSI-RTPS 2.2, section 9.6.1.1: port base and domain gain; and a port of each domain, counted from
+# its first, that it leaves unused.
+_PORT_BASE, _PORT_GAIN, _UNUSED_PORT = 7400, 250, 5
 _SOCKETS = (Path('/proc/net/udp'), Path('/proc/net/udp6'))
 
 
@@ -25,59 +26,50 @@ _SOCKETS = (Path('/proc/net/udp'), Path('/proc/net/udp6'))
 def leased_domain() -> Iterator[int]:
     """Hold a ROS domain that no process uses, and that no other holder gets meanwhile.
 
-    The lock on a file in the temporary folder goes with the process that holds it, however it
-    ends; programs that do not ask for one are known by their sockets.
-
-    Yields
-    ------
-    int
-        To be set as ``ROS_DOMAIN_ID``.
-
-    Raises
-    ------
-    InputError
-        If all domains are in use.
+    The holder is bound to an unused port of the domain, which is free again when its process ends.
+    Yields the domain's number, for ``ROS_DOMAIN_ID``.
     """
-    used = domains_in_use()
-    numbers = [domain for domain in _DOMAINS if domain not in used]
+    free = sorted(set(_DOMAINS) - domains_in_use())
     # Other participants use small ones by default.
-    random.SystemRandom().shuffle(numbers)
-    for domain in numbers:
-        lock = _lock(domain)
-        if lock is not None:
-            try:
+    for domain in random.SystemRandom().sample(free, len(free)):
+        holder = _reserve(domain)
+        if holder is not None:
+            with holder:
                 yield domain
-            finally:
-                os.close(lock)
             return
     raise InputError('all ROS domains of this machine are in use')
+
+
+def _reserve(domain: int) -> socket.socket | None:
+    holder = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        holder.bind(('127.0.0.1', _PORT_BASE + _PORT_GAIN * domain + _UNUSED_PORT))
+    except OSError:
+        holder.close()
+        return None
+    return holder
+
+
+@contextmanager
+def private_domain() -> Iterator[None]:
+    """Let ROS 2 of this process and its children use a domain of their own, on this machine only.
+
+    So no robot is disturbed.
+    """
+    with leased_domain() as domain:
+        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        # Nodes then discover each other in half a second instead of three.
+        os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE',
+                              str(package_file('config', 'quick_discovery.xml')))
+        yield
 
 
 def domains_in_use() -> set[int]:
     """Return the domains to which UDP ports of this machine are bound."""
     used = set()
     for path in _SOCKETS:
-        try:
-            lines = path.read_text(encoding='ascii').splitlines()[1:]
-        except OSError:
-            continue
-        for line in lines:
-            port = int(line.split()[1].rpartition(':')[2], 16)
-            used.add((port - _PORT_BASE) // _PORT_GAIN)
+        with suppress(OSError):
+            for line in path.read_text(encoding='ascii').splitlines()[1:]:
+                port = int(line.split()[1].rpartition(':')[2], 16)
+                used.add((port - _PORT_BASE) // _PORT_GAIN)
     return used
-
-
-def _lock(domain: int) -> int | None:
-    """Return the descriptor of a domain's lock, None where another holds it."""
-    path = Path(tempfile.gettempdir()) / f'ros_domain_{domain}.lock'
-    try:
-        # In a shared folder, another user's file cannot be opened for creation, but can be locked.
-        descriptor = os.open(path, os.O_RDONLY | (0 if path.exists() else os.O_CREAT), 0o644)
-    except OSError:
-        return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None
-    return descriptor

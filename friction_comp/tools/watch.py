@@ -9,7 +9,8 @@ only reads: it publishes nothing, and is served to this machine alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
+import itertools
 from pathlib import Path
 import signal
 import sys
@@ -17,14 +18,14 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.package_files import name_this_environment
-from friction_comp.tools.common import Arguments, positive, progress, whole_number
+from friction_comp.tools.common import Arguments, progress, whole_number
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
     from friction_comp.recordings import RecordingInfo
-    from friction_comp.reports.live_page import Feed
     from friction_comp.samples import Samples
 
 # Samples per second that are shown.
@@ -32,13 +33,7 @@ _RATE = 100.0
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Serve the page until it is interrupted; returns 0.
-
-    Raises
-    ------
-    InputError
-        If the recording, a model or the port cannot be used, or Bokeh is not installed.
-    """
+    """Serve the page until it is interrupted; returns 0."""
     given = list(sys.argv[1:] if argv is None else argv)
     parser = Arguments('watch', __doc__, (
         '', 'examples/elbow/with_direction.mcap.zstd'))
@@ -51,8 +46,6 @@ def main(argv: list[str] | None = None) -> int:
                         help='joints to show; all without')
     parser.add_argument('--port', type=whole_number(0), default=5006,
                         help='on localhost; 0 takes any that is free (%(default)s)')
-    parser.add_argument('--window', metavar='S', type=positive, default=10.0,
-                        help='s that are shown at once (%(default)s)')
     arguments = parser.parse(given)
     try:
         from bokeh.server.server import Server
@@ -67,16 +60,15 @@ def main(argv: list[str] | None = None) -> int:
 
     models = [FrictionModel.load(path) for path in arguments.model]
     if arguments.recording is not None:
-        feed: Any = recorded_feed(arguments.recording, arguments.joint, models)
-    else:
-        ros = given[given.index('--ros-args'):] if '--ros-args' in given else []
-        feed = _live_feed(arguments.joint, models, ros)
-    try:
-        _serve(Server, live_page(feed, arguments.window), arguments.port)
-    finally:
-        close = getattr(feed, 'close', None)
-        if close is not None:
-            close()
+        feed = recorded_feed(arguments.recording, arguments.joint, models)
+        _serve(Server, live_page(feed), arguments.port)
+        return 0
+    name_this_environment()
+    from friction_comp.nodes.live_feed import LiveFeed
+
+    ros = itertools.dropwhile(lambda word: word != '--ros-args', given)
+    with closing(LiveFeed(arguments.joint, models, list(ros))) as running:
+        _serve(Server, live_page(running), arguments.port)
     return 0
 
 
@@ -98,30 +90,13 @@ def _serve(server_class: Any, page: Any, port: int) -> None:
         server.stop()
 
 
-def _live_feed(joints: list[str], models: Sequence[FrictionModel], ros: list[str]) -> Feed:
-    name_this_environment()
-    from friction_comp.nodes.live_feed import LiveFeed
-
-    return LiveFeed(joints, models, ros)
-
-
 class RecordedFeed:
-    """A recording as the page takes it.
-
-    Parameters
-    ----------
-    title : str
-    samples : dict of str to Samples
-        By joint.
-    models : dict of str to FrictionModel
-    notes : list of str
-        What there is to know about the recording.
-    """
+    """A recording as the page takes it, with the models of some joints."""
 
     def __init__(self, title: str, samples: dict[str, Samples],
                  models: dict[str, FrictionModel], notes: Sequence[str] = ()):
         self.title, self.joints = title, list(samples)
-        self._notes = list(notes)
+        self._notes = notes
         self._columns = {joint: columns_of(one, models.get(joint))
                          for joint, one in samples.items()}
         self.duration = max(float(columns['time'][-1]) for columns in self._columns.values())
@@ -139,30 +114,22 @@ class RecordedFeed:
 
 
 def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.ndarray]:
-    """Return what the page shows of one joint's samples, NaN where nothing was recorded.
-
-    Parameters
-    ----------
-    samples : Samples
-    model : FrictionModel, optional
-        For what it predicts and leaves over; the load, where measured, is carried by the person.
-    """
+    """Return what the page shows of one joint's samples, NaN where nothing was recorded."""
     from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 
     none = np.full(len(samples), np.nan)
     if samples.velocity is None:
         samples = differentiate(samples, DEFAULT_SETTINGS)
-    gain = model.drive.torque_per_current if model else 1.0
     columns = {name: none if getattr(samples, name) is None else np.asarray(
         getattr(samples, name), dtype=float) for name in (
             'time', 'position', 'velocity', 'reference_velocity', 'direction', 'current',
             'command', 'load')}
-    columns['torque'] = columns['current'] * gain
     columns['predicted'] = columns['residual'] = none
     if model is None:
-        # Without a model, torque constant and gear ratio are unknown, so effort is shown as torque.
-        columns['current'] = none
+        # Torque constant and gear ratio are unknown: effort was read as it is.
+        columns['torque'], columns['current'] = columns['current'], none
     else:
+        columns['torque'] = columns['current'] * model.drive.torque_per_current
         with suppress(InputError):
             columns['predicted'] = model.predict(samples)
             columns['residual'] = model.measured(samples) - columns['predicted']
@@ -170,7 +137,7 @@ def columns_of(samples: Samples, model: FrictionModel | None) -> dict[str, np.nd
     return {name: values[::every] for name, values in columns.items()}
 
 
-def said_by(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
+def model_used(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel | None:
     """Return the model that a recording says its compensator used for a joint, where it is here.
 
     Of several the first is meant; the others are told in `notes`.
@@ -192,33 +159,27 @@ def said_by(info: RecordingInfo, joint: str, notes: list[str]) -> FrictionModel 
 
 
 def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]) -> RecordedFeed:
-    """Read a recording for the page.
-
-    Raises
-    ------
-    InputError
-        If it cannot be used.
-    """
+    """Read a recording for the page."""
     from friction_comp.recordings import (
         find_recording,
-        inspect_recording,
         read_recording_with_info,
+        recorded_joints,
     )
 
     with progress('reading') as report:
-        wanted = joints or inspect_recording(path).joints
+        path = find_recording(path)
+        wanted = joints or recorded_joints(path)
         if models and len(models) != len(wanted):
             raise InputError(f'--model: one file per joint is needed, {len(wanted)} for '
                              f'{", ".join(wanted)}')
         samples, notes = {}, []
         chosen = dict(zip(wanted, models))
         for index, joint in enumerate(wanted):
-            drive = chosen[joint].drive if joint in chosen else None
+            drive = chosen[joint].drive if joint in chosen else Drive(1.0, 1.0)
             (samples[joint], info), = read_recording_with_info(
-                find_recording(path), joint, drive.torque_constant if drive else 1.0,
-                drive.gear_ratio if drive else 1.0)
+                path, joint, drive.torque_constant, drive.gear_ratio)
             notes += [note for note in info.notes if note not in notes]
-            model = None if joint in chosen else said_by(info, joint, notes)
+            model = None if joint in chosen else model_used(info, joint, notes)
             if model is not None:
                 chosen[joint] = model
                 # Read without a drive, it holds the torque.

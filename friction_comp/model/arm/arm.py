@@ -50,35 +50,19 @@ class Arm:
         return tuple(self._part.joints)
 
     def on(self, samples: Samples, joint: str = '') -> Samples:
-        """Return samples with `rigid_body` or `coupling` for their joint.
+        """Return recorded samples, with `arm`, with `rigid_body` or `coupling` for a joint.
 
-        Parameters
-        ----------
-        samples : Samples
-            As recorded, with `arm`.
-        joint : str
-            Theirs when omitted.
-
-        Raises
-        ------
-        InputError
-            If a joint was not recorded, or the joint is not one of the arm's.
+        The joint is theirs when omitted. Raises InputError if a joint was not recorded, or the
+        joint is not one of the arm's.
         """
         motion = moving_states(samples, self.joints, self.differentiation)
         part = self._part
         if isinstance(part, Coupling):
             return samples.with_(coupling=part.current(self.joints, *motion))
         return samples.with_(
-            rigid_body=part.torques(*motion)[:, self.place_of(joint or samples.joint)])
+            rigid_body=part.torques(*motion)[:, self._index(joint or samples.joint)])
 
-    def place_of(self, joint: str) -> int:
-        """Return the number of a joint.
-
-        Raises
-        ------
-        InputError
-            If it is none of the arm's.
-        """
+    def _index(self, joint: str) -> int:
         if joint not in self.joints:
             raise InputError(f'joint {joint!r} is none of the arm: '
                              f'{", ".join(map(repr, self.joints))}')
@@ -87,15 +71,11 @@ class Arm:
     def at_rest(self, position: np.ndarray, joint: str) -> float:
         """Return the arm's torque on a joint at rest: `rigid_body` N·m, or `coupling` A.
 
-        Parameters
-        ----------
-        position : ndarray, shape (J,)
-            In the order of `joints`, rad.
-        joint : str
+        Positions are in rad, in the order of `joints`.
         """
         part = self._part
         if isinstance(part, Tree):
-            return float(part.weight(position)[self.place_of(joint)])
+            return float(part.weight(position)[self._index(joint)])
         return part.weight(self.joints, np.asarray(position, dtype=float))
 
     def to_dict(self) -> dict[str, Any]:

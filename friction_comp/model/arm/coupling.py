@@ -42,17 +42,7 @@ class Group:
 
     def columns(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,
                 a: np.ndarray) -> np.ndarray:
-        """Return the terms.
-
-        Parameters
-        ----------
-        names : sequence of str, length J
-        q, v, a : ndarray, shape (N, J)
-
-        Returns
-        -------
-        ndarray, shape (N, 1) or (N, 2)
-        """
+        """Return the terms, shape (N, 1) or (N, 2), for motion of J named joints, (N, J)."""
         column = {name: k for k, name in enumerate(names)}
         factor, slope = np.ones(len(q)), np.zeros(len(q))
         if self.kind == 'kinetic':
@@ -93,11 +83,7 @@ class Group:
 class Coupling:
     """A joint's current due to other joints, found without a URDF.
 
-    Parameters
-    ----------
-    groups : tuple of Group
-    coefficients : tuple of tuple of float
-        A per unit of each term.
+    Each group's terms have their coefficients in A per unit of the term.
     """
 
     groups: tuple[Group, ...]
@@ -138,13 +124,7 @@ class Coupling:
 
     @classmethod
     def from_dict(cls, document: Any) -> Coupling:
-        """Make a coupling of the plain values of a model file.
-
-        Raises
-        ------
-        InputError
-            If something is missing or makes no sense.
-        """
+        """Make a coupling of the plain values of a model file."""
         groups, coefficients = [], []
         try:
             for entry in document['groups']:
@@ -155,13 +135,11 @@ class Coupling:
                 numbers = tuple(float(value) for value in entry['coefficients'])
                 wanted = 2 if group.angles else 1
                 if _JOINTS.get(group.kind) != len(group.joints) or len(numbers) != wanted:
-                    raise InputError(f'coupling: a group of kind {group.kind!r} is not complete')
+                    raise ValueError(f'a group of kind {group.kind!r} is not complete')
                 if not np.isfinite(numbers).all():
-                    raise InputError('coupling: coefficients must be finite')
+                    raise ValueError('coefficients must be finite')
                 groups.append(group)
                 coefficients.append(numbers)
         except (KeyError, TypeError, ValueError) as error:
-            if isinstance(error, InputError):
-                raise
             raise InputError(f'coupling: {error}') from None
         return cls(tuple(groups), tuple(coefficients))

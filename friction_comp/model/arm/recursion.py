@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint torques of a tree of rigid bodies by the recursive Newton-Euler algorithm, compiled.
 
-Featherstone, Rigid Body Dynamics Algorithms (2008), Table 5.1, in the frames of the joints.
+Luh, Walker and Paul, J. Dyn. Sys., Meas., Control 102(2), 1980, with all vectors in the frame of
+the base.
 """
 
 from __future__ import annotations
@@ -52,57 +53,26 @@ def set_row(values: np.ndarray, k: int, a: Vector) -> None:
 
 
 @njit(cache=True)
-def out_of(r: np.ndarray, a: Vector) -> Vector:
-    """Return a vector of a joint's frame in that of its parent, by the rotation r."""
-    return (r[0, 0] * a[0] + r[0, 1] * a[1] + r[0, 2] * a[2],
-            r[1, 0] * a[0] + r[1, 1] * a[1] + r[1, 2] * a[2],
-            r[2, 0] * a[0] + r[2, 1] * a[1] + r[2, 2] * a[2])
+def in_base(frame: np.ndarray, a: Vector) -> Vector:
+    """Return a vector of a frame in the base; the rows of `frame` are its unit vectors there."""
+    return plus(plus(times(a[0], row(frame, 0)), times(a[1], row(frame, 1))),
+                times(a[2], row(frame, 2)))
 
 
 @njit(cache=True)
-def into(r: np.ndarray, a: Vector) -> Vector:
-    """Return a vector of the parent's frame in that of the joint, by the rotation r."""
-    return (r[0, 0] * a[0] + r[1, 0] * a[1] + r[2, 0] * a[2],
-            r[0, 1] * a[0] + r[1, 1] * a[1] + r[2, 1] * a[2],
-            r[0, 2] * a[0] + r[1, 2] * a[1] + r[2, 2] * a[2])
+def turned(axis: Vector, angle: float, a: Vector) -> Vector:
+    """Return a vector turned about a unit axis (Rodrigues)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return plus(plus(times(c, a), times(s, cross(axis, a))),
+                times(dot(axis, a) * (1.0 - c), axis))
 
 
 @njit(cache=True)
-def turned(axis: Vector, c: float, s: float, a: Vector) -> Vector:
-    """Return a vector turned about a unit axis by an angle of cosine c and sine s (Rodrigues)."""
-    side = cross(axis, a)
-    share = dot(axis, a) * (1.0 - c)
-    return (c * a[0] + s * side[0] + share * axis[0], c * a[1] + s * side[1] + share * axis[1],
-            c * a[2] + s * side[2] + share * axis[2])
-
-
-@njit(cache=True)
-def inertia_times(p: np.ndarray, a: Vector) -> Vector:
+def angular_momentum(frame: np.ndarray, p: np.ndarray, w: Vector) -> Vector:
     """Return the product of a link's inertia about its joint's origin with a vector."""
-    return (p[4] * a[0] + p[5] * a[1] + p[7] * a[2], p[5] * a[0] + p[6] * a[1] + p[8] * a[2],
-            p[7] * a[0] + p[8] * a[1] + p[9] * a[2])
-
-
-@njit(cache=True)
-def gather(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndarray, places: np.ndarray,
-           axes: np.ndarray, q: np.ndarray, force: np.ndarray, moment: np.ndarray,
-           torques: np.ndarray) -> None:
-    """Hand each link's force and moment down to its parent, and read off the joints' torques."""
-    for k in range(len(parents) - 1, -1, -1):
-        axis, r, parent = row(axes, k), rotations[k], parents[k]
-        f, t = row(force, k), row(moment, k)
-        if prismatic[k]:
-            torques[k] = dot(axis, f)
-            t = plus(t, cross(times(q[k], axis), f))
-        else:
-            torques[k] = dot(axis, t)
-            c, s = np.cos(q[k]), np.sin(q[k])
-            f, t = turned(axis, c, s, f), turned(axis, c, s, t)
-        if parent >= 0:
-            f = out_of(r, f)
-            t = plus(out_of(r, t), cross(row(places, k), f))
-            set_row(force, parent, plus(row(force, parent), f))
-            set_row(moment, parent, plus(row(moment, parent), t))
+    a, b, c = dot(row(frame, 0), w), dot(row(frame, 1), w), dot(row(frame, 2), w)
+    return in_base(frame, (p[4] * a + p[5] * b + p[7] * c, p[5] * a + p[6] * b + p[8] * c,
+                           p[7] * a + p[8] * b + p[9] * c))
 
 
 @njit(cache=True)
@@ -114,60 +84,59 @@ def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndar
 
     Parameters
     ----------
-    parents : ndarray of int, shape (L,)
-        Number of the joint each is carried by, smaller than its own; -1 for the base.
-    prismatic : ndarray of bool, shape (L,)
-    rotations, places : ndarray, shape (L, 3, 3) and (L, 3)
-        Frame of each joint in that of its parent, m.
-    axes : ndarray, shape (L, 3)
-        Unit vector of each joint in its own frame.
-    parameters : ndarray, shape (L, 10)
+    parents, rotations, places, axes, parameters, gravity : ndarray
         As in `Tree`.
-    gravity : ndarray, shape (3,)
-        Acceleration of free fall in the frame of the base, m/s².
+    prismatic : ndarray of bool, shape (L,)
     q, v, a : ndarray, shape (N, L)
         Position, velocity and acceleration: rad or m, s.
     torques : ndarray, shape (N, L)
         N·m or N; written.
     """
+    # The base is the last frame and body, so that a parent of -1 is the base. It accelerates
+    # upwards instead of gravity.
     size = len(parents)
-    spin, turn = np.zeros((size, 3)), np.zeros((size, 3))
-    rate, lift = np.zeros((size, 3)), np.zeros((size, 3))
-    force, moment = np.zeros((size, 3)), np.zeros((size, 3))
+    frames = np.zeros((size + 1, 3, 3))
+    frames[size] = np.eye(3)
+    levers, directions = np.zeros((size, 3)), np.zeros((size, 3))
+    spins, spin_rates = np.zeros((size + 1, 3)), np.zeros((size + 1, 3))
+    accelerations = np.zeros((size + 1, 3))
+    accelerations[size] = -gravity
     for n in range(len(q)):
+        forces, moments = np.zeros((size + 1, 3)), np.zeros((size + 1, 3))
         for k in range(size):
-            axis, r, origin, parent = row(axes, k), rotations[k], row(places, k), parents[k]
-            if parent < 0:
-                w, dw, u = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-                du = (-gravity[0], -gravity[1], -gravity[2])
-            else:
-                w, dw = row(spin, parent), row(turn, parent)
-                u, du = row(rate, parent), row(lift, parent)
-            # The parent's motion at this joint's origin; u and du are spatial, not of a point.
-            u, du = into(r, plus(u, cross(w, origin))), into(r, plus(du, cross(dw, origin)))
-            w, dw = into(r, w), into(r, dw)
-            own = times(v[n, k], axis)
+            up, frame, parent = frames[parents[k]], frames[k], parents[k]
+            w, dw = row(spins, parent), row(spin_rates, parent)
+            lever = in_base(up, row(places, k))
+            for i in range(3):
+                r = rotations[k]
+                set_row(frame, i, in_base(up, (r[0, i], r[1, i], r[2, i])))
+            axis = in_base(frame, row(axes, k))
             if prismatic[k]:
-                shift = times(q[n, k], axis)
-                u, du = plus(u, cross(w, shift)), plus(du, cross(dw, shift))
-                du = plus(plus(du, times(a[n, k], axis)), cross(w, own))
-                u = plus(u, own)
+                lever = plus(lever, times(q[n, k], axis))
+            acceleration = plus(row(accelerations, parent),
+                                plus(cross(dw, lever), cross(w, cross(w, lever))))
+            if prismatic[k]:
+                acceleration = plus(acceleration, plus(
+                    times(a[n, k], axis), times(2.0 * v[n, k], cross(w, axis))))
             else:
-                c, s = np.cos(q[n, k]), -np.sin(q[n, k])
-                u, du = turned(axis, c, s, u), turned(axis, c, s, du)
-                w, dw = turned(axis, c, s, w), turned(axis, c, s, dw)
-                du = plus(du, cross(u, own))
-                dw = plus(plus(dw, times(a[n, k], axis)), cross(w, own))
-                w = plus(w, own)
-            set_row(spin, k, w)
-            set_row(turn, k, dw)
-            set_row(rate, k, u)
-            set_row(lift, k, du)
+                for i in range(3):
+                    set_row(frame, i, turned(axis, q[n, k], row(frame, i)))
+                dw = plus(dw, plus(times(a[n, k], axis), times(v[n, k], cross(w, axis))))
+                w = plus(w, times(v[n, k], axis))
+            set_row(levers, k, lever)
+            set_row(directions, k, axis)
+            set_row(spins, k, w)
+            set_row(spin_rates, k, dw)
+            set_row(accelerations, k, acceleration)
             link = parameters[k]
-            m, h = link[0], (link[1], link[2], link[3])
-            p = plus(times(m, u), cross(w, h))
-            angular = plus(inertia_times(link, w), cross(h, u))
-            set_row(force, k, plus(plus(times(m, du), cross(dw, h)), cross(w, p)))
-            set_row(moment, k, plus(plus(inertia_times(link, dw), cross(h, du)),
-                                plus(cross(w, angular), cross(u, p))))
-        gather(parents, prismatic, rotations, places, axes, q[n], force, moment, torques[n])
+            h = in_base(frame, (link[1], link[2], link[3]))
+            set_row(forces, k, plus(times(link[0], acceleration),
+                                    plus(cross(dw, h), cross(w, cross(w, h)))))
+            set_row(moments, k, plus(cross(h, acceleration), plus(
+                angular_momentum(frame, link, dw), cross(w, angular_momentum(frame, link, w)))))
+        for k in range(size - 1, -1, -1):
+            force, moment, parent = row(forces, k), row(moments, k), parents[k]
+            torques[n, k] = dot(row(directions, k), force if prismatic[k] else moment)
+            set_row(forces, parent, plus(row(forces, parent), force))
+            set_row(moments, parent, plus(row(moments, parent), plus(
+                moment, cross(row(levers, k), force))))

@@ -16,42 +16,24 @@ from friction_comp.samples import Samples
 
 def moving_states(samples: Samples, joints: Sequence[str], settings: dict[str, Any]
                   ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return position, velocity and acceleration of all joints.
+    """Return position, velocity and acceleration of J joints of recorded samples, each (N, J).
 
-    Parameters
-    ----------
-    samples : Samples
-        As recorded, with `arm`.
-    joints : sequence of str, length J
-    settings : dict
-        As for `differentiate`.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (N, J)
-        rad, rad/s and rad/s².
-
-    Raises
-    ------
-    InputError
-        If a joint was not recorded.
+    In rad, rad/s and rad/s²; settings are those of `differentiate`. Raises InputError if a joint
+    was not recorded.
     """
-    if samples.arm is None:
-        if list(joints) != [samples.joint]:
-            raise InputError(f'the motion of joints {", ".join(map(repr, joints))} is needed, but '
-                             f'only that of {samples.joint!r} is recorded')
-        states_position, states_velocity = samples.position[:, None], samples.velocity
-        states_velocity = None if states_velocity is None else states_velocity[:, None]
-    else:
+    if samples.arm is not None:
         states = samples.arm.of(joints)
-        states_position, states_velocity = states.position, states.velocity
-    moved = []
-    for k, joint in enumerate(joints):
-        one = Samples(
-            time=samples.time, position=states_position[:, k], current=samples.current,
-            velocity=None if states_velocity is None else states_velocity[:, k],
-            recording=samples.recording, joint=joint)
-        moved.append(differentiate(one, settings))
+        positions, velocities = states.position, states.velocity
+    elif list(joints) == [samples.joint]:
+        positions, velocities = samples.position[:, None], samples.velocity
+        velocities = None if velocities is None else velocities[:, None]
+    else:
+        raise InputError(f'the motion of joints {", ".join(map(repr, joints))} is needed, but '
+                         f'only that of {samples.joint!r} is recorded')
+    moved = [differentiate(Samples(
+        time=samples.time, position=positions[:, k], current=samples.current,
+        velocity=None if velocities is None else velocities[:, k],
+        recording=samples.recording, joint=joint), settings) for k, joint in enumerate(joints)]
     position, velocity, acceleration = (
         np.column_stack([getattr(one, name) for one in moved])
         for name in ('position', 'velocity', 'acceleration'))

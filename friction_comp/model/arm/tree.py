@@ -85,16 +85,13 @@ class Tree:
         """Which joints are prismatic, shape (L,)."""
         return np.array([kind == 'prismatic' for kind in self.kinds])
 
-    def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray,
-                gravity: np.ndarray | None = None) -> np.ndarray:
+    def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return the torque that each joint has to supply, without friction and rotors.
 
         Parameters
         ----------
         q, v, a : ndarray, shape (N, L)
             Position, velocity and acceleration; rad or m, and s.
-        gravity : ndarray, shape (3,), optional
-            Another acceleration of free fall, m/s².
 
         Returns
         -------
@@ -106,9 +103,8 @@ class Tree:
 
         q, v, a = (np.ascontiguousarray(values, dtype=float) for values in (q, v, a))
         result = np.empty(q.shape)
-        joint_torques(
-            self.parents, self.prismatic, self.rotations, self.places, self.axes, self.parameters,
-            self.gravity if gravity is None else np.asarray(gravity, dtype=float), q, v, a, result)
+        joint_torques(self.parents, self.prismatic, self.rotations, self.places, self.axes,
+                      self.parameters, self.gravity, q, v, a, result)
         return result
 
     def weight(self, position: np.ndarray) -> np.ndarray:
@@ -130,13 +126,7 @@ class Tree:
 
     @classmethod
     def from_dict(cls, document: Any) -> Tree:
-        """Make a tree of the plain values of a model file.
-
-        Raises
-        ------
-        InputError
-            If something is missing or makes no sense.
-        """
+        """Make a tree of the plain values of a model file."""
         try:
             links = document['links']
             joints = tuple(str(link['joint']) for link in links)
@@ -148,9 +138,9 @@ class Tree:
             return cls(
                 joints, tuple(str(link['kind']) for link in links), np.array(parents, dtype=int),
                 rotations, places, axes, parameters, np.array(document['gravity'], dtype=float))
+        except InputError:
+            raise
         except KeyError as error:
             raise InputError(f'arm: {error.args[0]} is missing') from None
         except (TypeError, ValueError, OverflowError) as error:
-            if isinstance(error, InputError):
-                raise
             raise InputError(f'arm: {error}') from None

@@ -1,23 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects that a model can have beside the sigmoid: one file each, and one line in the list."""
+"""Effects that a model can have beside the sigmoid: one class each, and one name in the list."""
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.bump import Bump
-from friction_comp.model.effects.direction_asymmetry import DirectionAsymmetry
-from friction_comp.model.effects.gravity import Gravity
-from friction_comp.model.effects.hysteresis import Hysteresis
-from friction_comp.model.effects.inertia import Inertia
-from friction_comp.model.effects.inner_load import InnerLoadFriction
+from friction_comp.model.effects.drift_effects import OffsetDrift, Temperature, WarmUp
+from friction_comp.model.effects.history_effects import Hysteresis, RestTime
 from friction_comp.model.effects.live_term import LiveTerm
-from friction_comp.model.effects.load_effects import LoadFriction, LoadTorque
-from friction_comp.model.effects.other_joints import (
+from friction_comp.model.effects.load_effects import (
     CarriedLoadFriction,
-    OtherJoints,
-    RigidBody,
+    InnerLoadFriction,
+    LoadFriction,
+    LoadTorque,
 )
-from friction_comp.model.effects.rest_time import RestTime
-from friction_comp.model.effects.ripple import Cogging, FrictionRipple
+from friction_comp.model.effects.position_effects import Bump, Cogging, FrictionRipple
 from friction_comp.model.effects.scene import (
     CARRIES,
     Look,
@@ -28,29 +23,21 @@ from friction_comp.model.effects.scene import (
     Signals,
     VARIABLES,
 )
-from friction_comp.model.effects.spring import Spring
-from friction_comp.model.effects.stribeck import Stribeck
-from friction_comp.model.effects.temperature import Temperature
-from friction_comp.model.effects.viscous_shape import ViscousShape
-from friction_comp.model.effects.warm_up import OffsetDrift, WarmUp
+from friction_comp.model.effects.torque_effects import (
+    Gravity,
+    Inertia,
+    OtherJoints,
+    RigidBody,
+    Spring,
+)
+from friction_comp.model.effects.velocity_effects import DirectionAsymmetry, Stribeck, ViscousShape
 
 EFFECTS: dict[str, type[Effect]] = {}
 """Every effect by its name, in the order in which refinement tries them."""
 
 
 def register(effect: type[Effect]) -> type[Effect]:
-    """Make an effect known to refinement, to model files and to the compensator.
-
-    Parameters
-    ----------
-    effect : type
-        A subclass of `Effect`.
-
-    Returns
-    -------
-    type
-        The same, so that this can stand above a class as its decorator.
-    """
+    """Make an effect known to refinement, model files and the compensator; a class decorator."""
     EFFECTS[effect.name] = effect
     return effect
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""The base class of effects; everything particular to an effect is in its own file."""
+"""The base class of effects; everything particular to an effect is in its own class."""
 
 from __future__ import annotations
 
@@ -15,24 +15,20 @@ from friction_comp.checks import check_number
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects.edges import checked_range, inside
-from friction_comp.model.effects.friction_sign import sign_at
-from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
-from friction_comp.model.effects.scene import (
-    Look,
-    RESISTS,
-    Scene,
-    SearchRange,
-    Signals,
-)
+from friction_comp.model.effects.live_term import LiveTerm
+from friction_comp.model.effects.scene import Look, RESISTS, Scene, SearchRange, Signals
 from friction_comp.samples import Samples
+
+_POSITIVE = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width', 'distance',
+             'time_constant', 'speed')
 
 
 class Effect(ABC):
     """One term of the drive's current, in A: coefficients times columns.
 
-    A subclass says all of itself in one file. It sets the class attributes, writes `columns`
-    (its formula, once, for arrays and for single samples) and `grid`, and overrides what is
-    particular to it.
+    A subclass defines the whole effect. It sets the class attributes, writes `columns` (its
+    formula, once, for arrays and for single samples) and `grid`, and overrides what is particular
+    to it.
 
     Parameters
     ----------
@@ -40,69 +36,39 @@ class Effect(ABC):
         ``coefficients`` (A, one per column) and the nonlinear constants, plain numbers in SI units.
     valid_range : dict, optional
         Lowest and highest value of the `held` signals up to which it is continued.
-
-    Attributes
-    ----------
-    name : str
-        The word in model files and reports.
-    variable : str
-        What the effect depends on, one of `VARIABLES`.
-    role : str
-        `RESISTS`, `CARRIES` or `NEITHER`.
-    needs : tuple of str
-        Signals of `Samples` that it needs besides position and velocity.
-    constants : dict of str to SearchRange or None
-        Every nonlinear constant and how it is searched around a point of the grid; None where it
-        is not. A constant named ``transition`` is the velocity over which friction changes sign,
-        which all effects of a fit share.
-    numbers : tuple of (str, str)
-        What each coefficient is, and its unit, A standing for the recording's own.
-    signs : tuple of int
-        Physically possible sign of the first coefficients: 1, -1, or 0 for either.
-    most : int
-        How many of the kind a model may have, with other constants.
-    physics : bool
-        Whether every drive may have it: refinement starts with it, and takes it away where the
-        data do not bear it out.
-    holds_on_another_day : bool
-        Whether it may be expected in another recording of the same drive.
-    has_memory : bool
-        Whether a sample's value depends on the samples before it.
-    not_fed_back : str
-        Why the compensator must not apply the effect; empty where it may.
-    weight : bool
-        Whether it holds the limb up, which the robot's own controller may do already.
-    gives_load : bool
-        Whether it loads the teeth with a torque that depends on where the joint is.
-    uses_inner_load : bool
-        Whether its constants hold the load that the other effects of the model put on the gear.
-    fades_at_rest : bool
-        Whether it is fed back in motion only: at rest it would push a joint that nobody touches.
-    held : dict of str to float
-        Signals of which no law says how it goes on beyond what was seen, and the share of that
-        width by which it is continued on either side; from there on it keeps its value.
     """
 
-    name = ''
-    variable = ''
-    role = RESISTS
+    name = ''           # in model files and reports
+    variable = ''       # what it depends on, one of `VARIABLES`
+    role = RESISTS      # or CARRIES, or NEITHER
+    # Signals of `Samples` that it needs besides position and velocity.
     needs: tuple[str, ...] = ()
+    # Every nonlinear constant and how it is searched around a point of the grid; None where it is
+    # not. A constant named `transition` is the velocity over which friction changes sign, which all
+    # effects of a fit share.
     constants: dict[str, SearchRange | None] = {}
+    # What each coefficient is, and its unit, A standing for the recording's own.
     numbers: tuple[tuple[str, str], ...] = ()
+    # The effect in one sentence, and its formula in A, as templates for `str.format`: {A}, {B}, ...
+    # are the coefficients, the constants have their own names.
+    words = equation = ''
+    # Physically possible sign of the first coefficients: 1, -1, or 0 for either.
     signs: tuple[int, ...] = ()
-    most = 1
+    most = 1            # of the kind that a model may have, with other constants
+    # Whether every drive may have it: refinement starts with it, and takes it away where the data
+    # do not bear it out.
     physics = False
-    holds_on_another_day = True
+    holds_on_another_day = True     # whether it may be expected in another recording of the drive
+    # Whether a sample's value depends on those before: then it has `step`, `start` and `memory`.
     has_memory = False
-    not_fed_back = ''
-    weight = False
-    gives_load = False
+    not_fed_back = ''   # why the compensator must not apply it; empty where it may
+    weight = False      # whether it holds the limb up, which the robot's controller may do already
+    gives_load = False  # whether it loads the teeth by a torque that depends on position
+    # Whether its constants hold the load that the other effects of the model put on the gear.
     uses_inner_load = False
-    fades_at_rest = False
+    # Signals for which no law extrapolates the effect, and the share of the range seen by which it
+    # is continued on either side; from there on it keeps its value.
     held: dict[str, float] = {}
-    _positive = ('transition', 'velocity', 'reference', 'exponent', 'frequency', 'width',
-                 'distance', 'time_constant', 'speed')
-
     Constants: Any
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -129,7 +95,9 @@ class Effect(ABC):
         if missing:
             raise InputError(f'missing parameters: {sorted(missing)}')
         self.values = {name: check_number(parameters[name], name) for name in self.constants}
-        self.check(self.values)
+        for name, value in self.values.items():
+            if name in _POSITIVE and value <= 0:
+                raise InputError(f'{name} must be positive, not {value!r}')
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -154,31 +122,23 @@ class Effect(ABC):
         """
 
     @classmethod
-    @abstractmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Return the constants to try in a scene."""
+        return [{}]
 
     @classmethod
     def propose(cls, look: Look) -> list[dict[str, float]]:
-        """Return the constants to try for a residual, where it shows more than the scene.
-
-        Parameters
-        ----------
-        look : Look
-        """
+        """Return the constants to try for a residual, where it shows more than the scene."""
         return [cls.with_loads(constants, look.loads) for constants in cls.grid(look.scene)]
-
-    @classmethod
-    def check(cls, values: dict[str, float]) -> None:
-        """Raise `InputError` where constants make no sense."""
-        for name, value in values.items():
-            if name in cls._positive and value <= 0:
-                raise InputError(f'{name} must be positive, not {value!r}')
 
     @classmethod
     def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
         """Return a constant's new value, kept where the effect is what its name says."""
-        return value
+        search = cls.constants[name]
+        if search is None or search.limits is None:
+            return value
+        low, high = search.limits(scene, constants)
+        return min(max(value, low), high)
 
     @classmethod
     def holds_offset(cls, scene: Scene) -> bool:
@@ -198,6 +158,12 @@ class Effect(ABC):
                    ) -> dict[str, float]:
         """Return its share of the load on the teeth, in the words of `InnerLoadFriction`."""
         return {}
+
+    @classmethod
+    def with_loads(cls, constants: dict[str, Any],
+                   shares: Iterable[dict[str, float]]) -> dict[str, Any]:
+        """Return the constants with the loads of other effects, for `uses_inner_load`."""
+        return constants
 
     @classmethod
     def by_mechanics(cls, drive: Drive) -> list[float] | None:
@@ -226,41 +192,28 @@ class Effect(ABC):
     @classmethod
     def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
         """Return the state at every sample, shape (N,): `step` run from each stretch's start."""
-        if not cls.has_memory:
-            return 0.0
-        broken, start = segment_starts(samples), cls.start(side + np.zeros(len(samples)), c)
-        states = np.empty(len(samples))
-        time, position, speed = samples.time, samples.position, np.asarray(samples.velocity)
-        for k in range(len(samples)):
-            states[k] = start[k] if broken[k] else cls.step(
-                states[k - 1], time[k] - time[k - 1], position[k] - position[k - 1], speed[k],
-                c)
-        return states
-
-    @classmethod
-    def live_constants(cls, values: dict[str, float]) -> dict[str, float]:
-        """Return the constants as they are used when the effect is fed back.
-
-        A recording may show that friction reverses within a thousandth of a radian per second. In
-        the compensator, every encoder count would then switch the whole term.
-        """
-        if 'transition' not in values:
-            return values
-        return {**values, 'transition': max(values['transition'], SHARPEST_LIVE)}
+        return 0.0
 
     def live(self) -> LiveTerm | None:
         """Return a fresh `LiveTerm` for the compensator, or None where it is not fed back."""
         return None if self.not_fed_back else LiveTerm(self)
 
+    def turning(self) -> tuple[float, float] | None:
+        """Return friction in A that takes a distance to turn round, and Dahl's, rad; or None."""
+        return None
+
     def describe(self) -> str:
         """Return the effect in words, one sentence."""
-        return f'{self.name} ({self.variable})'
+        return self.words.format(**self._symbols()) or f'{self.name} ({self.variable})'
 
     def formula(self) -> str:
         """Return the effect's formula with its numbers, in A."""
-        return self.name
+        return self.equation.format(**self._symbols()) or self.name
 
     # What all effects share.
+
+    def _symbols(self) -> dict[str, float]:
+        return {**self.values, **dict(zip('ABCDEFGH', self.coefficients))}
 
     @classmethod
     def matrix(cls, samples: Samples, constants: dict[str, float]) -> np.ndarray:
@@ -268,7 +221,7 @@ class Effect(ABC):
         c = cls.Constants(**constants)
         side: Any = 0.0
         if 'transition' in constants:
-            side = sign_at(np.asarray(samples.velocity), c.transition)
+            side = friction_sign(np.asarray(samples.velocity), c.transition)
         x = Signals(samples.time, samples.position, samples.velocity, samples.acceleration,
                     samples.load, samples.temperature, side, cls.memory(samples, side, c),
                     samples.rigid_body, samples.coupling)
@@ -290,16 +243,6 @@ class Effect(ABC):
                              f'not {len(self.coefficients)}')
         return matrix @ np.asarray(self.coefficients)
 
-    @classmethod
-    def with_loads(cls, constants: dict[str, Any],
-                   shares: Iterable[dict[str, float]]) -> dict[str, Any]:
-        """Return the constants with the loads of other effects, for `uses_inner_load`."""
-        return constants
-
-    def turning(self) -> tuple[float, float] | None:
-        """Return friction in A that takes a distance to turn round, and Dahl's, rad; or None."""
-        return None
-
     def why_left_out(self) -> str:
         """Return why the compensator does not apply the effect; empty where it does."""
         return self.not_fed_back
@@ -312,11 +255,28 @@ class Effect(ABC):
         return entry
 
 
+_latest_sign: tuple[Any, float, Any] = (None, 0.0, None)
+
+
+def friction_sign(velocity: np.ndarray, transition: float) -> np.ndarray:
+    """Return the sign of friction, which passes through zero smoothly as Eq. 6 does, shape (N,).
+
+    The latest is kept: a search asks for it hundreds of times with the same velocities and
+    transition, and the hyperbolic tangent costs more than most effects.
+    """
+    global _latest_sign
+    latest = _latest_sign
+    if latest[0] is not velocity or latest[1] != transition:
+        side = np.asarray(np.tanh(velocity / transition))
+        side.flags.writeable = False
+        _latest_sign = latest = velocity, transition, side
+    return np.asarray(latest[2])
+
+
 def segment_starts(samples: Samples) -> np.ndarray:
     """Return True where a stretch of unbroken data begins, shape (N,)."""
     mark = np.zeros(len(samples), dtype=bool)
-    for part in samples.segments():
-        mark[part.start] = True
+    mark[[part.start for part in samples.segments()]] = True
     return mark
 
 

@@ -22,22 +22,8 @@ if TYPE_CHECKING:
 _TAIL = 0.1
 
 
-def checked_range(ranges: dict[str, Any] | None,
-                  held: Collection[str]) -> dict[str, tuple[float, float]]:
-    """Return the ranges of an effect's entry in a model file.
-
-    Parameters
-    ----------
-    ranges : dict or None
-        Lowest and highest value by signal.
-    held : collection of str
-        The signals that the effect may have a range of.
-
-    Raises
-    ------
-    InputError
-        Naming what is wrong with them.
-    """
+def checked_range(ranges: Any, held: Collection[str]) -> dict[str, tuple[float, float]]:
+    """Return the lowest and highest value by signal of an effect's entry in a model file."""
     if ranges is None:
         return {}
     if not isinstance(ranges, dict) or not set(ranges) <= set(held):
@@ -55,14 +41,7 @@ def checked_range(ranges: dict[str, Any] | None,
 
 
 def with_range(effect: Effect, samples: Samples) -> Effect:
-    """Return an effect with the range in which samples show it, and some more.
-
-    Parameters
-    ----------
-    effect : Effect
-    samples : Samples
-        With velocity.
-    """
+    """Return an effect with the range in which samples with velocity show it, and some more."""
     if not effect.held:
         return effect
     ranges = {}
@@ -82,12 +61,3 @@ def inside(samples: Samples, ranges: dict[str, tuple[float, float]]) -> Samples:
     known = {name: np.clip(getattr(samples, name), *ends) for name, ends in ranges.items()
              if getattr(samples, name) is not None}
     return samples.with_(**known) if known else samples
-
-
-def between(value: float, low: float, high: float) -> float:
-    """Return a number at the nearer edge of a range where it is beyond; one that is none stays."""
-    if value < low:
-        return low
-    if value > high:
-        return high
-    return value

@@ -7,14 +7,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from friction_comp.model.effects.edges import between
 from friction_comp.model.effects.scene import Signals
 
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
 
 SHARPEST_LIVE = 0.01
-"""Velocity in rad/s over which what is fed back changes its sign at the soonest."""
+"""Velocity in rad/s over which what is fed back changes its sign at the soonest: a recording may
+show a thousandth, but then every encoder count would switch the whole term."""
 
 
 class LiveTerm:
@@ -33,9 +33,11 @@ class LiveTerm:
     """
 
     def __init__(self, effect: Effect) -> None:
-        values = effect.live_constants(effect.values)
+        values = dict(effect.values)
+        self._transition = None
+        if 'transition' in values:
+            self._transition = values['transition'] = max(values['transition'], SHARPEST_LIVE)
         self._effect, self._constants = effect, effect.Constants(**values)
-        self._transition = values.get('transition')
         self.needs, self.has_memory = effect.needs, effect.has_memory
         self.reset()
 
@@ -60,11 +62,9 @@ class LiveTerm:
         """
         side = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity)
-        total = self._evaluate(position, velocity, side, state, temperature, load, rigid_body,
-                               coupling)
-        if self._effect.fades_at_rest:
-            total *= abs(math.tanh(velocity / SHARPEST_LIVE))
-        return total
+        # By position, in the order of the fields: arguments by name take twice as long.
+        return self._evaluate(Signals(0.0, position, velocity, 0.0, load, temperature, side, state,
+                                      rigid_body, coupling))
 
     def both_sides(self, time: float, position: float, speed: float,
                    temperature: float | None = None, load: float | None = None,
@@ -73,46 +73,29 @@ class LiveTerm:
         """Return the current in A in the positive and in the negative direction of sliding.
 
         The values are those after sliding far enough to complete the reversal, which the caller
-        models. Memories without a direction have the value of this sample.
-
-        Parameters
-        ----------
-        time, position : float
-            s, rad.
-        speed : float
-            rad/s.
-        temperature, load, rigid_body, coupling : float, optional
-            As for `update`.
+        models. Memories without a direction have the value of this sample. Parameters are those
+        of `update`.
         """
         state = self._remember(time, position, speed)
         values = []
         for side in (1.0, -1.0):
             turned = float(self._effect.start(side, self._constants))
-            values.append(self._evaluate(
-                position, side * abs(speed), side, turned if turned != 0.0 else state,
-                temperature, load, rigid_body, coupling))
+            values.append(self._evaluate(Signals(
+                0.0, position, side * abs(speed), 0.0, load, temperature, side,
+                turned if turned != 0.0 else state, rigid_body, coupling)))
         return values[0], values[1]
 
-    def _evaluate(self, position: float, velocity: float, side: float, state: float,
-                  temperature: float | None, load: float | None, rigid_body: float | None,
-                  coupling: float | None) -> float:
-        # By position, in the order of the fields: arguments by name take twice as long.
-        x = self._held(Signals(0.0, position, velocity, 0.0, load, temperature, side, state,
-                               rigid_body, coupling))
+    def _evaluate(self, x: Signals) -> float:
+        for name, (low, high) in self._effect.valid_range.items():
+            value = getattr(x, name)
+            # Rarely, since replacing takes longer than evaluating an effect.
+            if value is not None and not low <= value <= high:
+                x = x._replace(**{name: min(max(value, low), high)})
         total = 0.0
         for gain, column in zip(self._effect.coefficients,
                                 self._effect.columns(x, self._constants)):
             total += gain * column
         return float(total)
-
-    def _held(self, x: Signals) -> Signals:
-        """Return signals at the edge of an effect's valid range where they are beyond it."""
-        for name, (low, high) in self._effect.valid_range.items():
-            value = getattr(x, name)
-            # Rarely, since replacing takes longer than evaluating an effect.
-            if value is not None and not low <= value <= high:
-                x = x._replace(**{name: between(value, low, high)})
-        return x
 
     def _remember(self, time: float, position: float, velocity: float) -> float:
         if not self.has_memory:

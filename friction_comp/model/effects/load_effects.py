@@ -1,17 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Effects of a measured load: it helps or hinders the motor and presses the teeth together."""
+"""Effects of a load, measured or modelled: it helps the motor and presses the teeth together."""
 
 from __future__ import annotations
 
-from typing import Any, TYPE_CHECKING
+from collections.abc import Iterable
+import math
+from typing import Any
 
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.scene import NEITHER, SearchRange
+import numpy as np
 
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
-    from friction_comp.model.effects.scene import Scene, Signals
+from friction_comp.drive import Drive
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.scene import NEITHER, Scene, SearchRange, Signals
 
 
 class LoadTorque(Effect):
@@ -29,15 +30,11 @@ class LoadTorque(Effect):
     not_fed_back = (
         'feeding the measured interaction torque back is admittance control, which this '
         'compensator is not: the torque sensor is for evaluation only')
-
-    @classmethod
-    def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """There is nothing to search."""
-        return [{}]
+    words = 'Load: {A:+.4g} A per N·m of measured back-driving torque'
+    equation = '{A:+.4g}·τ_b'
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        """Return the load torque."""
         return (x.load,)
 
     @classmethod
@@ -45,17 +42,9 @@ class LoadTorque(Effect):
         """Return the motor current that 1 N·m of load replaces, -1/(k_t·n)."""
         return [-1.0 / drive.torque_per_current]
 
-    def describe(self) -> str:
-        """Return the effect in words."""
-        return f'Load: {self.coefficients[0]:+.4g} A per N·m of measured back-driving torque'
-
-    def formula(self) -> str:
-        """Return the formula with its numbers."""
-        return f'{self.coefficients[0]:+.4g}·τ_b'
-
 
 class LoadFriction(Effect):
-    """``A·tanh(v/v_t)·|τ_b|^p``: friction that grows with the load on the teeth."""
+    """``A·tanh(v/v_t)·|τ_b|^p``: friction that grows with the measured load on the teeth."""
 
     name = 'load_friction'
     numbers = (('friction at 1 N·m', 'A'),)
@@ -63,29 +52,108 @@ class LoadFriction(Effect):
     needs = ('load',)
     signs = (1,)
     held = {'load': 0.25}
-    constants = {'exponent': SearchRange(1.6), 'transition': None}
+    # With a lower power it is Coulomb friction once more.
+    constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.3, 3.0)), 'transition': None}
+    words = ('Load-dependent friction: {A:+.4g} A at 1 N·m of load, growing with its power '
+             '{exponent:.3g}')
+    equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_b|^{exponent:.3g}'
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
-        """There is nothing to search."""
         return [{'exponent': exponent, 'transition': scene.transition} for exponent in (1.0, 2.0)]
 
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
-        """Return one column."""
         return (x.side * abs(x.load) ** c.exponent,)
 
+
+class CarriedLoadFriction(LoadFriction):
+    """``A·tanh(v/v_t)·|τ|^p``: friction that grows with the links' torque on the teeth.
+
+    The same as friction that grows with a measured load, where the load is known of the model.
+    """
+
+    name = 'carried_load_friction'
+    needs = ('rigid_body',)
+    held = {}
+    constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.5, 3.0)), 'transition': None}
+    words = ('Load-dependent friction: {A:+.4g} A at 1 N·m that the links ask of the joint, '
+             'growing with its power {exponent:.3g}')
+    equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_links|^{exponent:.3g}'
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        return (x.side * abs(x.rigid_body) ** c.exponent,)
+
+
+def _speed_of_fading(scene: Scene, constants: dict[str, float]) -> tuple[float, float]:
+    """Fading as slowly as this it does not fade; where it does not, the speed is idle."""
+    if constants['fading']:
+        return scene.slowest, 2.0 * scene.speed
+    return constants['velocity'], constants['velocity']
+
+
+class InnerLoadFriction(Effect):
+    """``A·tanh(v/v_t)·|L|^p``, fading with speed where `fading` is 1: load-dependent friction.
+
+    L is the current that the other effects of the model carry: gravity, springs, inertia. Its
+    constants say that load once more, so that the effect needs no other one to be evaluated; a fit
+    keeps them those of the model. p = 1 and 2 are the linear and the quadratic load dependence, and
+    ``fading`` the Stribeck one, exp(-|v|/v_s), of Duclusaud et al. 2025 (BAM, models M3 to M6).
+    Live, where accelerations come too late, the load is that of rest.
+    """
+
+    name = 'inner_load_friction'
+    numbers = (('friction per load', 'A per A'),)
+    variable = 'load'
+    uses_inner_load = True
+    most = 2
+    signs = (1,)
+    constants = {'cosine': None, 'sine': None, 'slope': None, 'offset': None, 'inertia': None,
+                 'with_inertia': None, 'exponent': None, 'fading': None,
+                 'velocity': SearchRange(1.6, limits=_speed_of_fading), 'transition': None}
+
     @classmethod
-    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
-        """Keep the power that of a load: below, it is Coulomb friction once more."""
-        return min(max(value, 0.3), 3.0) if name == 'exponent' else value
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """Linear and quadratic, with and without the load of acceleration; fading with speed."""
+        still = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
+        shapes = [(1.0, 0.0, scene.speed), (2.0, 0.0, scene.speed)]
+        shapes += [(1.0, 1.0, value) for value in geometric(0.05 * scene.speed, scene.speed, 4)]
+        return [{**still, 'with_inertia': with_inertia, 'exponent': exponent, 'fading': fading,
+                 'velocity': velocity, 'transition': scene.transition}
+                for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
+
+    @classmethod
+    def with_loads(cls, constants: dict[str, float],
+                   shares: Iterable[dict[str, float]]) -> dict[str, float]:
+        """Return the constants with the load of others in them: the sum of their shares."""
+        total = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
+        for share in shares:
+            for name, value in share.items():
+                total[name] += float(value)
+        return {**constants, **total}
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        load = (c.cosine * np.cos(x.position) + c.sine * np.sin(x.position)
+                + c.slope * x.position + c.offset + c.with_inertia * c.inertia * x.acceleration)
+        fade = np.exp(-c.fading * np.minimum(abs(x.velocity) / c.velocity, 700.0))
+        return (x.side * abs(load) ** c.exponent * fade,)
 
     def describe(self) -> str:
-        """Return the effect in words."""
-        return (f'Load-dependent friction: {self.coefficients[0]:+.4g} A at 1 N·m of load, growing '
-                f'with its power {self.values["exponent"]:.3g}')
+        c = self.values
+        how = ('growing with its square' if c['exponent'] == 2.0 else
+               f'fading at about {c["velocity"]:.3g} rad/s' if c['fading'] else 'in proportion')
+        size = math.hypot(c['cosine'], c['sine']) + abs(c['slope'])
+        return (f'Load-dependent friction: {self.coefficients[0]:.3g} A of friction for 1 A of the '
+                f'load that gravity or a spring makes ({size:.3g} A), {how}')
 
     def formula(self) -> str:
-        """Return the formula with its numbers."""
-        return (f'{self.coefficients[0]:+.4g}·tanh(v/{self.values["transition"]:.3g})'
-                f'·|τ_b|^{self.values["exponent"]:.3g}')
+        c = self.values
+        load = (f'{c["cosine"]:+.4g}·cos(q) {c["sine"]:+.4g}·sin(q) {c["slope"]:+.4g}·q '
+                f'{c["offset"]:+.4g}')
+        if c['with_inertia']:
+            load += f' {c["inertia"]:+.4g}·dv/dt'
+        fade = f'·exp(-|v|/{c["velocity"]:.3g})' if c['fading'] else ''
+        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})·|{load}|'
+                f'^{c["exponent"]:g}{fade}')

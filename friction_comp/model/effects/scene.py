@@ -19,99 +19,42 @@ whatever the direction, as gravity does; or is no torque at all."""
 
 
 class Signals(NamedTuple):
-    """The signals that a formula may use: arrays over samples, or one sample's numbers.
+    """The signals that a formula may use: arrays over samples, or one sample's numbers."""
 
-    Parameters
-    ----------
-    time : float or ndarray
-        s since the recording began, or since the compensator did.
-    position, velocity, acceleration : float or ndarray
-        rad, rad/s, rad/s².
-    load : float or ndarray
-        Back-driving torque, N·m.
-    temperature : float or ndarray
-        Degrees Celsius.
-    side : float or ndarray
-        Sign of friction, -1..1, which passes through zero smoothly: see `sign`.
-    memory : float or ndarray
-        State of an effect that has one, 0 otherwise.
-    rigid_body : float or ndarray
-        Torque that the rigid bodies of the whole arm ask of the joint, N·m.
-    coupling : float or ndarray
-        Current that other joints ask of the joint's motor, A.
-    """
-
-    time: Any = 0.0
-    position: Any = 0.0
-    velocity: Any = 0.0
-    acceleration: Any = 0.0
-    load: Any = 0.0
-    temperature: Any = 0.0
-    side: Any = 0.0
-    memory: Any = 0.0
-    rigid_body: Any = 0.0
-    coupling: Any = 0.0
+    time: Any = 0.0           # s since the recording began, or since the compensator did
+    position: Any = 0.0       # rad
+    velocity: Any = 0.0       # rad/s
+    acceleration: Any = 0.0   # rad/s²
+    load: Any = 0.0           # back-driving torque, N·m
+    temperature: Any = 0.0    # degrees Celsius
+    side: Any = 0.0           # sign of friction, -1..1, which passes through zero smoothly
+    memory: Any = 0.0         # state of an effect that has one
+    rigid_body: Any = 0.0     # torque that the links of the whole arm ask of the joint, N·m
+    coupling: Any = 0.0       # current that other joints ask of the joint's motor, A
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a set of recordings covers: the frame within which constants are searched.
+    """What a set of recordings covers: the frame within which constants are searched."""
 
-    Parameters
-    ----------
-    transition : float
-        Velocity in rad/s over which friction changes sign: tanh(v/transition).
-    speed : float
-        95th percentile of the speed while moving, rad/s.
-    slowest : float
-        Speed in rad/s below which samples count as standstill.
-    lowest, highest : float
-        Range of position in rad (1st to 99th percentile).
-    duration : float
-        Length of the longest recording in s.
-    sample_time : float
-        Of the recordings, s.
-    temperature : float
-        Median temperature in degrees Celsius.
-    gear_ratio : float
-        n; a hint for spatial frequencies.
-    resolution : float
-        Smallest step of the recorded position in rad.
-    both_directions : bool
-        Whether there is motion in both directions.
-    slow : float
-        5th percentile of the speed while moving, rad/s.
-    reversals : float
-        How often the direction of motion changed.
-    rested : float
-        How long the joint stood still, s.
-    positions : float
-        How many distinct positions the encoder gave.
-    temperature_span : float
-        Range of the motor temperature, K.
-    usual_speed, speed_spread : float
-        Median of the speed while moving in rad/s, and its standard deviation as a share of its
-        mean.
-    """
-
-    transition: float
-    speed: float
-    slowest: float
-    lowest: float
+    transition: float         # rad/s over which friction changes sign: tanh(v/transition)
+    speed: float              # 95th percentile of the speed while moving, rad/s
+    slowest: float            # rad/s below which samples count as standstill
+    lowest: float             # ends of the range of position, 1st and 99th percentile, rad
     highest: float
-    duration: float
-    sample_time: float
-    temperature: float = 25.0
-    gear_ratio: float = 1.0
-    resolution: float = 0.0
-    both_directions: bool = True
-    slow: float = 0.0
-    reversals: float = math.inf
-    rested: float = math.inf
-    positions: float = math.inf
-    temperature_span: float = math.inf
-    usual_speed: float = math.inf
-    speed_spread: float = math.inf
+    duration: float           # of the longest recording, s
+    sample_time: float        # s
+    temperature: float = 25.0         # median, degrees Celsius
+    gear_ratio: float = 1.0           # n; a hint for spatial frequencies
+    resolution: float = 0.0           # smallest step of the recorded position, rad
+    both_directions: bool = True      # whether there is motion in both
+    slow: float = 0.0                 # 5th percentile of the speed while moving, rad/s
+    reversals: float = math.inf       # of the direction of motion
+    rested: float = math.inf          # how long the joint stood still, s
+    positions: float = math.inf       # distinct positions that the encoder gave
+    temperature_span: float = math.inf        # range of the motor temperature, K
+    usual_speed: float = math.inf     # median of the speed while moving, rad/s
+    speed_spread: float = math.inf    # its standard deviation as a share of its mean
 
     @property
     def span(self) -> float:
@@ -121,30 +64,15 @@ class Scene:
 
 @dataclass(frozen=True)
 class Look:
-    """A residual as effects look at it to propose constants: arrays of shape (R,).
-
-    Parameters
-    ----------
-    scene : Scene
-    position, velocity : ndarray
-        rad, rad/s.
-    side : ndarray
-        Sign of friction, -1..1.
-    residual : ndarray
-        A.
-    row_time : float
-        Time in s over which each row was averaged.
-    loads : list of dict
-        What the terms of the fit carry, see `Effect.load_share`.
-    """
+    """A residual as effects look at it to propose constants: arrays of shape (R,)."""
 
     scene: Scene
-    position: Any
-    velocity: Any
-    side: Any
-    residual: Any
-    row_time: float
-    loads: list[dict[str, float]]
+    position: Any                     # rad
+    velocity: Any                     # rad/s
+    side: Any                         # sign of friction, -1..1
+    residual: Any                     # A
+    row_time: float                   # s over which each row was averaged
+    loads: list[dict[str, float]]     # what the terms of the fit carry, see `Effect.load_share`
 
 
 @dataclass(frozen=True)
@@ -158,43 +86,28 @@ class SearchRange:
     unit : callable, optional
         ``unit(scene, constants)``: size of one unit of the constant, for constants that are
         searched on a linear scale; the scale is logarithmic when omitted.
+    limits : callable, optional
+        ``limits(scene, constants)``: lowest and highest value at which the effect is what its name
+        says.
     """
 
     width: float
     unit: Callable[[Scene, dict[str, float]], float] | None = None
+    limits: Callable[[Scene, dict[str, float]], tuple[float, float]] | None = None
 
 
-COARSE = 150
-"""An encoder that gives fewer distinct positions over the motion is called coarse: less than a
-hundredth of the range is then a step or two."""
+# An encoder that gives fewer distinct positions over the motion is coarse: less than a hundredth
+# of the range is then a step or two.
+_COARSE = 150
 
-
-def speed_hardly_varied(scene: Scene) -> str:
-    """Return a sentence where the speed hardly varied; empty where it did."""
-    if scene.speed >= 1.5 * scene.slow:
-        return ''
-    return (f'Speed hardly varied ({scene.slow:.3g} to {scene.speed:.3g} rad/s): effects of '
-            'velocity cannot be seen.')
-
-
-NEARLY_ONE = 0.4
+NEARLY_ONE_SPEED = 0.4
 """Spread of a speed that is one but for starts and reversals: one speed to and fro has 0.25 to
 0.35, motion that varies (production strokes, several speeds, sines) 0.46 and more."""
 
 
-def nearly_one_speed(scene: Scene) -> str:
-    """Return a sentence where the joint moved at one speed but for starts and reversals."""
-    if scene.speed_spread >= NEARLY_ONE:
-        return ''
-    return (f'Speed was near {scene.usual_speed:.3g} rad/s most of the time: what depends on speed '
-            'rests on the few samples of starts and reversals, and as every place is passed in one '
-            'and the same motion, bumps cannot be told from what a start or a reversal leaves '
-            'behind.')
-
-
 def too_coarse(scene: Scene) -> str:
     """Return a sentence where the encoder gave too few distinct positions; empty if enough."""
-    if scene.positions >= COARSE:
+    if scene.positions >= _COARSE:
         return ''
     return (f'Position is coarse: {scene.positions:.0f} distinct values. Lag, presliding and what '
             'else happens within a few steps of it cannot be seen, and acceleration is uncertain.')

@@ -17,17 +17,8 @@ FEWEST_PERIODS = 1.5
 def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: float) -> float:
     """Return the highest spatial frequency in rad/rad that a recording can show.
 
-    Motion at the slowest quarter of the speeds takes three samples for a period, and a period four
-    steps of the recorded position.
-
-    Parameters
-    ----------
-    velocity : ndarray, shape (N,)
-        In motion, rad/s.
-    sample_time : float
-        s.
-    resolution : float
-        Step of the recorded position, rad; 0 where it has none.
+    Motion at the slowest quarter of the speeds, rad/s, takes three samples, each `sample_time` s,
+    for a period, and a period four steps of the recorded position, rad; 0 where it has none.
     """
     slow = float(np.percentile(np.abs(velocity), 25))
     highest = 2.0 * math.pi / max(3.0 * slow * sample_time, 1e-12)
@@ -50,10 +41,8 @@ def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.nd
 
     Returns
     -------
-    k : ndarray, shape (M,)
-        Spatial frequencies in rad/rad.
-    power : ndarray, shape (M,)
-        Sum of squares that each would explain, in units of signal².
+    k, power : ndarray, shape (M,)
+        Spatial frequencies in rad/rad, and the sum of squares that each would explain.
     """
     span = float(np.ptp(position))
     energy = float(amplitude @ amplitude)

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 import math
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.checks import check_list, check_mapping
 from friction_comp.errors import InputError
 from friction_comp.model.effects.scene import RESISTS
 from friction_comp.samples import Samples
@@ -24,21 +23,6 @@ from friction_comp.samples import Samples
 if TYPE_CHECKING:
     from friction_comp.model.effects.base import Effect
     from friction_comp.model.friction_model import FrictionModel
-
-ENTRIES = {'format', 'version', 'joint', 'drive', 'sigmoid', 'breakaway', 'presliding',
-           'position_limits', 'effects', 'lookup_table', 'differentiation', 'arm', 'simulation',
-           'notes'}
-"""Entries of a model file."""
-KEYS = {
-    'drive': {'torque_constant', 'gear_ratio', 'encoder_counts', 'current_limit'},
-    'sigmoid': {'coefficients', 'velocity_unit'},
-    'breakaway': {'positive', 'negative'},
-    'presliding': {'distance', 'stiffness', 'std'},
-    'lookup_table': {'speeds', 'currents', 'standard_deviations'},
-}
-"""Entries of its sections."""
-_OF_BREAKAWAY = {'mean', 'std', 'position'}
-_OF_EFFECT = {'name', 'variable', 'parameters', 'intervals', 'valid_range'}
 
 # rad/s; the note's largest speed, used if the file does not give the largest identified speed.
 _SPEED = math.radians(100.0)
@@ -56,26 +40,6 @@ _STEEPEST = 10.0
 _DIP = 0.1
 # Share of the largest current in the table by which the sigmoid may miss it.
 _MISS = 0.5
-
-
-def check_keys(document: dict[str, Any]) -> None:
-    """Refuse a model file with unknown entries.
-
-    Raises
-    ------
-    InputError
-        Naming them and what is known.
-    """
-    for section, known in KEYS.items():
-        if isinstance(document.get(section), dict):
-            check_mapping(document[section], section, known)
-    breakaway = document.get('breakaway')
-    for side, values in breakaway.items() if isinstance(breakaway, dict) else ():
-        if isinstance(values, dict):
-            check_mapping(values, f'breakaway.{side}', _OF_BREAKAWAY)
-    for entry in check_list(document.get('effects'), 'effects'):
-        if isinstance(entry, dict):
-            check_mapping(entry, f"effect '{entry.get('name')}'", _OF_EFFECT)
 
 
 def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[str] = ()) -> None:
@@ -104,9 +68,7 @@ def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[st
 
 def _motion(model: FrictionModel) -> Samples:
     """Return a movement to and fro at the speeds that the model was identified at."""
-    speeds = [abs(v) for v in (model.lookup_table or {}).get('speeds', ())
-              if isinstance(v, (int, float)) and math.isfinite(v)]
-    speed = max(speeds, default=_SPEED) or _SPEED
+    speed = model.largest_speed(_SPEED)
     time = np.arange(0.0, 2.0 * _PERIOD, 1.0 / _RATE)
     turn = 2.0 * math.pi / _PERIOD
     return Samples(
@@ -141,19 +103,11 @@ def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
 
 
 def _check_table(model: FrictionModel) -> None:
-    table = model.lookup_table
-    if not table:
+    table = model.lookup_table or {}
+    if not table.get('speeds'):
         return
-    try:
-        speeds, currents = (np.asarray(table[name], dtype=float).ravel()
-                            for name in ('speeds', 'currents'))
-    except (KeyError, TypeError, ValueError):
-        raise InputError('lookup_table needs speeds and currents, lists of numbers') from None
-    if speeds.size != currents.size or not np.isfinite([*speeds, *currents]).all():
-        raise InputError('lookup_table: speeds and currents must be finite and as many')
-    if speeds.size == 0:
-        return
-    miss = np.abs(model.sigmoid(speeds) - currents).max()
+    currents = np.asarray(table['currents'], dtype=float)
+    miss = np.abs(model.sigmoid(table['speeds']) - currents).max()
     if miss > _MISS * np.abs(currents).max():
         raise InputError(
             f'sigmoid: it misses the lookup_table, which it was fitted to, by {miss:.3g} A')
@@ -165,13 +119,8 @@ def _check_effect(model: FrictionModel, effect: Effect, motion: Samples,
     for name, value in effect.values.items():
         if name == 'exponent' and value > _STEEPEST:
             raise InputError(f"effect '{effect.name}': exponent {value:g} is above {_STEEPEST:g}")
-    try:
-        with np.errstate(all='ignore'):
-            current = np.asarray(effect.current(motion), dtype=float)
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"effect '{effect.name}' cannot be computed: {error}") from None
+    with np.errstate(all='ignore'):
+        current = effect.current(motion)
     if not np.isfinite(current).all():
         raise InputError(f"effect '{effect.name}' gives currents that are not finite")
     largest = float(np.abs(current).max(initial=0.0))

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.identification.local_parabola import local_parabolas
-
 if TYPE_CHECKING:
     from friction_comp.identification.ramp import Sample
 
@@ -21,25 +19,11 @@ _CYCLE_SMOOTHING = 0.02  # of a cycle over which its acceleration is taken
 
 def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], strength: float,
                          sign: int) -> float:
-    """Estimate k_t·n/J from a push at constant current and the coasting after it.
+    """Estimate k_t·n/J in rad/s² per A from a push at constant current and the coasting after it.
 
     Friction is much the same in both, so that the difference between the two accelerations is
-    k_t·n/J times the current. It sets the velocity controller's gains, for which tens of percent
-    do.
-
-    Parameters
-    ----------
-    pushed, coasted : list of (time, position, ...)
-        Samples in s and rad: at the constant current, then at zero current until standstill.
-    strength : float
-        Magnitude of the current in A.
-    sign : int
-        Direction of the push.
-
-    Returns
-    -------
-    float
-        rad/s² per A; NaN where the samples do not tell.
+    k_t·n/J times the current, of a magnitude `strength` in A. It sets the velocity controller's
+    gains, for which tens of percent do. NaN where the samples do not tell.
     """
     faster, top = _acceleration(pushed, sign)
     if not math.isfinite(faster) or top <= 0.0:
@@ -47,11 +31,11 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
     moving = []
     for sample in coasted:
         moving.append(sample)
-        if len(moving) > 3 and sign * (moving[-1][1] - moving[-4][1]) <= 0.0:
+        if len(moving) > 3 and sign * (moving[-1].position - moving[-4].position) <= 0.0:
             break
     slower, _ = _acceleration(moving[:max(4, int(0.8 * len(moving)))], sign)
     # For a joint that stops within a few samples, only its speed and the time of rest are known.
-    stopping = -top / max(moving[-1][0] - coasted[0][0], 1e-4)
+    stopping = -top / max(moving[-1].time - coasted[0].time, 1e-4)
     if not math.isfinite(slower) or slower >= 0.0:
         slower = stopping
     rate = (faster - slower) / strength
@@ -60,8 +44,8 @@ def acceleration_of_push(pushed: Sequence[Sample], coasted: Sequence[Sample], st
 
 def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
     """Acceleration and final speed of a parabola through the samples, in the push's direction."""
-    time = np.array([sample[0] for sample in samples])
-    position = sign * np.array([sample[1] for sample in samples])
+    time = np.array([sample.time for sample in samples])
+    position = sign * np.array([sample.position for sample in samples])
     chosen = time >= time[0] + _TRANSIENT
     if np.sum(chosen) < 5:
         if time.size < 3:
@@ -73,20 +57,11 @@ def _acceleration(samples: Sequence[Sample], sign: int) -> tuple[float, float]:
 
 
 def acceleration_of_cycle(cycle: np.ndarray) -> float:
-    """Estimate k_t·n/J from a cycle of Eq. 3.
+    """Estimate k_t·n/J in rad/s² per A from a cycle of Eq. 3: rows of s, rad and A, shape (N, 3).
 
     At one speed in one direction friction is the same whether the joint accelerates or decelerates:
-    the difference of the currents is due to the inertia.
-
-    Parameters
-    ----------
-    cycle : ndarray, shape (N, 3)
-        Time in s, position in rad, current in A.
-
-    Returns
-    -------
-    float
-        rad/s² per A; NaN if the effect of the inertia is small compared with other variations.
+    the difference of the currents is due to the inertia. NaN if that is small compared with other
+    variations.
     """
     time, position, current = cycle.T
     duration = time[-1] - time[0]
@@ -103,3 +78,18 @@ def acceleration_of_cycle(cycle: np.ndarray) -> float:
     if not coefficients[3] > 0.0 or np.std(taken) < 2.0 * np.std(left):
         return math.nan
     return 1.0 / float(coefficients[3])
+
+
+def local_parabolas(values: np.ndarray, count: int,
+                    step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit a parabola to `count` samples about every sample, `step` s apart.
+
+    Savitzky and Golay, Analytical Chemistry 36(8), 1964. Returns its value, slope and second
+    derivative in the middle, each of shape (N - count + 1,).
+    """
+    from scipy.signal import savgol_filter
+
+    inner = slice(count // 2, len(values) - count // 2)
+    value, slope, bend = (
+        savgol_filter(values, count, 2, deriv=order, delta=step)[inner] for order in range(3))
+    return value, slope, bend

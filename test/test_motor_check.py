@@ -12,7 +12,7 @@ import yaml
 from friction_comp.errors import InputError
 from friction_comp.files import read_yaml
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.model.schema import check_for_motor
+from friction_comp.model.motor_check import check_for_motor
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 TEXT = (CONFIG / 'armin_configuration_1.yaml').read_text(encoding='utf-8')

@@ -17,9 +17,10 @@ from friction_comp.checks import check_number
 from friction_comp.samples import Samples
 from friction_comp.statistics import quantile_edges
 
-VARIABLES = ('temperature', 'time', 'position', 'load', 'speed')
 # Length of a block and of the shortest one that is used, s.
 _BLOCK, _SHORTEST = 0.4, 0.1
+# Blocks used for the error, and blocks kept to find the variables that explain it.
+_RECENT, _KEPT = 60, 4000
 # Speed of standstill: below this in rad/s, or below this share of the usual speed.
 _STANDSTILL, _SLOW_SHARE = 0.01, 0.1
 # A warning ends at this share of the error that starts it.
@@ -48,10 +49,8 @@ class ModelFit:
         Whether there was enough motion for a verdict.
     fits : bool
         Whether the error is within the tolerance; True if not known.
-    share : float
-        RMS error of the last blocks relative to the RMS current of the model.
-    error : float
-        The same RMS error in A.
+    share, error : float
+        RMS error of the last blocks, relative to the RMS current of the model, and in A.
     goes_with : tuple of (str, float)
         Variables that explain the residual, and the share of it that each explains, largest first.
     level : float
@@ -84,41 +83,23 @@ class ModelFit:
                 + ('; '.join(why) or 'no monitored variable explains it'))
 
 
-class ResidualWatch:
+class ResidualMonitor:
     """Monitors the residual of one joint.
 
     Parameters
     ----------
     tolerance : float
         Largest error as a share of the friction.
-    recent : int
-        Blocks used for the error.
-    kept : int
-        Blocks kept to find the variables that explain the error.
     """
 
-    def __init__(self, tolerance: float = 0.25, recent: int = 60, kept: int = 4000):
+    def __init__(self, tolerance: float = 0.25):
         self.tolerance = check_number(tolerance, 'tolerance', above=0.0)
-        self._recent, self._kept = recent, kept
         self._blocks = np.empty((0, 8))
         self._speed = 0.0
         self._warned = False
 
-    def forget(self) -> None:
-        """Discard all blocks, for instance for another model."""
-        self._blocks = np.empty((0, 8))
-        self._warned = False
-
     def take(self, samples: Samples, residual: np.ndarray, predicted: np.ndarray) -> None:
-        """Add measured data.
-
-        Parameters
-        ----------
-        samples : Samples
-            With velocity and acceleration.
-        residual, predicted : ndarray, shape (N,)
-            A.
-        """
+        """Add samples with velocity and acceleration; residual and prediction in A, shape (N,)."""
         if len(samples) < 2 or samples.velocity is None or samples.acceleration is None:
             return
         speed = np.abs(samples.velocity)
@@ -133,7 +114,7 @@ class ResidualWatch:
             none if samples.temperature is None else samples.temperature, residual, predicted])
         means = [table[part].mean(axis=0) for part in _block_slices(samples, moving)]
         if means:
-            self._blocks = np.vstack((self._blocks, means))[-self._kept:]
+            self._blocks = np.vstack((self._blocks, means))[-_KEPT:]
 
     @property
     def blocks(self) -> int:
@@ -146,18 +127,17 @@ class ResidualWatch:
 
     def verdict(self) -> ModelFit:
         """Return the verdict on the blocks so far."""
-        if len(self._blocks) < self._recent // 2:
+        if self.blocks < _RECENT // 2:
             return ModelFit()
-        last = self._blocks[-self._recent:]
-        residual = _without_inertia(last)
-        error = self.error(self._recent)
+        last = self._blocks[-_RECENT:]
+        error = self.error(_RECENT)
         friction = float(np.sqrt(np.mean(last[:, _PREDICTED] ** 2)))
         share = error / max(friction, 1e-12)
         limit = self.tolerance * (_HYSTERESIS if self._warned else 1.0)
         self._warned = share > limit
         if not self._warned:
             return ModelFit(True, True, share, error)
-        level = _level(last, residual)
+        level = _level(last)
         # A recent change shows only in the last blocks.
         named = (_explaining_variables(self._blocks, bool(level))
                  or _explaining_variables(last, bool(level)))
@@ -175,28 +155,29 @@ def _explaining_variables(blocks: np.ndarray, throughout: bool) -> tuple[tuple[s
     columns = {'temperature': blocks[:, _TEMPERATURE], 'time': blocks[:, _TIME],
                'position': blocks[:, _POSITION], 'load': blocks[:, _LOAD],
                'speed': np.abs(blocks[:, _VELOCITY])}
-    readings = [_relative_residual(blocks, residual)]
+    readings = [_relative_residual(blocks)]
     if not throughout:
         readings += [residual, residual * np.sign(blocks[:, _VELOCITY])]
-    candidates = max(
-        ([(name, max(_explained(values, variable),
-                     _explained_by_step(values) if name == 'time' else 0.0))
-          for name, variable in columns.items()] for values in readings),
-        key=lambda shares: max(share for _, share in shares))
-    candidates = sorted((item for item in candidates if item[1] >= _NAMED_SHARE),
-                        key=lambda item: -item[1])
-    return tuple(item for item in candidates if item[1] >= candidates[0][1] - _NAMED_MARGIN)
+
+    def explained(values: np.ndarray) -> dict[str, float]:
+        shares = {name: _explained(values, variable) for name, variable in columns.items()}
+        return {**shares, 'time': max(shares['time'], _explained_by_step(values))}
+    clearest = max(map(explained, readings), key=lambda shares: max(shares.values()))
+    least = max(_NAMED_SHARE, max(clearest.values()) - _NAMED_MARGIN)
+    return tuple(sorted((item for item in clearest.items() if item[1] >= least),
+                        key=lambda item: -item[1]))
 
 
-def _relative_residual(blocks: np.ndarray, residual: np.ndarray) -> np.ndarray:
+def _relative_residual(blocks: np.ndarray) -> np.ndarray:
     """Return the signed residual as a share of the model's friction."""
     friction = np.abs(blocks[:, _PREDICTED])
     floor = 0.3 * np.median(friction)
-    return residual * np.sign(blocks[:, _VELOCITY]) / np.maximum(friction, max(floor, 1e-12))
+    return _without_inertia(blocks) * np.sign(blocks[:, _VELOCITY]) / np.maximum(
+        friction, max(floor, 1e-12))
 
 
-def _level(blocks: np.ndarray, residual: np.ndarray) -> float:
-    ratio = _relative_residual(blocks, residual)
+def _level(blocks: np.ndarray) -> float:
+    ratio = _relative_residual(blocks)
     mean = float(ratio.mean())
     return mean if mean ** 2 > _LEVEL_SHARE * float(np.mean(ratio ** 2)) else 0.0
 
@@ -236,29 +217,23 @@ def _explained(values: np.ndarray, variable: np.ndarray) -> float:
     known = np.isfinite(variable)
     values, variable = values[known], variable[known]
     size = len(values)
-    total = float(np.sum((values - values.mean()) ** 2)) if size else 0.0
-    if size < 4 * _BINS or total <= 0.0 or np.ptp(variable) <= 0.0:
+    if size < 4 * _BINS or np.ptp(values) <= 0.0 or np.ptp(variable) <= 0.0:
         return 0.0
-    index = np.searchsorted(quantile_edges(variable, _BINS), variable)
-    count = np.bincount(index)
-    used = count > 0
-    means = np.bincount(index, values)[used] / count[used]
-    within = total - float(np.sum(count[used] * (means - values.mean()) ** 2))
-    groups = int(used.sum())
-    if size <= groups:
-        return 0.0
-    return max(0.0, 1.0 - within / (size - groups) * (size - 1) / total)
+    _, index, count = np.unique(np.searchsorted(quantile_edges(variable, _BINS), variable),
+                                return_inverse=True, return_counts=True)
+    means = np.bincount(index, values) / count
+    within = float(np.sum((values - means[index]) ** 2)) / (size - len(count))
+    return max(0.0, 1.0 - within / float(np.var(values, ddof=1)))
 
 
 def _explained_by_step(values: np.ndarray) -> float:
     """Return the share of the variance of values, in order, that one step change explains."""
-    size = len(values)
-    total = float(np.sum((values - values.mean()) ** 2))
+    size, centred = len(values), values - values.mean()
+    total = float(centred @ centred)
     if size < 4 * _FEWEST_BESIDE or total <= 0.0:
         return 0.0
     before = np.arange(_FEWEST_BESIDE, size - _FEWEST_BESIDE + 1)
-    sums = np.cumsum(values - values.mean())[before - 1]
-    between = sums ** 2 * (1.0 / before + 1.0 / (size - before))
+    between = np.cumsum(centred)[before - 1] ** 2 * (1.0 / before + 1.0 / (size - before))
     # The best of all positions explains this much by chance (law of the iterated logarithm, with a
     # margin).
     chance = 2.0 * (1.0 + np.log(np.log(size))) * total / size

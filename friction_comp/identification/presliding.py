@@ -1,0 +1,134 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Presliding, stiffness and backlash from the friction along several current ramps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from friction_comp.identification.friction_peak import RampFriction
+
+# Standard deviations of presliding that the scatter does not include: of a distance that begins and
+# ends within a count, and of the method, as a share (gears of `bench/law_table.py`, seeds 44 and
+# 46: 0.09).
+_SHARE_OF_COUNT, _METHOD = 0.4, 0.09
+# Stiffness is computed up to this share of breakaway; and the counts that a joint must have given
+# in that part, times the root of the ramps' number.
+_EARLY, _COUNTS = 1.0 / 3.0, 4.0
+# Threshold on the share of breakaway by which a ramp stays below its hull, and share of the ramps
+# in each direction that must exceed it: whether a ramp crosses backlash depends on where the
+# previous slide left the link. Simulated gears without backlash stay below 0.03, except one with
+# asymmetric friction (`bench/law_table.py --floors identification`, seeds 44 and 46); gears with
+# visible backlash have 0.04 to 0.14.
+_DEPTH, _SHARE = 0.04, 0.2
+_SEEN_COUNTS = 3.0   # the least backlash that an encoder tells
+_PLACES = 60         # of the curve
+
+
+def combined_presliding(ways: list[tuple[bool, float]]) -> float:
+    """Return the presliding distance in rad from ramps after slides to either side.
+
+    Of each: whether the previous slide had the same direction, and the displacement in rad. A
+    contact of Maxwell-slip elements has a memory of sliding: a ramp in the direction of the slide
+    before it yields less than the presliding distance, one against it yields more, and by Masing's
+    rule (each branch of a hysteresis loop is the first curve at twice its size) the sum is twice
+    the distance. Contacts without that memory (Dahl, LuGre) yield the same both times. The mean of
+    both is the distance in either case.
+    """
+    sides = [[way for same, way in ways if same is side] for side in (True, False)]
+    return float(np.mean([np.median(side) for side in sides if side])) if ways else 0.0
+
+
+def presliding_std(ways: list[tuple[bool, float]], distance: float, resolution: float) -> float:
+    """Return by how much presliding of one rest differs from `combined_presliding`, rad.
+
+    A standard deviation: how the ramps scatter, the count within which a way begins and ends, and
+    what the method itself is off by on gears that scatter little.
+    """
+    sides = [np.array([way for same, way in ways if same is side]) for side in (True, False)]
+    # Width of the middle half of the distances, since single ones may be far off.
+    scatter = [float(np.subtract(*np.quantile(side, (0.75, 0.25)))) / 1.35
+               if len(side) > 2 else 0.3 * distance for side in sides if len(side)]
+    return math.hypot(float(np.sqrt(np.mean(np.square(scatter)))), _SHARE_OF_COUNT * resolution,
+                      _METHOD * distance)
+
+
+def common_stiffness(ramps: Sequence[RampFriction], breakaway: float,
+                     resolution: float) -> float | None:
+    """Return the slope of friction over displacement up to a third of breakaway, A/rad.
+
+    The ramps are those in the direction of the slide before them: then every contact sticks at
+    the begin, as in a gear that is loaded for the first time; against it some slip at once. None
+    where the encoder is too coarse to tell.
+    """
+    together = squares = given = 0.0
+    for ramp in ramps:
+        last = int(np.argmax(ramp.current > _EARLY * breakaway))
+        if last < 3:
+            return None
+        # Where within a count a ramp began is unknown, so deviations from the mean are used.
+        rise = ramp.current[:last] - np.mean(ramp.current[:last])
+        together += float(np.dot(rise, ramp.position[:last]))
+        squares += float(np.dot(rise, rise))
+        given += float(ramp.position[last] - ramp.position[0]) / len(ramps)
+    if given * math.sqrt(len(ramps)) < _COUNTS * resolution or not together > 0.0:
+        return None
+    return squares / together
+
+
+def _depth_below_hull(ramp: RampFriction, resolution: float) -> tuple[float, float]:
+    """Return how far a ramp's curve stays below its hull, a share, and over which distance, rad."""
+    width = max(resolution, float(np.max(ramp.measured)) / _PLACES)
+    index = np.maximum.accumulate(np.maximum(0, np.rint(ramp.measured / width).astype(int)))
+    count = np.bincount(index)
+    # Where within a count the ramp began is unknown, so the first count is not used.
+    visited = np.flatnonzero(count)[1:]
+    if len(visited) < 4:
+        return 0.0, 0.0
+    depth, way = _below_hull(visited, np.bincount(index, ramp.current)[visited] / count[visited])
+    return depth, (way + 1.0) * width
+
+
+def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Return the largest depth below the concave hull, and its distance from the hull's corner."""
+    corners = [0]
+    for k in range(1, len(x)):
+        while len(corners) > 1 and _rises(x, y, corners[-2], corners[-1], k):
+            corners.pop()
+        corners.append(k)
+    gap = np.interp(x, x[corners], y[corners]) - y
+    lowest = int(np.argmax(gap))
+    before = corners[int(np.searchsorted(corners, lowest, side='right')) - 1]
+    return float(gap[lowest] / np.max(y)), float(x[lowest] - x[before])
+
+
+def _rises(x: np.ndarray, y: np.ndarray, i: int, j: int, k: int) -> bool:
+    return bool((y[j] - y[i]) * (x[k] - x[j]) <= (y[k] - y[j]) * (x[j] - x[i]))
+
+
+def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],
+                     resolution: float) -> tuple[float, list[float]]:
+    """Return the backlash of a gear, and what of it each ramp crossed, rad; 0 where none shows.
+
+    The friction of a gear's contacts rises more and more slowly with displacement: every contact
+    that begins to slide leaves fewer that still hold (in the Dahl, LuGre, Bouc-Wen and Maxwell-slip
+    models alike). Along a ramp it is therefore a concave function of displacement. Where teeth
+    separate, only the motor's own friction acts until they touch on the other side; then that of
+    the link is added, and the curve bends upwards. The distance of the curve below its concave hull
+    indicates backlash, and the displacement from the corner of the hull to the lowest point is its
+    lower bound.
+    """
+    softer = [_depth_below_hull(ramp, resolution) for ramp in ramps]
+    crossed = [way if depth > _DEPTH and way >= _SEEN_COUNTS * resolution else 0.0
+               for depth, way in softer]
+    shares = [np.mean([way > 0.0 for way, other in zip(crossed, directions) if other == sign])
+              for sign in set(directions)]
+    # A contact that is stiffer on one side also curves upwards, but in one direction only.
+    if len(shares) < 2 or min(shares) < _SHARE:
+        return 0.0, [0.0] * len(softer)
+    return float(np.median([way for way in crossed if way > 0.0])), crossed

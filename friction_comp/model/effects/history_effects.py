@@ -1,0 +1,209 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Friction with a memory: presliding hysteresis (Dahl, LuGre), and stiction after a rest."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.compiling import njit
+from friction_comp.model.effects.base import Effect, geometric, segment_starts
+from friction_comp.model.effects.live_term import LiveTerm, SHARPEST_LIVE
+from friction_comp.model.effects.scene import Scene, SearchRange, Signals, too_coarse
+from friction_comp.samples import Samples
+
+
+@njit(cache=True)
+def dahl_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
+    """Return Dahl's state z after a step of position, solved exactly; see `Effect.step`.
+
+    dz/dq = (1 - z·sgn(dq))^p / distance (Dahl 1968): p = 1 reverses exponentially, p < 1
+    within a finite distance, p > 1 more slowly.
+    """
+    if dq == 0.0:
+        return state
+    side = 1.0 if dq > 0.0 else -1.0
+    left = 1.0 - side * state
+    if left <= 0.0:
+        return side
+    travel = abs(dq) / c.distance
+    if abs(c.exponent - 1.0) < 1e-6:
+        left *= math.exp(-travel)
+    else:
+        power = left ** (1.0 - c.exponent) - (1.0 - c.exponent) * travel
+        left = power ** (1.0 / (1.0 - c.exponent)) if power > 0.0 else 0.0
+    return side * (1.0 - left)
+
+
+@njit(cache=True)
+def _dahl_states(position: np.ndarray, broken: np.ndarray, start: np.ndarray,
+                 c: Any) -> np.ndarray:
+    states = np.empty(len(position))
+    for k in range(len(position)):
+        states[k] = start[k] if broken[k] else dahl_step(
+            states[k - 1], 0.0, position[k] - position[k - 1], 0.0, c)
+    return states
+
+
+class _FadingAtRest(LiveTerm):
+    """Fed back in motion only: at rest it would push a joint that nobody touches."""
+
+    def update(self, time: float, position: float, velocity: float, *signals: Any,
+               **named: Any) -> float:
+        return super().update(time, position, velocity, *signals, **named) * abs(
+            math.tanh(velocity / SHARPEST_LIVE))
+
+
+def _shortest_reversal(scene: Scene) -> float:
+    return max(1e-4 * scene.span, 3.0 * scene.resolution)
+
+
+class Hysteresis(Effect):
+    """``A·z + B·dz/dt`` with Dahl's state z over a presliding distance.
+
+    A is the part of Coulomb friction that reverses with the distance since the reversal; the
+    sigmoid keeps the part that reverses with velocity. B is the damping of the bristles in
+    the LuGre model (Canudas de Wit et al. 1995), in A·s.
+    """
+
+    name = 'hysteresis'
+    numbers = (('friction that turns round', 'A'), ('friction while it turns round', 'A'))
+    variable = 'history'
+    # Presliding reverses over resolved steps, and well within the range; beyond these exponents it
+    # reverses at once, or never.
+    constants = {
+        'distance': SearchRange(1.6, limits=lambda scene, _: (
+            _shortest_reversal(scene), max(0.25 * scene.span, 2.0 * _shortest_reversal(scene)))),
+        'exponent': SearchRange(1.5, limits=lambda *_: (0.3, 3.0)), 'transition': None}
+    signs = (1,)
+    has_memory = True
+    words = ('Hysteresis: {A:.3g} A of friction turn round over {distance:.3g} rad after a '
+             'reversal')
+    equation = '{A:+.4g}·z {B:+.4g}·dz/dt, dz/dq = (1 - z·sgn(v))^{exponent:.3g}/{distance:.3g}'
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """Distances from a few steps of position to an eighth of the range."""
+        span = scene.span
+        if not span > 0:
+            return []
+        lowest = max(3e-4 * span, 3.0 * scene.resolution)
+        return [{'distance': value, 'exponent': 1.0, 'transition': scene.transition}
+                for value in geometric(min(lowest, 0.02 * span), 0.15 * span, 12)]
+
+    step = staticmethod(dahl_step)
+
+    @staticmethod
+    def start(side: Any, c: Any) -> Any:
+        """A stretch that begins in motion has slid far enough before."""
+        return side
+
+    @classmethod
+    def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
+        position = np.ascontiguousarray(samples.position, dtype=float)
+        return _dahl_states(position, segment_starts(samples), side, c)
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        """Return the state, and its change with time in 1/s."""
+        left = np.maximum(1.0 - x.memory * np.sign(x.velocity), 0.0) ** c.exponent
+        return (x.memory, x.velocity * left / c.distance)
+
+    @classmethod
+    def insufficient_data(cls, scene: Scene) -> str:
+        if scene.reversals < 3:
+            return (f'The direction of motion changed {scene.reversals:.0f} times: what happens '
+                    'at reversals cannot be seen.')
+        return too_coarse(scene)
+
+    def live(self) -> LiveTerm:
+        return _FadingAtRest(self)
+
+    def turning(self) -> tuple[float, float]:
+        """Return Dahl's friction, and the distance at which an exponent of 1 is half turned."""
+        p = self.values['exponent']
+        reach = math.log(2.0) if abs(p - 1.0) < 1e-6 else (0.5 ** (1.0 - p) - 1.0) / (p - 1.0)
+        return self.coefficients[0], reach / math.log(2.0) * self.values['distance']
+
+
+@njit(cache=True)
+def rest_step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
+    """Return what is left of the strength gained at rest, 0..1, one sample later.
+
+    It grows as 1 - exp(-rest/time_constant) while the speed is below the constant `velocity`, and
+    fades over a distance of motion; see `Effect.step`.
+    """
+    if abs(velocity) < c.velocity:
+        return 1.0 - (1.0 - state) * math.exp(-dt / c.time_constant)
+    return state * math.exp(-abs(dq) / c.distance)
+
+
+@njit(cache=True)
+def _rest_states(time: np.ndarray, position: np.ndarray, velocity: np.ndarray, broken: np.ndarray,
+                 c: Any) -> np.ndarray:
+    states = np.zeros(len(position))
+    for k in range(len(position)):
+        if not broken[k]:
+            states[k] = rest_step(states[k - 1], time[k] - time[k - 1],
+                                  position[k] - position[k - 1], velocity[k], c)
+    return states
+
+
+def _shortest_fading(scene: Scene) -> float:
+    return max(scene.resolution, 1e-4 * scene.span)
+
+
+class RestTime(Effect):
+    """``A·tanh(v/v_t)·s``: s grows with the time at rest and fades over a distance of motion."""
+
+    name = 'rest_time'
+    numbers = (('stiction after a long rest', 'A'),)
+    variable = 'history'
+    # With a time constant above the recording's duration it is linear in time; below a tenth of a
+    # second it is constant at rest. A distance below a step of position or above the range cannot
+    # be seen.
+    constants = {
+        'time_constant': SearchRange(1.8, limits=lambda scene, _: (
+            0.1, max(5.0 * scene.duration, 0.2))),
+        'distance': SearchRange(1.8, limits=lambda scene, _: (
+            _shortest_fading(scene), max(0.5 * scene.span, 2.0 * _shortest_fading(scene)))),
+        'velocity': None, 'transition': None}
+    signs = (1,)
+    has_memory = True
+    words = ('Rest time: up to {A:+.3g} A more friction after resting (time constant '
+             '{time_constant:.2g} s), lost over {distance:.2g} rad')
+    equation = ('{A:+.4g}·tanh(v/{transition:.3g})·(1 - exp(-t_rest/{time_constant:.3g}))'
+                '·exp(-Δq/{distance:.3g})')
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """Rest from fractions of a second to a minute, fading over up to a fifth of the range."""
+        span = scene.span
+        if not span > 0:
+            return []
+        return [{'time_constant': constant, 'distance': distance, 'velocity': share * scene.slowest,
+                 'transition': scene.transition}
+                for share in (1.0, 0.25, 0.06)
+                for constant in geometric(0.3, 30.0, 5)
+                for distance in geometric(2e-3 * span, 0.2 * span, 5)]
+
+    step = staticmethod(rest_step)
+
+    @classmethod
+    def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
+        return _rest_states(samples.time, samples.position, np.asarray(samples.velocity),
+                            segment_starts(samples), c)
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        return (x.side * x.memory,)
+
+    @classmethod
+    def insufficient_data(cls, scene: Scene) -> str:
+        if scene.rested >= 1.0:
+            return ''
+        return ('The joint hardly ever rested: stiction that grows with the time at rest cannot '
+                'be seen.')

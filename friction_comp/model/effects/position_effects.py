@@ -1,0 +1,200 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""What repeats over position, or stands at one: cogging, ripple of friction, worn teeth."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.scene import (
+    CARRIES,
+    Look,
+    NEARLY_ONE_SPEED,
+    RESISTS,
+    Scene,
+    SearchRange,
+    Signals,
+)
+from friction_comp.model.effects.spectrum import (
+    FEWEST_PERIODS,
+    highest_frequency,
+    peaks,
+    position_spectrum,
+)
+
+# Frequencies proposed for each shape of ripple.
+_PEAKS = 4
+# Positions of bumps proposed for each width, and the fewest rows by which one is judged.
+_PLACES, _FEWEST = 2, 20
+
+
+class Cogging(Effect):
+    """``(A·cos(kq) + B·sin(kq))·(|v|/v_ref)^g``, independent of the direction of motion."""
+
+    name = 'cogging'
+    variable = 'position'
+    role = CARRIES
+    most = 4
+    numbers = (('part with the cosine of the phase', 'A'), ('part with the sine of the phase', 'A'))
+    # With fewer periods over the range it is no ripple.
+    constants: dict[str, SearchRange | None] = {
+        'frequency': SearchRange(
+            1.0, unit=lambda scene, _: math.pi / max(scene.span, 1e-12),
+            limits=lambda scene, _: (2.0 * math.pi * FEWEST_PERIODS / max(scene.span, 1e-9),
+                                     math.inf)),
+        'growth': None, 'speed': None, 'transition': None}
+    # Its amplitude at the speeds that were seen; over position it repeats.
+    held = {'velocity': 0.25}
+    _word = 'Cogging'
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """With or without growth with the speed; the frequency comes from a spectrum."""
+        return [{'growth': growth, 'speed': scene.speed, 'transition': scene.transition}
+                for growth in (0.0, 1.0)]
+
+    @classmethod
+    def propose(cls, look: Look) -> list[dict[str, float]]:
+        """Return the frequencies at which the residual swings most over position."""
+        scene, proposed = look.scene, []
+        highest = highest_frequency(look.velocity, look.row_time, scene.resolution)
+        separation = 2.0 * math.pi / max(scene.span, 1e-9)
+        for constants in cls.grid(scene):
+            c = cls.Constants(frequency=0.0, **constants)
+            signals = Signals(position=look.position, velocity=look.velocity, side=look.side)
+            # At frequency zero the first column is the amplitude itself.
+            k, power = position_spectrum(
+                look.position, look.residual, cls.columns(signals, c)[0], highest)
+            proposed += [{'frequency': frequency, **constants}
+                         for frequency in peaks(k, power, _PEAKS, separation)]
+        return proposed
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        amplitude, phase = (abs(x.velocity) / c.speed) ** c.growth, c.frequency * x.position
+        return (amplitude * np.cos(phase), amplitude * np.sin(phase))
+
+    def describe(self) -> str:
+        size = math.hypot(*self.coefficients)
+        with_speed = (f' at {self.values["speed"]:.2g} rad/s, growing with speed'
+                      if self.values['growth'] else '')
+        return (f'{self._word}: {size:.3g} A{with_speed}, {self.values["frequency"]:.5g} times a '
+                'turn')
+
+    def formula(self) -> str:
+        a, b = self.coefficients
+        k = self.values['frequency']
+        grown = (f'·(|v|/{self.values["speed"]:.3g})^{self.values["growth"]:g}'
+                 if self.values['growth'] else '')
+        return f'({a:+.4g}·cos({k:.6g}·q) {b:+.4g}·sin({k:.6g}·q)){grown}'
+
+
+class FrictionRipple(Cogging):
+    """``(A·cos(kq) + B·sin(kq))·tanh(v/v_t)·(|v|/v_ref)^g``: changes sign with the direction."""
+
+    name = 'friction_ripple'
+    role = RESISTS
+    _word = 'Friction ripple'
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        amplitude = x.side * (abs(x.velocity) / c.speed) ** c.growth
+        phase = c.frequency * x.position
+        return (amplitude * np.cos(phase), amplitude * np.sin(phase))
+
+    def formula(self) -> str:
+        return f'{super().formula()}·tanh(v/{self.values["transition"]:.3g})'
+
+
+class Bump(Effect):
+    """``A·s·exp(-|q - q0|^p/(2·w^p))`` with s = tanh(v/v_t), or s = 1 where `directional` is 0.
+
+    A local bump, as a worn or broken tooth makes. p = 2 is a bell; a larger exponent has a flatter
+    top.
+    """
+
+    name = 'bump'
+    numbers = (('height', 'A'),)
+    variable = 'position'
+    most = 3
+    # In the range, and narrower than it; with a larger exponent it is a step up and down.
+    constants = {
+        'position': SearchRange(0.5, unit=lambda _, constants: constants['width'],
+                                limits=lambda scene, _: (scene.lowest, scene.highest)),
+        'width': SearchRange(1.5, limits=lambda scene, _: (
+            max(0.002 * scene.span, scene.resolution), 0.2 * scene.span)),
+        'exponent': SearchRange(2.2, limits=lambda *_: (-math.inf, 40.0)),
+        'directional': None, 'transition': None}
+
+    def __init__(self, parameters: dict[str, Any],
+                 valid_range: dict[str, Any] | None = None) -> None:
+        super().__init__(parameters, valid_range)
+        self.role = RESISTS if self.values['directional'] else CARRIES
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """Widths from a hundredth to an eighth of the range, places half a width apart."""
+        if not scene.span > 0:
+            return []
+        points = []
+        for width in geometric(0.008 * scene.span, 0.12 * scene.span, 5):
+            places = np.arange(scene.lowest, scene.highest + 0.5 * width, width)
+            points += [{'position': float(position), 'width': width, 'exponent': 2.0,
+                        'directional': directional, 'transition': scene.transition}
+                       for position in places for directional in (1.0, 0.0)]
+        return points
+
+    @classmethod
+    def propose(cls, look: Look) -> list[dict[str, float]]:
+        """Return for each width the places at which the residual stands out most.
+
+        The mean of the residual over a window is compared with its scatter.
+        """
+        order = np.argsort(look.position)
+        position = look.position[order]
+        proposed = []
+        shapes: dict[Any, list[dict[str, float]]] = {}
+        for constants in cls.grid(look.scene):
+            shapes.setdefault((constants['width'], constants['directional']), []).append(constants)
+        for (width, directional), points in shapes.items():
+            places = np.array([point['position'] for point in points])
+            values = (look.residual * (look.side if directional else 1.0))[order]
+            low = np.searchsorted(position, places - width)
+            high = np.searchsorted(position, places + width)
+            sums = np.concatenate(([0.0], np.cumsum(values)))
+            count = high - low
+            score = np.where(count < _FEWEST, 0.0,
+                             (sums[high] - sums[low]) ** 2 / np.maximum(count, 1))
+            proposed += [points[k] for k in np.argsort(score)[::-1][:_PLACES]]
+        return proposed
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        distance = np.minimum(abs(x.position - c.position) / c.width, 1e6)
+        bell = np.exp(-np.minimum(0.5 * distance ** c.exponent, 700.0))
+        return (bell * x.side if c.directional else bell,)
+
+    @classmethod
+    def insufficient_data(cls, scene: Scene) -> str:
+        if scene.speed_spread >= NEARLY_ONE_SPEED:
+            return ''
+        return (f'Speed was near {scene.usual_speed:.3g} rad/s most of the time: what depends on '
+                'speed rests on the few samples of starts and reversals, and as every place is '
+                'passed in one and the same motion, bumps cannot be told from what a start or a '
+                'reversal leaves behind.')
+
+    def describe(self) -> str:
+        c = self.values
+        kind = 'more friction' if c['directional'] else 'torque in one direction'
+        return (f'Bump: {self.coefficients[0]:+.3g} A {kind} at {c["position"]:.4g} rad, '
+                f'about {2.4 * c["width"]:.2g} rad wide')
+
+    def formula(self) -> str:
+        c = self.values
+        side = f'·tanh(v/{c["transition"]:.3g})' if c['directional'] else ''
+        return (f'{self.coefficients[0]:+.4g}·exp(-½·(|q - {c["position"]:.4g}|'
+                f'/{c["width"]:.3g})^{c["exponent"]:.3g}){side}')

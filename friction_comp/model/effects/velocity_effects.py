@@ -1,0 +1,160 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Friction over velocity: Stribeck weakening, curvature, differences between the directions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.live_term import LiveTerm
+from friction_comp.model.effects.scene import Scene, SearchRange, Signals
+
+
+def _speed_hardly_varied(scene: Scene) -> str:
+    if scene.speed >= 1.5 * scene.slow:
+        return ''
+    return (f'Speed hardly varied ({scene.slow:.3g} to {scene.speed:.3g} rad/s): effects of '
+            'velocity cannot be seen.')
+
+
+class Stribeck(Effect):
+    """``A·tanh(v/v_t)·exp(-(|v|/v_s)^p)``, the second term of the note's Eq. 2 for p = 1."""
+
+    name = 'stribeck'
+    numbers = (('height at standstill', 'A'),)
+    variable = 'velocity'
+    # Fading as slowly as the top speed it is curved viscous friction; at rest, it is not seen.
+    constants = {'velocity': SearchRange(1.6, limits=lambda scene, _: (
+        0.5 * scene.slowest, 0.7 * scene.speed)), 'exponent': None, 'transition': None}
+    equation = '{A:+.4g}·tanh(v/{transition:.3g})·exp(-(|v|/{velocity:.3g})^{exponent:g})'
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """Stribeck velocities from just above standstill to two thirds of the top speed."""
+        lowest = max(1.5 * scene.transition, 1.5 * scene.slowest, 0.003 * scene.speed)
+        return [{'velocity': velocity, 'exponent': exponent, 'transition': scene.transition}
+                for velocity in geometric(min(lowest, 0.3 * scene.speed), 0.7 * scene.speed, 9)
+                for exponent in (1.0, 2.0)]
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        return (x.side * np.exp(-np.minimum((abs(x.velocity) / c.velocity) ** c.exponent, 700.0)),)
+
+    @classmethod
+    def insufficient_data(cls, scene: Scene) -> str:
+        return _speed_hardly_varied(scene)
+
+    def describe(self) -> str:
+        size, speed = abs(self.coefficients[0]), self.values['velocity']
+        if self.coefficients[0] > 0:
+            return (f'Stribeck: near standstill friction is {size:.3g} A higher, fading at about '
+                    f'{speed:.3g} rad/s')
+        return (f'Sub-linear friction: near standstill it is {size:.3g} A lower, rising within '
+                f'about {speed:.3g} rad/s')
+
+
+class ViscousShape(Effect):
+    """``A·tanh(v/v_t)·(u^p - 6p/((p+1)(p+2))·u)``, u = |v|/v_ref: friction is curved over speed.
+
+    The straight line nearest to u^p between standstill and v_ref is subtracted, so that the linear
+    term of the sigmoid does not change. Beyond the recorded speeds the effect is constant, and
+    friction continues along that line. Without the subtraction, the linear term would be fitted
+    against the power, and could by itself be many times too steep.
+    """
+
+    name = 'viscous_shape'
+    numbers = (('size at the reference speed', 'A'),)
+    variable = 'velocity'
+    held = {'velocity': 0.25}
+    # Below a fifth it is Coulomb friction once more, above three and a half a few fast samples.
+    constants = {'exponent': SearchRange(1.3, limits=lambda *_: (0.2, 3.5)), 'reference': None,
+                 'transition': None}
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """Exponents below and above one."""
+        return [{'exponent': exponent, 'reference': scene.speed,
+                 'transition': scene.transition}
+                for exponent in (0.3, 0.45, 0.6, 0.75, 1.4, 1.7, 2.0, 2.5, 3.0)]
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        speed = abs(x.velocity) / c.reference
+        slope = 6.0 * c.exponent / ((c.exponent + 1.0) * (c.exponent + 2.0))
+        return (x.side * (speed ** c.exponent - slope * speed),)
+
+    @classmethod
+    def insufficient_data(cls, scene: Scene) -> str:
+        return _speed_hardly_varied(scene)
+
+    @classmethod
+    def limited(cls, name: str, value: float, constants: dict[str, float], scene: Scene) -> float:
+        """Next to one it is the linear term once more, and the two grow against each other."""
+        if name == 'exponent' and 0.85 < value < 1.2:
+            return 0.85 if value < 1.0 else 1.2
+        return super().limited(name, value, constants, scene)
+
+    def describe(self) -> str:
+        gain, exponent = self.coefficients[0], self.values['exponent']
+        bends = 'sub-linearly' if (gain > 0) == (exponent < 1) else 'super-linearly'
+        return (f'Viscous shape: friction grows {bends} with speed '
+                f'(power {exponent:.3g} beside the linear term)')
+
+    def formula(self) -> str:
+        c = self.values
+        exponent, speed = c['exponent'], f'|v|/{c["reference"]:.3g}'
+        slope = 6.0 * exponent / ((exponent + 1.0) * (exponent + 2.0))
+        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})'
+                f'·(({speed})^{exponent:.3g} - {slope:.3g}·{speed})')
+
+
+class DirectionAsymmetry(Effect):
+    """``A·h + B·|v|``: half the difference between the positive and the negative direction.
+
+    A is what differs at low speed, B what differs per speed. Where `offset` is 1, h is 1: a
+    constant current that is there at rest as well. Where it is 0, h = tanh²(v/v_t): Coulomb
+    friction that differs between the directions of motion. The sigmoid of Eq. 6 can hold A
+    itself; refinement moves it here where it is worth a name.
+    """
+
+    name = 'direction_asymmetry'
+    numbers = (('half the difference of Coulomb friction', 'A'),
+               ('half the difference of viscous friction', 'A·s/rad'))
+    variable = 'direction'
+    constants = {'offset': None, 'transition': None}
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        return [{'offset': 1.0, 'transition': scene.transition}]
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        return (1.0 if c.offset else x.side ** 2, abs(x.velocity))
+
+    @classmethod
+    def insufficient_data(cls, scene: Scene) -> str:
+        if scene.both_directions:
+            return ''
+        return ('Motion was in one direction only: differences between directions, constant '
+                'offsets and reversals cannot be seen.')
+
+    @classmethod
+    def holds_offset(cls, scene: Scene) -> bool:
+        return True
+
+    def live(self) -> LiveTerm:
+        """At standstill it is zero, for breakaway has its own two values there."""
+        return LiveTerm(DirectionAsymmetry({**self.parameters, 'offset': 0.0}))
+
+    def describe(self) -> str:
+        a, b = self.coefficients
+        return (f'Direction: the positive direction needs {2 * a:+.3g} A {2 * b:+.3g} A per rad/s '
+                'more than the negative one')
+
+    def formula(self) -> str:
+        a, b = self.coefficients
+        shape = '' if self.values['offset'] else f'·tanh²(v/{self.values["transition"]:.3g})'
+        return f'{a:+.4g}{shape} {b:+.4g}·|v|'

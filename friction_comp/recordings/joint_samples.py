@@ -1,0 +1,246 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Turns a joint's raw signals into samples at the times of its joint states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from friction_comp.errors import InputError
+from friction_comp.recordings import clocks
+from friction_comp.recordings.activity import Activity
+from friction_comp.recordings.plausible import check_plausible
+from friction_comp.recordings.scan import signal_of
+from friction_comp.recordings.time_base import further_signals, TimeBase
+from friction_comp.recordings.tracks import Scan, Track
+from friction_comp.samples import JointStates, Samples
+
+# A jump by nearly a turn within this time is a wrapped angle: s, rad.
+_WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
+
+
+@dataclass
+class RecordingInfo:
+    """Information on one recording beyond its samples.
+
+    Attributes
+    ----------
+    path : Path
+    joint : str
+        The joint that was read.
+    joints : list of str
+        All joints in the recording's joint states.
+    topics : dict
+        Topic name to (message type, number of messages).
+    start : float
+        Stamp of the samples' time zero in s.
+    stamps : ndarray, shape (M,)
+        Time of every joint state in s since `start`, in the order received.
+    rows : ndarray of int, shape (N,)
+        Indices of the joint states used as samples.
+    dropped : dict
+        Number of joint states that were left out, by reason.
+    notes : list of str
+        Remarks on the recording for readers of the results.
+    model : str or None
+        Active model file, if recorded.
+    activity : list of (float, Activity)
+        What the compensator reported, each with its begin in s since `start`.
+    effort_is_current : bool
+        Whether the effort is the motor current in A already, as a table may declare.
+    """
+
+    path: Path
+    joint: str = ''
+    joints: list[str] = field(default_factory=list)
+    topics: dict[str, tuple[str, int]] = field(default_factory=dict)
+    start: float = 0.0
+    stamps: np.ndarray | None = None
+    rows: np.ndarray | None = None
+    dropped: dict[str, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    model: str | None = None
+    activity: list[tuple[float, Activity]] = field(default_factory=list)
+    effort_is_current: bool = False
+
+    def check_joint(self, other: RecordingInfo) -> None:
+        """Raise InputError if another recording holds another joint."""
+        if self.joint != other.joint:
+            raise InputError(f'{self.path}: holds joint {self.joint!r}, but {other.path} holds '
+                             f'{other.joint!r}: name one with --joint')
+
+
+def to_samples(scan: Scan, joint: str | None,
+               torque_per_current: float) -> tuple[Samples, RecordingInfo]:
+    """Interpolate one joint's signals to the times of its joint states.
+
+    Raises InputError if the joint is missing, not named though there are several, or its values
+    are impossible.
+    """
+    if scan.effort_is_current:
+        torque_per_current = 1.0
+    track, joint, joints, values = _select_joint(scan, joint)
+    info = RecordingInfo(scan.path, joint, joints, scan.topics, notes=list(scan.notes),
+                         model=scan.model, effort_is_current=scan.effort_is_current)
+    stamp = clocks.message_times(track, info.notes)
+    stray = clocks.far_off(stamp)
+    shifts = clocks.set_backs(stamp[~stray], track.order[~stray], track.receive[~stray],
+                              info.notes)
+    stamp = shifts.of(stamp, track.order)
+    position, velocity, effort = values.T
+    finite = np.isfinite(position) & np.isfinite(effort)
+    _check_finite(scan, track.topic, joint, position, effort)
+    # Velocity may be empty; one that is mostly empty is ignored.
+    has_velocity = np.isfinite(velocity)
+    if has_velocity[finite].mean() < 0.5:
+        velocity = None
+    else:
+        finite &= has_velocity
+    order, duplicates = _in_order(stamp, finite & ~stray, info.notes)
+    info.dropped = {reason: count for reason, count in (
+        ('not finite', int(np.count_nonzero(~finite))), ('duplicate stamp', duplicates),
+        ('stamp far off', int(np.count_nonzero(finite & stray)))) if count}
+    for reason, count in info.dropped.items():
+        info.notes.append(f'{count} joint states left out: {reason}')
+    lost = scan.custom.get('messages_lost', '')
+    if lost:
+        info.notes.append(f'the recorder lost messages: {lost}')
+    origin = int(stamp[~stray].min())
+    info.start = origin * 1e-9
+    info.stamps = (stamp - origin) * 1e-9
+    info.rows = order
+    clocks.note_gaps(info.stamps[order], info.notes)
+    base = TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
+    info.activity = [(base.moment(activity.time) - info.start, activity.of(joint))
+                     for activity in scan.activity]
+    time = info.stamps[order]
+    samples = Samples(
+        time=time, position=_unwrap(time, position[order], info.notes),
+        current=effort[order] / torque_per_current,
+        velocity=None if velocity is None else velocity[order], joint=joint)
+    samples = samples.with_(**further_signals(
+        scan, joint, joints, base, torque_per_current, info.notes))
+    check_plausible(samples, str(scan.path), alone=not _others_moved(scan, values))
+    return samples, info
+
+
+def usable_joints(scan: Scan, torque_per_current: Callable[[str], float] = lambda joint: 1.0
+                  ) -> dict[str, tuple[Samples, RecordingInfo]]:
+    """Return every usable joint of a scan; raises InputError if there is none."""
+    read: dict[str, tuple[Samples, RecordingInfo]] = {}
+    reason = None
+    wanted: list[str | None] = [*scan.joints] or [None]
+    for name in wanted:
+        try:
+            entry = to_samples(scan, name, torque_per_current(name or ''))
+        except InputError as error:
+            # An arm is usable even if, for instance, its gripper has no effort.
+            reason = error
+            continue
+        read[entry[1].joint] = entry
+    if not read and reason:
+        raise reason
+    return read
+
+
+def with_arm(samples: Samples, info: RecordingInfo, scan: Scan) -> Samples:
+    """Return one joint's samples with the motion of all joints, where there are several."""
+    if len(info.joints) < 2:
+        return samples
+    return samples.with_(arm=joint_states_at(samples, info, usable_joints(scan)))
+
+
+def joint_states_at(samples: Samples, info: RecordingInfo,
+                    joints: dict[str, tuple[Samples, RecordingInfo]]) -> JointStates:
+    """Return the motion of joints at the times of one of them.
+
+    It is interpolated linearly; beyond the ends, the nearest value is used.
+    """
+    positions, speeds = [], []
+    for other, other_info in joints.values():
+        # Topics may begin at different times.
+        time = samples.time + (info.start - other_info.start)
+        positions.append(np.interp(time, other.time, other.position))
+        if other.velocity is not None:
+            speeds.append(np.interp(time, other.time, other.velocity))
+    known = len(speeds) == len(positions)
+    return JointStates(tuple(joints), np.column_stack(positions),
+                       np.column_stack(speeds) if known else None)
+
+
+def _unwrap(time: np.ndarray, position: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Return the unwrapped position in rad."""
+    jumps = np.diff(position)
+    size = np.abs(jumps)
+    wraps = (size > _WRAP[0]) & (size < _WRAP[1]) & (np.diff(time) < _WRAP_TIME)
+    # Jumps are wraps only if the joint is slow otherwise.
+    if not wraps.any() or np.quantile(size, 0.9) > 0.1 * np.pi:
+        return position
+    notes.append(f'position wraps around {np.count_nonzero(wraps)} times: turns are added')
+    turns = np.concatenate(([0.0], np.cumsum(np.where(wraps, -np.sign(jumps), 0.0))))
+    return position + 2.0 * np.pi * turns
+
+
+def _others_moved(scan: Scan, own: np.ndarray) -> bool:
+    """Return whether a joint with other values was moved."""
+    positions = [values[np.isfinite(values[:, 0]), 0] for track in scan.of('joint_states')
+                 for values in track.values.values() if values is not own]
+    return any(len(position) > 0 and np.ptp(position) > 0.01 for position in positions)
+
+
+def _select_joint(scan: Scan, joint: str | None) -> tuple[Track, str, list[str], np.ndarray]:
+    """Return the track of a joint, its name, the names of all in the track, and its values."""
+    tracks = scan.of('joint_states')
+    if not tracks:
+        if any(signal_of(topic, kind) == 'joint_states' for topic, (kind, _) in
+               scan.topics.items()):
+            raise InputError(f'{scan.path}: its joint_states hold no message')
+        raise InputError(
+            f'{scan.path}: no joint_states of type sensor_msgs/msg/JointState in it (topics: '
+            f'{", ".join(sorted(scan.topics)) or "none"})')
+    joints = scan.joints
+    if not joints:
+        raise InputError(f'{scan.path}: joint_states names no joint')
+    listed = ', '.join(repr(name) for name in joints)
+    if joint is None:
+        if len(joints) > 1:
+            raise InputError(f'{scan.path}: several joints, name one with --joint: {listed}')
+        joint = joints[0]
+    elif joint not in joints and joints != ['']:
+        raise InputError(f'{scan.path}: no joint {joint!r} in it, but {listed}')
+    # A single joint may have no name in the recording.
+    key = '' if joints == [''] else joint
+    holding = [track for track in tracks if key in track.names]
+    if len(holding) > 1:
+        raise InputError(
+            f'{scan.path}: joint {joint!r} is in several topics: '
+            f'{", ".join(track.topic for track in holding)}')
+    track = holding[0]
+    return track, joint, list(track.names) if key else [joint], track.values[key]
+
+
+def _check_finite(scan: Scan, topic: str, joint: str, position: np.ndarray,
+                  effort: np.ndarray) -> None:
+    for name, values in (('position', position), ('effort', effort)):
+        if not np.isfinite(values).any():
+            raise InputError(f'{scan.path}: {topic} holds no finite {name} of joint {joint!r}')
+    if not (np.isfinite(position) & np.isfinite(effort)).any():
+        raise InputError(
+            f'{scan.path}: {topic} never holds position and effort of joint {joint!r} together')
+
+
+def _in_order(stamp: np.ndarray, usable: np.ndarray,
+              notes: list[str]) -> tuple[np.ndarray, int]:
+    """Return the usable rows in time order without duplicate stamps, and the number of these."""
+    rows = np.nonzero(usable)[0]
+    times = stamp[rows]
+    if (np.diff(times) < 0).any():
+        notes.append('joint states were out of order: sorted by time')
+        order = np.argsort(times, kind='stable')
+        rows, times = rows[order], times[order]
+    fresh = np.concatenate(([True], np.diff(times) > 0))
+    return rows[fresh], int(np.count_nonzero(~fresh))

@@ -1,0 +1,216 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which terms can be named: repeated searches, intervals, and thirds that were not fitted.
+
+The search is repeated on resampled blocks, and an effect is named where most searches choose it.
+Effects that other searches choose in its place are those that the recording cannot distinguish
+from it. The scatter of the coefficients over resampled blocks gives their intervals.
+
+The next recording will differ from this one in speed, position, time or posture. So each third of
+the range of each of these is predicted by a fit to the other thirds. A term that increases these
+errors is not named, and the largest of them is the error expected elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+import math
+
+import numpy as np
+from scipy import stats
+
+from friction_comp.refinement import thresholds
+from friction_comp.refinement.constants import free_constants, slopes, unit_of
+from friction_comp.refinement.effect_columns import Key, Table, Term
+from friction_comp.refinement.search import Search
+from friction_comp.refinement.sums import BlockSums
+from friction_comp.statistics import robust_std
+
+# A column of the table, or a constant of a term.
+Parameter = int | tuple[Key, str]
+_LEVEL = 0.95
+_DRAWS = 200
+_PARTS = 'parts'
+
+
+@dataclass(frozen=True)
+class Stability:
+    """The results of repeated searches."""
+
+    # Share of the searches that choose each term.
+    chosen: dict[Key, float] = field(default_factory=dict)
+    # Effects that searches without a term choose instead, and the share of all searches.
+    alternatives: dict[Key, list[tuple[str, float]]] = field(default_factory=dict)
+
+    def renamed(self, names: dict[Key, Key]) -> Stability:
+        """Return the same results under the new keys of terms whose constants have changed."""
+        return Stability({names.get(key, key): value for key, value in self.chosen.items()},
+                         {names.get(key, key): value for key, value in self.alternatives.items()})
+
+    def named(self, key: Key) -> bool:
+        """Return whether a term is chosen often enough to be named."""
+        return self.chosen.get(key, 0.0) >= thresholds.NAMED_SHARE
+
+
+def repeat_search(table: Table, keys: Sequence[Key], given: int, candidates: Sequence[Key]
+                  ) -> Stability:
+    """Repeat the whole search on resampled blocks and count how often it chooses each term.
+
+    The first `given` of the terms of the fit are those of the initial model; all others, and the
+    candidates, may be chosen.
+    """
+    rng = np.random.default_rng(0)
+    fixed, span = list(keys[:given]), table.rows.scene.span
+    single_kinds = {key.effect for key in keys if table.terms[key].kind.most == 1 and not key.group}
+    # With the adjusted constants: a neighbouring grid point is the same effect.
+    offered = [*keys[given:], *(key for key in candidates
+                                if key.effect not in single_kinds and key not in keys)]
+    late = [key for key in offered if table.terms[key].kind.variable == 'time']
+    early = [key for key in offered if key not in late]
+    physics = [key for key in early if table.terms[key].kind.physics and not key.group]
+    groups = [key for key in keys[given:] if key.group]
+    searches: list[list[Term]] = []
+    while len(searches) < thresholds.SEARCHES:
+        weights = table.draw_blocks(rng)
+        if np.sum(weights == 0) < 3:
+            continue
+        search = Search(table, early, fixed, weights)
+        start = search.separable([*fixed, *dict.fromkeys([*physics, *groups])])
+        better = search.forward(search.backward(start))
+        search.candidates = late
+        searches.append([table.terms[key] for key in search.forward(better)])
+
+    def contains(terms: Sequence[Term], key: Key) -> bool:
+        return any(table.terms[key].same_effect(term, span) for term in terms)
+    chosen = {key: float(np.mean([contains(terms, key) for terms in searches])) for key in keys}
+    alternatives: dict[Key, list[tuple[str, float]]] = {}
+    for key in keys[given:]:
+        counts: Counter[str] = Counter()
+        for terms in searches:
+            if not contains(terms, key):
+                counts.update(sorted({term.kind.name for term in terms if not any(
+                    table.terms[other].same_effect(term, span) for other in keys)}))
+        alternatives[key] = [(name, count / len(searches)) for name, count in counts.most_common()
+                             if count >= thresholds.ALTERNATIVE_SHARE * len(searches)]
+    return Stability(chosen, alternatives)
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """95 % intervals of all fitted parameters, and the fits to resampled blocks."""
+
+    # By column of the table, and by term and name.
+    coefficients: dict[int, tuple[float, float]] = field(default_factory=dict)
+    constants: dict[tuple[Key, str], tuple[float, float]] = field(default_factory=dict)
+    draws: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))  # (D, P), both together
+
+    def excludes_zero(self, table: Table, key: Key) -> bool:
+        """Return whether the interval of any of a term's coefficients excludes zero.
+
+        Where physics requires the sign of any of them, only these count.
+        """
+        columns = table.columns_of[key]
+        bounded = [column for column in columns if table.sums.signs[column]] or columns
+        return any(low > 0.0 or high < 0.0 for low, high in (
+            self.coefficients[column] for column in bounded))
+
+    def correlations(self) -> list[tuple[float, Parameter, Parameter]]:
+        """Return the rank correlation of each pair of parameters, the largest first."""
+        ranks = stats.rankdata(self.draws, axis=0)
+        ranks -= ranks.mean(axis=0)
+        size = np.sqrt(np.sum(ranks ** 2, axis=0)) + 1e-300
+        matrix = (ranks / size).T @ (ranks / size)
+        names: list[Parameter] = [*self.coefficients, *self.constants]
+        pairs = [(float(matrix[j, k]), names[j], names[k])
+                 for k in range(len(names)) for j in range(k)]
+        return sorted(pairs, key=lambda pair: -abs(pair[0]))
+
+
+def intervals(table: Table, keys: Sequence[Key]) -> Intervals:
+    """Return intervals from fits to resampled blocks.
+
+    Constants enter through their derivatives, so that the interval of a coefficient includes the
+    uncertainty of the constants.
+    """
+    free = free_constants([table.terms[key] for key in keys])
+    indices = table.indices(keys)
+    full = np.vstack((table.columns[indices], slopes(table, keys, free), table.target))
+    signs = np.append(table.sums.signs[indices], np.zeros(len(free), dtype=int))
+    sums = BlockSums.over(full, table.block_rows, signs)
+    rng = np.random.default_rng(1)
+    weights = np.array([table.draw_blocks(rng) for _ in range(_DRAWS)], dtype=float)
+    draws = sums.fits(range(len(signs)), weights)
+    quantile = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, table.rows.blocks - 1))
+    # By the median: samples that lack a direction of motion give outlying fits.
+    half = quantile * robust_std(draws - np.median(draws, axis=0), axis=0)
+    middle = {**dict(zip(indices, sums.fit(range(len(signs))))), **table.coefficients(keys)}
+    coefficients = {column: (float(middle[column] - h), float(middle[column] + h))
+                    for column, h in zip(indices, half)}
+    constants = {}
+    for (index, name), h in zip(free, half[len(indices):]):
+        term = table.terms[keys[index]]
+        value, width = term.constants[name], h * unit_of(term, name, table.rows.scene)
+        constants[term.key, name] = float(value - width), float(value + width)
+    return Intervals(coefficients, constants, draws)
+
+
+class Elsewhere:
+    """Sums, of terms, over thirds of speed, position, time, acceleration, and over postures."""
+
+    def __init__(self, table: Table, keys: Sequence[Key]) -> None:
+        rows, averages = table.rows, table.rows.at_rows
+        columns = table.indices(keys, derivatives=False)
+        self._table, self._column_index = table, {column: k for k, column in enumerate(columns)}
+        variables = {'speed': np.abs(np.asarray(averages.velocity)), 'position': averages.position,
+                     'time': np.arange(len(table.target)),
+                     'acceleration': np.abs(np.asarray(averages.acceleration))}
+        partitions = {name: np.searchsorted(np.quantile(values, (1 / 3, 2 / 3)), values,
+                                            side='right')
+                      for name, values in variables.items()}
+        partitions[_PARTS] = rows.block
+        if rows.joints:
+            partitions['posture'] = np.unique(rows.region, return_inverse=True)[1]
+        full, signs = np.vstack((table.columns[columns], table.target)), table.sums.signs[columns]
+        self._sums = {
+            name: BlockSums.over(full, [part == k for k in range(int(part.max()) + 1)], signs)
+            for name, part in partitions.items()}
+
+    def squares(self, keys: Sequence[Key]) -> dict[str, float]:
+        """Return the sum of squared errors of each partition, the blocks of time among them."""
+        columns = [self._column_index[column] for column in self._table.indices(
+            keys, derivatives=False)]
+        return {name: max(float(sums.left_out(columns).sum()), 1e-300)
+                for name, sums in self._sums.items()}
+
+    def growth(self, keys: Sequence[Key]) -> dict[str, float]:
+        """Return the ratio of each partition's error to that of blocks of time."""
+        errors = self.squares(keys)
+        least = errors.pop(_PARTS)
+        return {name: math.sqrt(error / least) for name, error in errors.items()}
+
+    def helpful(self, keys: Sequence[Key], given: int) -> list[Key]:
+        """Return the terms without those that increase these errors, the worst removed first.
+
+        The first `given` terms are kept in any case.
+        """
+        keys, target = list(keys), self._table.target
+        most = thresholds.USELESS_ERROR ** 2 * float(target @ target)
+        error = self._score(keys)
+        while len(keys) > given:
+            # Two terms that cancel help only together, and mislead together.
+            trials = [(self._score([key for key in keys if key not in removed]), removed)
+                      for size in (1, 2) for removed in combinations(keys[given:], size)]
+            lowest, removed = min(trials, key=lambda trial: trial[0])
+            # Zero may predict some part about as well as the terms do.
+            if lowest >= error and max(self.squares(keys).values()) <= most:
+                break
+            error = lowest
+            keys = [key for key in keys if key not in removed]
+        return keys
+
+    def _score(self, keys: Sequence[Key]) -> float:
+        """Return the mean logarithm of these errors, so that no single partition decides."""
+        return float(np.mean(np.log(list(self.squares(keys).values()))))

@@ -1,0 +1,158 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""The main scene of the tool ``demo``: from the first measurement to the refined model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from friction_comp.model.friction_model import FrictionModel
+from friction_comp.package_files import package_file
+from friction_comp.parallel import child_process
+from friction_comp.recordings import read_recording
+from friction_comp.refinement import refine
+from friction_comp.reports.demo_report import demo_report, EvaluatedTrial, residuals, table_rows
+from friction_comp.tools.common import progress
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from friction_comp.refinement.refine import RefineResult
+    from friction_comp.samples import Samples
+    from friction_comp.tools.demo_stage import Stage
+
+JOINT = 'armin_1'
+TRUE_MODEL = package_file('config', 'armin_configuration_1.yaml')
+UNDECLARED = package_file('config', 'undeclared_example.yaml')
+GOAL = {
+    'joint': JOINT, 'speeds': [math.radians(v) for v in (10.0, 30.0, 60.0)],
+    'motion_range': 1.6, 'ramp_slope': 0.15, 'ramp_period': 3.0, 'breakaway_cycles': 3}
+MOVEMENT = {'amplitude': math.radians(40.0), 'speed': math.radians(30.0),
+            'acceleration_time': 0.5, 'standstill': 2.0, 'announcement': 1.0}
+# Folder, name in the table, the compensator's law, and whether the direction is announced.
+TRIALS = (
+    ('none', 'no compensation', 'none', False),
+    ('kinetic', 'kinetic friction only, d = 0', 'kinetic', False),
+    ('compensated', 'identified model, d = ±1', 'continuous', True),
+    ('refined', 'refined model, d = ±1', 'continuous', True))
+
+
+def play_loop(stage: Stage) -> None:
+    """Identify, compensate, evaluate, refine, compensate again."""
+    trials: list[EvaluatedTrial] = []
+
+    def evaluate(count: int) -> None:
+        for name, title, *_ in TRIALS[len(trials):count]:
+            trial = EvaluatedTrial(name, title, recorded(stage.recording(name)))
+            trials.append(trial)
+            stage.say(f'trial with {title}: peak {trial.peak} N·m, RMS {trial.rms_torque:.2f} N·m')
+
+    with child_process() as process:
+        model_file = _identify(stage)
+        # On the other core, while the joint is moved.
+        refining = process.submit(refined_model, stage.recording('identification'), model_file)
+        # From now on, the joint's time advances only during an exercise.
+        stage.ros.set_parameter('plant', 'wait_for_reference', True)
+        stage.start('compensator', model_file, law='none')
+        for done, (name, title, law, announced) in enumerate(TRIALS):
+            if name == 'refined':
+                result = _load_refined(stage, refining)
+            stage.ros.set_parameter('compensator', 'law', law)
+            _record_trial(stage, name, title, announced, partial(evaluate, done))
+    stage.nodes.stop('compensator', 'plant')
+    evaluate(len(TRIALS))
+    _conclude(stage, trials, result, model_file)
+
+
+def _identify(stage: Stage) -> Path:
+    """Return the model file that identification writes."""
+    stage.say('starts a simulated joint that hides an effect, and identification')
+    # Identification and the recorder listen from the first state on.
+    stage.start_plant([JOINT], [TRUE_MODEL], UNDECLARED, wait_for_reference=False,
+                      wait_for_listeners=2)
+    stage.start('identification', TRUE_MODEL, output_folder=stage.output / 'models')
+    stage.start_recorder('identification')
+    stage.wait_for_recorder()
+    with progress('identifies') as show:
+        result = stage.ros.identify(GOAL, lambda feedback: show(
+            feedback.progress, f'identifies: {feedback.phase}, '
+            f"{feedback.remaining_seconds:.0f} s left of the joint's time"))
+    stage.nodes.stop('recorder', 'identification')
+    stage.say(f'identified {JOINT}: breakaway at {1e3 * result.breakaway_positive_mean:.1f} '
+              f'and {1e3 * result.breakaway_negative_mean:.1f} mA, '
+              f'{len(result.speeds)} points of the friction curve')
+    return Path(result.model_file)
+
+
+def _record_trial(stage: Stage, name: str, title: str, announced: bool,
+                  meanwhile: Callable[[], None]) -> None:
+    """Record a trial; `meanwhile` is called while its nodes start."""
+    stage.start_recorder(name)
+    # Listeners are the compensator, the recorder, and the demo itself, when all is recorded.
+    stage.start_exercise(announce_direction=announced, wait_for_listeners=3,
+                         repetitions=stage.arguments.repetitions, **MOVEMENT)
+    meanwhile()
+    stage.wait_for_recorder()
+    with stage.ros.hearing_directions():
+        stage.follow(f'trial: {title}')
+    stage.nodes.stop('recorder')
+
+
+def _load_refined(stage: Stage, refining: Future[RefineResult]) -> RefineResult:
+    """Wait for the refined model, and load it into the compensator."""
+    stage.wait_while('looks for what the model lacks', lambda: not refining.done(), lambda: 0.5)
+    result = refining.result()
+    path = stage.output / 'models' / f'{JOINT}_refined.yaml'
+    replace(result.model, joint=JOINT).save(path)
+    effects = ', '.join(f"{effect['name']} ({effect['variable']})"
+                        for effect in result.report['effects']) or 'nothing'
+    before, after = residuals(result)
+    stage.say(f'found meanwhile: {effects}; residual {1e3 * before:.1f} → {1e3 * after:.1f} mA')
+    stage.say(f'loads {path.relative_to(stage.output.parent)} into the running compensator')
+    stage.ros.set_parameter('compensator', 'model_files', [str(path)])
+    return result
+
+
+def _conclude(stage: Stage, trials: list[EvaluatedTrial], result: RefineResult, model_file: Path
+              ) -> None:
+    before, after = residuals(result)
+    effects = result.report['effects']
+    table = Table(title='What it takes to move the joint')
+    for index, name in enumerate(('', 'peak (N·m)', 'RMS (N·m)', 'error (mA)')):
+        table.add_column(name, justify='right' if index else 'left')
+    for row in table_rows(trials, result):
+        table.add_row(*row)
+    stage.finish(
+        demo_report(trials, result, FrictionModel.load(model_file), UNDECLARED),
+        {'trials': [{'name': trial.name, 'peak_torque': trial.peak_torque,
+                     'rms_torque': trial.rms_torque, 'stuck': trial.stuck,
+                     'evaluation': trial.evaluation.as_dict()} for trial in trials],
+         'residual': {'before': before, 'after': after, 'unit': 'A',
+                      'noise_floor': result.report['noise_floor']},
+         'effects': effects},
+        table,
+        *(f"effect found: {effect['name']} ({effect['variable']})  {effect.get('in_words', '')}"
+          for effect in effects))
+
+
+def recorded(path: Path) -> Samples:
+    """Return a recording of the simulated joint."""
+    drive = FrictionModel.load(TRUE_MODEL).drive
+    samples, = read_recording(path, JOINT, drive.torque_constant, drive.gear_ratio)
+    return samples
+
+
+def refined_model(recording: Path, model_file: Path) -> RefineResult:
+    """Refine an identified model from the recording of its identification.
+
+    There the joint moves by itself, at many speeds: all current is friction's.
+    """
+    model = FrictionModel.load(model_file)
+    return refine([recorded(recording)], model, model.drive)
