@@ -21,24 +21,17 @@ COUNT = 1.57e-5  # rad
 ramps_of = np.vectorize(at_ramp)
 
 
-def drive(number):
-    return FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
-
-
-def resolution(number):
-    return drive(number).drive.position_resolution
-
-
 def ramp_recording(number, cycles, seed=1, share=1.0):
-    """Return time, command, position and current of ramps on a simulated joint."""
-    plant = Plant([drive(number)], seed=seed)
+    """Return time, position, current, command and resolution of ramps on a simulated joint."""
+    model = FrictionModel.load(ROOT / 'config' / f'armin_configuration_{number}.yaml')
+    plant = Plant([model], seed=seed)
     time = np.arange(round(cycles * PERIOD * 1000)) * 1e-3
     command = share * ramps_of(np.mod(time, PERIOD), SLOPES[number], PERIOD)
     state, seen = plant.state, []
     for current in command:
         seen.append((state.position[0], state.current[0]))
         state = plant.step([current])
-    return time, command, *np.array(seen).T
+    return time, *np.array(seen).T, command, model.drive.position_resolution
 
 
 @njit
@@ -112,8 +105,7 @@ def test_known_levels_are_measured_ramp_by_ramp(number):
 @pytest.mark.slow
 def test_every_ramp_is_resolved_in_turn_and_read_within_its_rise():
     """On the drive whose breakaway scatters most; `test_reproduce` has the statistics of all."""
-    time, command, position, current = ramp_recording(3, 12, seed=3)
-    records = breakaway_currents(time, position, current, command, resolution(3))
+    records = breakaway_currents(*ramp_recording(3, 12, seed=3))
     assert records.direction.tolist() == [1, -1] * 12
     assert np.all(np.mod(records.time, PERIOD / 2.0) < 0.4 * PERIOD)
 
@@ -162,16 +154,15 @@ def test_progressive_creep_before_the_slide():
 
 
 def test_ramps_that_stay_below_the_level_have_no_breakaway():
-    time, command, position, current = ramp_recording(1, 3, share=0.3)
-    records = breakaway_currents(time, position, current, command, resolution(1))
+    records = breakaway_currents(*ramp_recording(1, 3, share=0.3))
     assert len(records) == 0
     with pytest.raises(InputError, match='no breakaway in the positive'):
         records.statistics()
 
 
 def test_the_position_is_that_of_the_instant():
-    time, command, position, current = ramp_recording(1, 4)
-    records = breakaway_currents(time, position, current, command, resolution(1))
+    time, position, *rest = ramp_recording(1, 4)
+    records = breakaway_currents(time, position, *rest)
     assert len(records) == 8
     np.testing.assert_allclose(records.position, position[np.searchsorted(time, records.time)])
     assert records.statistics().positive_position == np.mean(records.position[::2])

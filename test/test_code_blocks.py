@@ -25,7 +25,7 @@ from friction_comp.tools.common import Arguments
 # Tools that are run as the page has them; the others take minutes, and their arguments are read.
 RUN = ('convert', 'evaluate', 'refine', 'predict')
 # But for an arm, which is refined with its URDF in test_whole_arm, and for what
-# test_many_recordings does with each of many and in processes.
+# test_many_recordings does with each of many, and in processes.
 READ = {'--urdf', '--each', '--jobs'}
 # Tools with their options that were run already: with other files the arguments are read.
 TRIED = set()

@@ -264,12 +264,12 @@ def test_every_joint_is_evaluated(tmp_path):
 
 @pytest.mark.slow
 def test_a_stream_finds_the_same_movements_as_the_whole(tmp_path):
-    peaks = [1.0 + 0.02 * k for k in range(24)]
-    write_samples(tmp_path / 'long', trial(peaks, directions=[1, -1] * 12))
+    peaks = [1.0 + 0.02 * k for k in range(12)]
+    write_samples(tmp_path / 'long', trial(peaks, directions=[1, -1] * 6))
     whole, = evaluate_recordings([tmp_path / 'long'])
-    for seconds in (9.0, 17.0, 40.0):
+    for seconds in (9.0, 17.0):
         parts, = evaluate_recordings([tmp_path / 'long'], seconds=seconds)
-        assert len(parts.repetitions) == len(whole.repetitions) == 24
+        assert len(parts.repetitions) == len(whole.repetitions) == 12
         for a, b in zip(whole.repetitions, parts.repetitions):
             assert b.begin == pytest.approx(a.begin, abs=1e-6)
             assert b.figures['peak_torque'] == pytest.approx(a.figures['peak_torque'])

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The loop that asks for its own data: from nothing to a model that predicts unseen motion."""
 
+import functools
 import json
 import math
 
@@ -16,6 +17,7 @@ from friction_comp.excitation.plan import plan_joint
 from friction_comp.excitation.separation import open_pairs
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.reports.excitation_report import improvement_report
+from friction_comp.tools.processes import plant_parameters
 from simulated_recordings.drives import random_drive
 from simulated_recordings.played import PlayedDrive
 
@@ -109,7 +111,8 @@ def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
 def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, own_environment):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     # A state twice as seldom as otherwise.
-    monkeypatch.setattr('friction_comp.tools.improve._SAMPLE_TIME', 8e-3)
+    monkeypatch.setattr('friction_comp.tools.improve.plant_parameters', functools.partial(
+        plant_parameters, sample_time=8e-3))
     output = tmp_path / 'improved'
     assert run('improve', [
         '--simulate', 'config/armin_configuration_1.yaml', '--position', '-1', '1', '--velocity',
