@@ -26,7 +26,8 @@ LEAST_SHARE = 0.5
 """The preload is never lowered below this share."""
 EARLIEST, EARLY_TIME = 0.75, 0.16
 """A slip is early above this share of the preload and within this time in s of leading. Below
-this share, a person moved the joint; after it, the preload waited for an oscillating gear."""
+this share, a person moved the joint; later, the push of a person has grown to the last tenth of
+friction, or the preload waited for an oscillating gear."""
 CREEP_TIME = 1.0
 """s that a joint may creep under its preload; a push takes tenths of a second."""
 TAKEN_TIME, GIVEN_BACK = 0.5, 0.04
@@ -100,7 +101,7 @@ def lead(p: Any, s: Any, aim: float) -> None:
     if s.mode == LEADING:
         s.creeping += s.step
         if abs(s.position - s.lead_position) > p.slip:
-            _slipped(p, s, aim, s.lead_position, EARLIEST < abs(s.ramp) < 1.0
+            _slipped(p, s, aim, s.lead_position, EARLIEST < abs(s.ramp)
                      and s.creeping < EARLY_TIME and s.preload_share == 1.0)
             return
         # A gear that yields fast under the preload would overshoot.

@@ -29,7 +29,8 @@ SLOW_SHARE = 0.89
 # deviations below the mean at which the level stays once the joint has left its position of rest.
 SCATTER_MARGIN = 3.0
 # The operator reverses over the presliding distance plus its uncertainty, at most this multiple of
-# presliding; this multiple where the uncertainty is unknown.
+# presliding; this multiple where the uncertainty is unknown. A joint that moves farther than this
+# multiple under its preload slips.
 LONGER = 1.5
 # Backlash of the operator as a share of its distance, beyond one count: it prevents vibration of a
 # joint that a hand holds. Where presliding is known, less is needed.
@@ -62,10 +63,11 @@ ALONE_TIME = 0.3
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
 # s at rest after which the joint has held its preload; factor on a level under which it slipped;
-# and factor on the preload reached at an early slip, which is detected late.
-HOLD_TIME = 0.3
+# and factor on the preload reached at an early slip, which is detected late: 0.77 of 0.9 of the
+# model is held by a drive with 0.70 of its friction.
+HOLD_TIME = 0.15
 LOWERED = 0.92
-EARLY = 0.8
+EARLY = 0.77
 # Distance in R from rest over which breakaway friction holds the joint; it fades over the same
 # distance again.
 START_DISTANCE = 3.0
@@ -168,16 +170,17 @@ def knows_presliding(model: FrictionModel) -> bool:
 
 def _set_distances(p: Any, model: FrictionModel) -> None:
     count = model.drive.position_resolution or DEFAULT_RESOLUTION
-    distance, backlash = LONGER * DEFAULT_PRESLIDING, BACKLASH
+    # Where presliding is unknown, the default already is a large one.
+    distance, slip, backlash = LONGER * DEFAULT_PRESLIDING, DEFAULT_PRESLIDING, BACKLASH
     if model.presliding is not None:
-        distance = LONGER * model.presliding.distance
+        distance = slip = LONGER * model.presliding.distance
         if knows_presliding(model):
             distance = min(distance, model.presliding.distance + (model.presliding.std or 0.0))
             backlash = KNOWN_BACKLASH
     distance += 2.0 * count
     p['resolution'], p['distance'] = count, distance
     p['backlash'] = backlash * distance + count
-    p['slip'] = 0.75 * distance + 4.0 * count
+    p['slip'] = slip + 4.0 * count
     p['still_distance'] = distance / 16.0 + 1.5 * count
     p['start_distance'], p['moved_distance'] = START_DISTANCE * distance, max(MOVED, 8.0 * distance)
     p['lead_time'], p['lead_speed'] = LEAD_TIME, LEAD_SPEED
