@@ -101,7 +101,7 @@ def lead(p: Any, s: Any, aim: float) -> None:
     if s.mode == LEADING:
         s.creeping += s.step
         if abs(s.position - s.lead_position) > p.slip:
-            _slipped(p, s, aim, s.lead_position, EARLIEST < abs(s.ramp)
+            _slipped(p, s, aim, s.lead_position, abs(s.ramp) > EARLIEST
                      and s.creeping < EARLY_TIME and s.preload_share == 1.0)
             return
         # A gear that yields fast under the preload would overshoot.
