@@ -6,6 +6,7 @@ Nothing here uses the package's simulation or the law's code; `law_judge` brings
 seeds are for tuning, odd seeds for evaluation.
 """
 
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -18,8 +19,9 @@ def _forget_stale_machine_code():
     sources = [*here.glob('*.py'), here.parent / 'law_judge' / 'person.py']
     newest = max(source.stat().st_mtime for source in sources)
     for index in (here / '__pycache__').glob('*.nbi'):
-        if index.stat().st_mtime < newest:
-            index.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process removes it, too
+            if index.stat().st_mtime < newest:
+                index.unlink()
 
 
 _forget_stale_machine_code()

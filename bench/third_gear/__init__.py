@@ -7,6 +7,7 @@ chosen on it. `plant` is the physics, `joints` draws gears and persons and gives
 gear's own friction amounts to.
 """
 
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -16,8 +17,9 @@ def _forget_stale_machine_code():
     law = here.parents[1] / 'friction_comp' / 'compensation'
     newest = max(source.stat().st_mtime for folder in (here, law) for source in folder.glob('*.py'))
     for index in (here / '__pycache__').glob('*.nbi'):
-        if index.stat().st_mtime < newest:
-            index.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process removes it, too
+            if index.stat().st_mtime < newest:
+                index.unlink()
 
 
 _forget_stale_machine_code()
