@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 from friction_comp.errors import InputError
-from friction_comp.identification.sigmoid_fit import fit_sigmoid, sigmoid_error
+from friction_comp.identification.sigmoid_fit import _fit, fit_sigmoid, sigmoid_error
 from friction_comp.model.sigmoid import Sigmoid
 
 NOTE = {
@@ -152,3 +152,10 @@ def test_smallest_table():
     assert error < 1e-9
     assert found.viscous >= -1e-9
     assert 0.3 < float(found(1.5)) < 0.4
+
+
+def test_a_transition_outside_a_long_table_is_ranked_like_any_other():
+    speeds = np.linspace(-0.9, 1.0, 5000)
+    errors, _ = _fit(speeds, 0.1 + 0.02 * speeds, np.array([1e3, 1e3]), np.array([-1.0, 0.0]), 12)
+    # The line alone fits; a transition in the middle has to find that it has no part.
+    assert errors == pytest.approx(0.0, abs=1e-3)
