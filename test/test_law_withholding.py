@@ -115,10 +115,10 @@ def test_announcements_that_flicker_are_not_believed(period):
     assert current == pytest.approx(0.9 * LEVEL, rel=1e-2)
 
 
-def slip(law, places, after=110):
+def slip(law, places, after=150):
     """Let a joint give way under its preload and go on along the places, from the last one.
 
-    The whole preload is there 100 ms after the announcement.
+    The whole preload is there 100 ms after the announcement, and a slip within 160 ms is early.
     """
     drive_along(law, np.zeros(500), direction=0)
     preloading = np.concatenate((np.zeros(after), np.linspace(0.0, 1e-3, 30)))
@@ -133,7 +133,7 @@ def test_what_a_joint_did_not_bear_does_not_come_back_by_creep():
     rest = np.zeros(600)
     assert slip(law, rest)[-1] == pytest.approx(LOWERED * 0.9 * LEVEL, rel=0.02)
     creep = 1e-3 + np.linspace(0.0, 2.4e-4, 1200)
-    current = drive_along(law, creep, begin=1240)
+    current = drive_along(law, creep, begin=1280)
     assert current.max() <= LOWERED * 0.9 * LEVEL * 1.02
 
 
@@ -145,17 +145,18 @@ def test_who_pushes_on_gets_back_what_a_slip_had_taken():
     assert current[-1] == pytest.approx(0.9 * LEVEL, rel=0.02)
 
 
-def test_a_drive_that_slips_before_its_preload_is_there_bears_less_from_then_on():
+@pytest.mark.parametrize('after', [85, 110])
+def test_a_drive_that_slips_early_gets_less_from_then_on(after):
     """It lost friction: later rests and movements get less, and a rest after each gives some back.
     """
     law = CompensationLaw([small_model()])
-    stopped = slip(law, np.zeros(600), after=85)[-1]
-    assert 0.5 * LEVEL < stopped < EARLY * 0.9 * LEVEL
+    stopped = slip(law, np.zeros(600), after)[-1]
+    assert 0.5 * LEVEL < stopped < 1.001 * EARLY * 0.9 * LEVEL
     carried = 1e-3 + np.concatenate((np.linspace(0.0, 0.3, 1000), np.full(800, 0.3)))
-    current = drive_along(law, carried, begin=1215)
+    current = drive_along(law, carried, begin=1130 + after)
     assert current[500:1000].max() <= stopped * 1.01
     assert stopped < current[-1] < stopped + 1.01 * GIVEN_BACK * 0.9 * LEVEL
-    assert law.guards['taken back'][0] > 0.2
+    assert law.guards['taken back'][0] > 0.15
 
 
 def test_who_pushes_on_before_the_preload_is_there_loses_nothing_for_long():

@@ -96,7 +96,7 @@ def errors_figure(rows: list[dict[str, Any]], unit: str) -> Figure:
                                        return_counts=True)
     for begin in sorted(begins)[1:]:
         axes.axvline(begin - 0.5, color=COLOURS['grey'], linewidth=0.6)
-    if len(joints) > 1:
+    if len(joints) > 1 or 'recording' not in rows[0]:
         axes.set_xticks(begins + 0.5 * (counts - 1), joints)
     elif len(rows) <= _MOST_LABELS:
         axes.set_xticks(x, [Path(row['recording']).name for row in rows],
