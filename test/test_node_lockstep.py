@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""All nodes together in lockstep, on a busy machine: the numbers of the plain loop."""
+"""All nodes together in lockstep: the numbers of the plain loop, and a whole recording."""
 
 import random
 import signal
@@ -42,8 +42,8 @@ def hold_up(processes):
         time.sleep(rng.uniform(0.0, 0.1))
 
 
-def run(folder):
-    """Run one exercise, its nodes held up, and return the recording's samples and info."""
+def run(folder, disturbed):
+    """Run one exercise, its nodes held up or not, and return the recording's samples and info."""
     models = {'joints': [JOINT], 'model_files': MODELS[:1]}
     follower = {'use_sim_time': True, 'input_reliability': 'reliable'}
     with own_domain(), probe_node() as probe, Process(folder, 'plant', {
@@ -61,7 +61,8 @@ def run(folder):
         with Process(folder, 'exercise', {
                 'joints': [JOINT], **follower, **MOVEMENT, 'clock': 'ticks',
                 'wait_for_listeners': 2, 'when_done': 'exit'}) as exercise:
-            hold_up([plant, compensator, recorder, exercise])
+            if disturbed:
+                hold_up([plant, compensator, recorder, exercise])
             assert exercise.wait(180.0) == 0
         # The last reference still lets the joint run to the next tick.
         times = [None]
@@ -83,11 +84,6 @@ def run(folder):
     return read_recording_with_info(folder / 'recording', JOINT, 0.119, 100.0)[0]
 
 
-@pytest.fixture(scope='module')
-def recorded(tmp_path_factory):
-    return run(tmp_path_factory.mktemp('lockstep'))
-
-
 class Later:
     """The movement as the exercise node shows it: from its second tick on."""
 
@@ -107,8 +103,8 @@ def expected(count):
 SIGNALS = ('time', 'position', 'velocity', 'current', 'load', 'command')
 
 
-def test_the_nodes_give_the_numbers_of_the_plain_loop_whatever_the_load(recorded):
-    samples, _ = recorded
+def test_the_nodes_give_the_numbers_of_the_plain_loop_whatever_the_load(tmp_path):
+    samples, _ = run(tmp_path, disturbed=True)
     assert len(samples) > 1000 * ReferenceMovement(**MOVEMENT).duration
     log = expected(len(samples))
     for name in SIGNALS:
@@ -120,8 +116,8 @@ def test_the_nodes_give_the_numbers_of_the_plain_loop_whatever_the_load(recorded
     assert np.abs(samples.command).max() > 0.05
 
 
-def test_the_recording_is_whole(recorded):
-    samples, info = recorded
+def test_the_recording_is_whole(tmp_path):
+    samples, info = run(tmp_path, disturbed=False)
     assert np.allclose(np.diff(samples.time), 1e-3)
     counts = {topic.lstrip('/'): count for topic, (_, count) in info.topics.items()}
     # A state is sent again where its answer takes long.
