@@ -28,6 +28,7 @@ ODD_EFFECT = 'format: friction_comp_undeclared\nversion: 1\neffects: [{name: gho
     ('identification', {**ONE, 'model_files': ['broken.yaml']}, (), 'broken.yaml'),
     ('exercise', {'announcement': 3.0, 'standstill': 1.0}, (), 'announcement'),
     ('exercise', {'amplitude': 0.01}, (), 'amplitude'),
+    ('exercise', {'moving_joints': ['knee']}, (), 'knee'),
     ('exercise', {'when_done': 'dance'}, (), 'when_done'),
     ('recorder', {'output': 'taken'}, (), 'taken'),
     ('recorder', {'compression': 'squeeze'}, (), 'squeeze'),

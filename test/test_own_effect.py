@@ -32,6 +32,27 @@ class TightEnd(Effect):
         return 'The joint gets tighter along its stroke'
 
 
+class Lagging(TightEnd):
+    """A memory that follows the position, told by `start` and `step` alone."""
+
+    name = 'lagging'
+    has_memory = True
+    constants = {}
+
+    @staticmethod
+    def step(state, dt, dq, velocity, c):
+        return 0.9 * state + dq
+
+
+def test_a_memory_is_its_step_run_from_the_start_of_each_stretch():
+    samples = recording(2, duration=1.0)
+    states = Lagging.memory(samples, 0.0, ())
+    expected = [0.0]
+    for way in np.diff(samples.position):
+        expected.append(0.9 * expected[-1] + way)
+    np.testing.assert_allclose(states, expected)
+
+
 @pytest.fixture
 def own_effect():
     register(TightEnd)

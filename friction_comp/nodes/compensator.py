@@ -117,10 +117,13 @@ class CompensatorNode(LifecycleNode):
                     _check_law(parameter.value)
                 if parameter.name == 'model_files' and self._configured is not None:
                     files = tuple(names_in(parameter.value))
-                    loading, self._loading = self._loading, None
-                    # Usually they are already loaded.
-                    models = (loading.result() if loading is not None and loading.files == files
-                              else self._load(files))
+                    loading = self._loading
+                    if loading is not None and loading.files == files:
+                        # Usually they are already loaded.
+                        self._loading = None
+                        models = loading.result()
+                    else:
+                        models = self._load(files)
         except InputError as error:
             self.get_logger().warning(f'parameter refused: {error}')
             return SetParametersResult(successful=False, reason=str(error))

@@ -16,6 +16,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int8MultiArray, MultiArrayDimension
 
+from friction_comp.errors import InputError
 from friction_comp.exercise.exercise_script import load_exercise
 from friction_comp.exercise.reference_movement import ReferenceMovement
 from friction_comp.nodes.diagnostics import Diagnostics, OK, WARN
@@ -62,6 +63,7 @@ class ExerciseNode(Node):
 
     def _declare(self) -> float:
         """Declare the parameters; return the references per second of a timer."""
+        self._moving = self._declare_moving()
         self._movement = self._declare_movement()
         file = declare(
             self, 'exercise_file', '', 'YAML file with the movement of each joint, '
@@ -81,6 +83,16 @@ class ExerciseNode(Node):
             'for each tick of /clock')
         self._ticking = clock == 'ticks'
         return float(rate)
+
+    def _declare_moving(self) -> np.ndarray:
+        """Return 1 for the joints that move, 0 for those that are held; shape (J,)."""
+        names = [name for name in declare(
+            self, 'moving_joints', [], 'joints that move, the others are held; all when empty')
+            if name]
+        unknown = sorted(set(names) - set(self._joints))
+        if unknown:
+            raise InputError(f'parameter moving_joints: {unknown} are not in parameter joints')
+        return np.array([not names or joint in names for joint in self._joints], dtype=float)
 
     def _declare_movement(self) -> ReferenceMovement:
         default, turn = ReferenceMovement(), 2.0 * math.pi
@@ -183,7 +195,7 @@ class ExerciseNode(Node):
         """Return position, velocity and direction of each joint, (J,)."""
         if self._script is not None:
             return self._script.at(time)
-        return tuple(np.full(len(self._joints), value) for value in self._movement.at(time))
+        return tuple(value * self._moving for value in self._movement.at(time))
 
     def _report(self) -> Any:
         if self._time is None:

@@ -192,7 +192,15 @@ class Effect(ABC):
     @classmethod
     def memory(cls, samples: Samples, side: Any, c: Any) -> Any:
         """Return the state at every sample, shape (N,): `step` run from each stretch's start."""
-        return 0.0
+        if not cls.has_memory:
+            return 0.0
+        begins, start = segment_starts(samples), cls.start(side + np.zeros(len(samples)), c)
+        states = np.empty(len(samples))
+        time, position, speed = samples.time, samples.position, np.asarray(samples.velocity)
+        for k in range(len(samples)):
+            states[k] = start[k] if begins[k] else cls.step(
+                states[k - 1], time[k] - time[k - 1], position[k] - position[k - 1], speed[k], c)
+        return states
 
     def live(self) -> LiveTerm | None:
         """Return a fresh `LiveTerm` for the compensator, or None where it is not fed back."""
