@@ -63,7 +63,8 @@ def start(kind, joints, folder):
     if kind == 'echo':
         command = [sys.executable, '-c', ECHO]
     else:
-        from ros_system import MODELS, ros_arguments
+        from node_process import ros_arguments
+        from ros_system import MODELS
         command = [sys.executable, '-m', 'friction_comp', 'compensator', *ros_arguments({
             'joints': joints, 'model_files': [MODELS[k % 3] for k in range(len(joints))]})]
     log = (Path(folder) / f'{kind}.log').open('ab')

@@ -17,7 +17,7 @@ from friction_comp.errors import InputError
 from friction_comp.files import check_file, check_folder, write_atomically
 from friction_comp.recordings import write_samples
 from friction_comp.samples import Samples
-from friction_comp.tools import evaluate, predict, refine, reproduce
+from friction_comp.tools import demo, evaluate, predict, refine, reproduce
 from friction_comp.tools.common import output_folder, to_json
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -122,11 +122,11 @@ def test_only_ordinary_files_are_replaced(tmp_path):
     assert list(tmp_path.iterdir()) == [pipe], 'nothing half-written'
 
 
-@pytest.mark.parametrize('tool', [predict, refine, evaluate, reproduce])
+@pytest.mark.parametrize('tool', [predict, refine, evaluate, reproduce, demo])
 def test_an_output_that_cannot_be_written_is_told_before_the_work(tool, tmp_path):
     (tmp_path / 'file').write_text('')
     for output in (tmp_path / 'file' / 'below', '/proc/nobody_writes_here/below'):
-        arguments = [] if tool is reproduce else [
+        arguments = [] if tool in (reproduce, demo) else [
             str(tmp_path / 'none.mcap'), '--model', str(tmp_path / 'none.yaml')]
         with pytest.raises(InputError, match='cannot be written to'):
             tool.main([*arguments, '--output', str(output)])

@@ -33,7 +33,10 @@ class MessageScanner:
     """
 
     def __init__(self, path: Path, joint: str | None = None, batch: int = 20_000) -> None:
-        self._storage = Storage(path)
+        try:
+            self._storage = Storage(path)
+        except OSError as error:
+            raise unreadable(path, one_line(error)) from None
         self._joint, self._batch = joint, batch
         self._topics: dict[str, _TopicReader] = {}
         self._activity = ActivityLog()

@@ -11,6 +11,7 @@ from pathlib import Path
 import signal
 from typing import NoReturn
 
+from friction_comp.files import check_folder
 from friction_comp.package_files import package_file
 from friction_comp.tools.common import Arguments, whole_number
 from friction_comp.tools.improve import main as improve
@@ -41,6 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--watch', action='store_true',
                         help='with a live page on localhost (needs Bokeh)')
     arguments = parser.parse(argv)
+    check_folder(arguments.output)
     if arguments.scene == 'improve':
         return improve([
             '--simulate', str(package_file('config', 'armin_configuration_1.yaml')),

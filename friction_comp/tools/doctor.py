@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 _PACKAGES = (
     ('numpy', 'numpy', '', False), ('scipy', 'scipy', '', False), ('numba', 'numba', '', False),
     ('yaml', 'PyYAML', '', False), ('matplotlib', 'matplotlib', '', False),
-    ('rich', 'rich', '', False), ('rosbags', 'rosbags', '', False),
+    ('rich', 'rich', '', False), ('markdown_it', 'markdown-it-py', '', False),
+    ('rosbags', 'rosbags', '', False), ('mcap', 'mcap', '', False),
     ('pinocchio', 'pin', 'refine --urdf', True),
     ('bokeh', 'bokeh', 'watch, and curves to hover and zoom in pages', True),
     ('pyarrow', 'pyarrow', 'Parquet files', True))

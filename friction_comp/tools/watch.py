@@ -169,6 +169,8 @@ def recorded_feed(path: Path, joints: list[str], models: Sequence[FrictionModel]
     with progress('reading') as report:
         path = find_recording(path)
         wanted = joints or recorded_joints(path)
+        if not wanted:
+            raise InputError(f'{path}: joint_states name no joint')
         if models and len(models) != len(wanted):
             raise InputError(f'--model: one file per joint is needed, {len(wanted)} for '
                              f'{", ".join(wanted)}')
