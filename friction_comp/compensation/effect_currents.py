@@ -80,7 +80,7 @@ class EffectCurrents:
             term.reset()
 
     def by_direction(self, time: float, position: float, speed: float,
-            signals: dict[str, float | None]) -> Currents:
+                     signals: dict[str, float | None]) -> Currents:
         """Return the currents of the effects for the continuous law.
 
         Parameters

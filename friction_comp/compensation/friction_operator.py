@@ -6,9 +6,9 @@
 R behind a small backlash. Where A does not exceed the gear's friction and R is at least its
 presliding distance, the law supplies over any path at most the energy that the gear dissipates,
 plus a bounded amount (proof in docs/compensation_law.md). At rest z is moved to the announced
-direction (the preload), and the law checks that the joint holds it: a drive that slips before the
-preload is complete has lost friction, and gets that much less current until later movements have
-shown otherwise.
+direction (the preload), and the law checks that the joint holds it: a drive that slips while the
+preload rises, or just after, has lost friction, and gets that much less current until later
+movements have shown otherwise.
 """
 
 from __future__ import annotations

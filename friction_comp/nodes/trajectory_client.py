@@ -40,8 +40,7 @@ def message_of(trajectory: Trajectory, later: float = 0.0) -> Any:
 class TrajectoryClient(DemoClient):
     """A separate node for a tool that plays trajectories; closed with the ``with`` block."""
 
-    def play(self, trajectory: Trajectory, report: Callable[[float, str], None],
-             ramp_slope: float = 0.0, ramp_period: float = 0.0) -> None:
+    def play(self, trajectory: Trajectory, report: Callable[[float, str], None]) -> None:
         """Move one joint along a trajectory by the node `identification`.
 
         Parameters
@@ -50,18 +49,16 @@ class TrajectoryClient(DemoClient):
             Trajectory of one joint.
         report : callable
             Called with progress 0..1 and the present phase.
-        ramp_slope, ramp_period : float
-            Ramp that breaks the joint free, A/s and s; 0 for the default of the node.
 
         Raises
         ------
         InputError
             If the goal is refused or fails.
         """
-        self.reach(PlayTrajectory, 'play_trajectory', PlayTrajectory.Goal(
-            trajectory=message_of(trajectory), ramp_slope=ramp_slope, ramp_period=ramp_period),
-            PlayTrajectory.Goal(), lambda feedback: report(feedback.progress, feedback.phase),
-            'identification')
+        self.reach(
+            PlayTrajectory, 'play_trajectory',
+            PlayTrajectory.Goal(trajectory=message_of(trajectory)), PlayTrajectory.Goal(),
+            lambda feedback: report(feedback.progress, feedback.phase), 'identification')
 
     def play_on(self, controller: str, trajectory: Trajectory,
                 report: Callable[[float, str], None]) -> None:
