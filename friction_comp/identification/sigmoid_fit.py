@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import optimize
+from scipy import optimize, sparse
 
 from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
@@ -31,6 +31,8 @@ TOLERANCE = 3e-4
 # Rounds of reweighting: enough to rank transitions and to agree with linear programming.
 _RANK, _CLOSE = 12, 45
 _ROUNDS = 40
+# A longer table is condensed for the search: the time of a search grows with its points.
+_MOST_POINTS = 200
 # Steps of the pattern search, in units of one over the steepness.
 _STEP = np.array([(a, b) for a in (-1.0, -0.3, 0.0, 0.3, 1.0) for b in (-1.0, -0.3, 0.0, 0.3, 1.0)])
 
@@ -69,7 +71,8 @@ def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]
     unit = float(np.max(np.abs(speeds)))
     height = float(np.max(np.abs(currents))) or 1.0
     x, y = speeds / unit, currents / height
-    transition = _well_behaved(x, y, *_search(x, y, values / unit))
+    few_x, few_y = _condense(x, y)
+    transition = _well_behaved(few_x, few_y, *_search(few_x, few_y, np.unique(few_x)))
     middle, half, viscous = _exact(x, y, *transition) * height
     sigmoid = Sigmoid(upper=float(middle + half), lower=float(middle - half),
                       steepness=transition[0] / unit, shift=transition[1] * unit,
@@ -80,6 +83,20 @@ def fit_sigmoid(speeds: ArrayLike, currents: ArrayLike) -> tuple[Sigmoid, float]
 def sigmoid_error(sigmoid: Sigmoid, speeds: ArrayLike, currents: ArrayLike) -> float:
     """Return E of Eq. 7 in A: the sum of absolute deviations over the look-up table."""
     return float(np.sum(np.abs(np.asarray(currents) - sigmoid(speeds))))
+
+
+def _condense(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a long table as the medians of groups of neighbouring speeds of one sign."""
+    if len(x) <= _MOST_POINTS:
+        return x, y
+    groups = []
+    for side in (x < 0.0, x == 0.0, x > 0.0):
+        order = np.nonzero(side)[0][np.argsort(x[side])]
+        # A few speeds of one sign must not disappear beside many of the other.
+        count = min(len(order), max(20, int(_MOST_POINTS * len(order) / len(x))))
+        groups += np.array_split(order, count) if count else []
+    few = np.array([(np.median(x[group]), np.median(y[group])) for group in groups])
+    return few[:, 0], few[:, 1]
 
 
 def _columns(x: np.ndarray, steepness: np.ndarray, shift: np.ndarray) -> np.ndarray:
@@ -117,7 +134,7 @@ def _exact(x: np.ndarray, y: np.ndarray, steepness: float, shift: float) -> np.n
     columns, count = _columns(x, np.array([steepness]), np.array([shift]))[0], len(x)
     return np.asarray(optimize.linprog(
         np.concatenate([np.zeros(3), np.ones(2 * count)]),
-        A_eq=np.hstack([columns, np.eye(count), -np.eye(count)]), b_eq=y,
+        A_eq=sparse.hstack([columns, sparse.eye(count), -sparse.eye(count)]), b_eq=y,
         bounds=[(None, None)] * 3 + [(0, None)] * (2 * count)).x[:3])
 
 
