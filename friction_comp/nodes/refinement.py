@@ -17,10 +17,11 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
+from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.compensator_client import CompensatorClient, yield_to_executor
 from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
+from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.recent_past import Message, RecentPast
