@@ -34,8 +34,9 @@ from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.watchdog import Watchdog
 
-# Real s between checks of the publishers of joint_states, other commanders, and the client.
-_CHECK_PERIOD = 0.1
+# Real s between checks of the publishers of joint_states, other commanders, and the client; and
+# between feedback messages.
+_CHECK_PERIOD = _FEEDBACK_PERIOD = 0.1
 # Largest real age in s of the last joint state for a goal to be accepted. It is long since a busy
 # machine may delay reading; the joint is not driven before a new state has arrived.
 _MAX_AGE = 2.0
@@ -63,8 +64,6 @@ class IdentificationNode(Node):
         timeout = declare(
             self, 'joint_state_timeout', 0.05, 'silence of joint_states that ends a goal, in real '
             'time, and largest age [s]', 0.001, 10.0)
-        self._feedback_period = declare(
-            self, 'feedback_period', 0.1, 'real time between feedback messages [s]', 0.01, 10.0)
         self._defaults = goals.declare_defaults(self)
         qos = joint_io.input_qos(self)
         self._states = JointStateInput(self._joints, round(NANO * timeout))
@@ -241,7 +240,7 @@ class IdentificationNode(Node):
         simulated = self.get_clock().ros_time_is_active
         self._port.answer(commands, ticket, states.stamp if simulated else 0)
         now = time.monotonic()
-        if now - goal.last_feedback >= self._feedback_period:
+        if now - goal.last_feedback >= _FEEDBACK_PERIOD:
             goal.last_feedback = now
             goal.handle.publish_feedback(goal.action.kind.Feedback(
                 phase=run.phase, progress=float(run.progress),

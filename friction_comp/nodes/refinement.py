@@ -231,8 +231,10 @@ class RefinementNode(Node):
         watch = self._watches[joint]
         watch.use(start)
         found = ', '.join(result.effects) or 'no effect'
-        summary = (f'found {found}; error {1e3 * refined.before:.3g} mA before, '
-                f'{1e3 * refined.after:.3g} mA after; verdict: {refined.reasons}')
+        reasons = '; '.join(line.rstrip('.') for line in refined.report['reasons'])
+        summary = (f'found {found}; error {1e3 * result.error_before:.3g} mA before, '
+                   f'{1e3 * result.error_after:.3g} mA after; verdict: {result.verdict}'
+                   f'{": " if reasons else ""}{reasons}')
         refusal = refined.refusal(watch.residual.model)
         if not request.load:
             return summary
@@ -279,12 +281,13 @@ class RefinementNode(Node):
 
 
 def _fill(result: RefineModel.Result, refined: JobResult) -> None:
-    result.success = True
-    result.verdict = refined.verdict
-    result.error_before, result.error_after = refined.before, refined.after
-    result.noise_floor = float(refined.report.get('noise_floor') or 0.0)
-    result.effects = [effect['name'] for effect in refined.report['effects']]
-    result.variables = [effect['variable'] for effect in refined.report['effects']]
+    report = refined.report
+    result.success, result.verdict = True, report['verdict']
+    result.error_before = float(report['before']['held_out_rmse'])
+    result.error_after = float(report['after']['held_out_rmse'])
+    result.noise_floor = float(report['noise_floor'] or 0.0)
+    result.effects = [effect['name'] for effect in report['effects']]
+    result.variables = [effect['variable'] for effect in report['effects']]
     result.model_file, result.report = str(refined.model_file), str(refined.page)
 
 

@@ -69,18 +69,9 @@ def persons_reference(movement: ReferenceMovement, time: np.ndarray, repetitions
 
 def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int,
               repetitions: int = REPETITIONS) -> ConditionRun:
-    """Run one condition.
+    """Run the condition `name`, one of `CONDITIONS`, with a model for the compensation.
 
-    Parameters
-    ----------
-    experiment : Experiment
-    model : FrictionModel
-        What the compensation knows.
-    name : str
-        One of `CONDITIONS`.
-    seed : int
-        Of the person and of the joint; the same person comes under every condition.
-    repetitions : int
+    The seed is that of the person and of the joint; the same person comes under every condition.
     """
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)

@@ -29,19 +29,8 @@ LAWS = ('paper', 'continuous')
 class ExperimentOutcome:
     """Everything that was found with one configuration.
 
-    Attributes
-    ----------
-    experiment : Experiment
-    table : IdentificationResult
-    ramps : Ramps
-    model : FrictionModel
-        As identified.
-    trials : dict of str to ConditionRun
-        By condition.
-    standstills : dict of str to Standstill
-        By law, an hour each with breakaway currents 10 % too large.
-    drive_time : float
-        s simulated for identification.
+    `model` is the identified one; `trials` are by condition, `standstills` by law. `drive_time` in
+    s was simulated for identification.
     """
 
     experiment: Experiment
@@ -110,15 +99,7 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
 
     The look-up tables are measured by the identification procedure as it drives a real joint,
     sample by sample, in a process of their own; everything else runs compiled and in parallel.
-
-    Parameters
-    ----------
-    cycles : int
-        Ramps per direction.
-    seed : int
-    report : callable
-        ``report(share, description)``.
-    experiments : sequence of Experiment
+    There are `cycles` ramps per direction. Progress goes to ``report(share, description)``.
     """
     outcomes = []
     with child_process() as pool:
