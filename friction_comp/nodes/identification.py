@@ -76,6 +76,8 @@ class IdentificationNode(Node):
         self._rate = Rate()
         self._received = self._fresh = -math.inf
         self._busy = False
+        # Joint index and goal of the last request that was accepted.
+        self._accepted: tuple[int, Any] = 0, None
         self._goal: RunningGoal | None = None
         self._last_end = ''
         self._refused = ''
@@ -90,27 +92,22 @@ class IdentificationNode(Node):
             self, action.kind, action.name, partial(self._execute, action),
             goal_callback=partial(self._on_goal, action), cancel_callback=self._on_cancel)
             for action in (
-                Action(IdentifyFriction, 'identify_friction', self._identification_goal,
-                       IdentificationRun, self._finish_identification),
-                Action(PlayTrajectory, 'play_trajectory', self._trajectory_goal, TrajectoryRun,
+                Action(IdentifyFriction, 'identify_friction', goals.make_goal, IdentificationRun,
+                       self._finish_identification),
+                Action(PlayTrajectory, 'play_trajectory', goals.make_trajectory, TrajectoryRun,
                        self._finish_trajectory))]
         Diagnostics(self, self._report, ', '.join(self._joints), 'identification')
 
     # The actions.
 
-    def _identification_goal(self, request: Any) -> tuple[int, Any]:
-        check_folder(self.get_parameter('output_folder').value)
-        return goals.make_goal(request, self._joints, self._drives, self._defaults)
-
-    def _trajectory_goal(self, request: Any) -> tuple[int, Any]:
-        return goals.make_trajectory(request, self._joints, self._drives, self._defaults)
-
     def _on_goal(self, action: Action, request: Any) -> Any:
         try:
             if self._busy:
                 raise InputError('another goal is running')
-            index, _ = action.goal(request)
-            self._check_surroundings(self._joints[index])
+            if action.kind is IdentifyFriction:
+                check_folder(self.get_parameter('output_folder').value)
+            self._accepted = action.make_goal(request, self._joints, self._drives, self._defaults)
+            self._check_surroundings(self._joints[self._accepted[0]])
         except InputError as error:
             self._refused = str(error)
             self.get_logger().warning(f'goal rejected: {error}')
@@ -137,7 +134,7 @@ class IdentificationNode(Node):
     async def _execute(self, action: Action, goal_handle: Any) -> Any:
         result = action.kind.Result()
         try:
-            index, request = action.goal(goal_handle.request)
+            index, request = self._accepted
             self._states.forget()
             self._port.open()
             goal = self._goal = RunningGoal(
