@@ -89,8 +89,8 @@ class StreamExecutor(executors.Executor):
     messages of another topic subscribes to that one first.
 
     It executes one node. Its attribute `fast_timers`, if any, lists timers that must not wait for
-    the next poll. With an attribute `nap` in s, messages may be delayed by that time and are then
-    processed together, which is cheaper.
+    the next poll. With an attribute `batch_time` in s, messages may be delayed by that time and are
+    then processed together, which is cheaper.
     """
 
     def __init__(self, node: Any) -> None:
@@ -100,7 +100,7 @@ class StreamExecutor(executors.Executor):
         self._is_changed = True
         self._node, self._slow_entities = node, _SlowEntities(node)
         self._fast_timers = list(getattr(node, 'fast_timers', ()))
-        self._nap = getattr(node, 'nap', 0.0)
+        self._batch_time = getattr(node, 'batch_time', 0.0)
         self._subscriptions: list[tuple[Any, ...]] = []
         self._slow_timers: list[Any] = []
         self._fast: _WaitSet | None = None
@@ -154,7 +154,7 @@ class StreamExecutor(executors.Executor):
     def _process_streams(self, seconds: float) -> None:
         """Wait for messages or fast timers, and process them."""
         wait_set, _ = self._wait_sets()
-        wait_set.wait(0.0 if self._nap else seconds)
+        wait_set.wait(0.0 if self._batch_time else seconds)
         self._call_timers(self._fast_timers)
         last = -1
         for index in range(len(self._subscriptions)):
@@ -164,8 +164,8 @@ class StreamExecutor(executors.Executor):
         for index, subscription in enumerate(self._subscriptions[:last + 1]):
             while self._take(*subscription) and index < last:
                 pass
-        if self._nap:
-            time.sleep(min(self._nap, seconds))
+        if self._batch_time:
+            time.sleep(min(self._batch_time, seconds))
 
     def _take(self, handle: Any, kind: Any, raw: bool, callback: Any, message_only: bool) -> bool:
         message = handle.take_message(kind, raw)

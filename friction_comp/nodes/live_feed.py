@@ -35,7 +35,7 @@ from friction_comp.topics import TORQUE_UNIT
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Real s between batches of messages: the page is drawn five times a second.
-_NAP = 0.01
+_BATCH_TIME = 0.01
 # Period of the states shown, ns; rows kept for each joint; ages of an outdated status and of an
 # outdated command, s.
 _STEP, _MAX_ROWS, _STATUS_AGE, _COMMAND_AGE = 20_000_000, 3000, 5.0, 0.2
@@ -82,7 +82,7 @@ class LiveFeed:
         self._first: int | None = None
         self._ros = contextlib.ExitStack()
         self._node = self._ros.enter_context(own_node('friction_comp_watch', arguments))
-        self._node.nap = _NAP
+        self._node.batch_time = _BATCH_TIME
         self._subscribe()
         self._executor = StreamExecutor(self._node)
         self._stopped = threading.Event()

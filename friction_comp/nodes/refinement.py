@@ -28,7 +28,7 @@ from friction_comp.nodes.recent_past import Message, RecentPast
 from friction_comp.nodes.refine_job import JobResult, RefineJob
 
 # Real s between checks of a running refinement and of the residual.
-_LOOK, _WATCH = 0.2, 1.0
+_POLL_PERIOD, _MONITORING_PERIOD = 0.2, 1.0
 # Time without a measured load after which it counts as not measured, s.
 _LOAD_SILENCE = 5.0
 _NOT_KEPT = ('reference', '/diagnostics')
@@ -43,7 +43,7 @@ class RefinementNode(Node):
 
     finished = False
     # Nothing waits for this node: messages are processed in batches.
-    nap = 0.01
+    batch_time = 0.01
 
     def __init__(self) -> None:
         super().__init__('refinement')
@@ -80,7 +80,7 @@ class RefinementNode(Node):
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
         # In the node's default group, waiting for the compensator would block all callbacks.
         self.create_timer(
-            _WATCH, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME),
+            _MONITORING_PERIOD, self._monitor, clock=Clock(clock_type=ClockType.STEADY_TIME),
             callback_group=ReentrantCallbackGroup())
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
@@ -99,7 +99,7 @@ class RefinementNode(Node):
 
     # Monitoring.
 
-    async def _watch(self) -> None:
+    async def _monitor(self) -> None:
         if self._comparing:
             return
         self._comparing = True
@@ -218,10 +218,10 @@ class RefinementNode(Node):
         while not job.poll():
             goal_handle.publish_feedback(RefineModel.Feedback(
                 progress=float(job.share), step=job.step))
-            end = time.monotonic() + _LOOK
+            end = time.monotonic() + _POLL_PERIOD
             while time.monotonic() < end:
                 # The executor does not sleep while a coroutine is pending.
-                time.sleep(self.nap)
+                time.sleep(self.batch_time)
                 await yield_to_executor()
         return job.result(), start
 

@@ -132,7 +132,7 @@ class ToolClient:
         finally:
             self.node.destroy_subscription(subscription)
 
-    def hearing_directions(self) -> Any:
+    def subscribed_to_direction(self) -> Any:
         """Subscribe to the direction within a block: the exercise waits for a subscription."""
         return self.subscribed(Int8MultiArray, 'direction')
 

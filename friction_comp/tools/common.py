@@ -156,34 +156,34 @@ def output_folder(path: Path) -> Iterator[Path]:
     if path.exists() and not path.is_dir():
         raise InputError(f'{path}: exists and is not a folder')
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
-    room = None
+    unfinished = None
     try:
         path.mkdir(parents=True, exist_ok=True)
-        room = Path(tempfile.mkdtemp(prefix='.unfinished.', dir=path))
-        yield room
-        _move_content(room, path)
+        unfinished = Path(tempfile.mkdtemp(prefix='.unfinished.', dir=path))
+        yield unfinished
+        _move_content(unfinished, path)
         made = []
     except OSError as error:
-        name = error.filename if error.filename and room is None else path
+        name = error.filename if error.filename and unfinished is None else path
         raise InputError(f'{name}: cannot be written: {error.strerror or error}') from None
     finally:
-        if room is not None:
-            shutil.rmtree(room, ignore_errors=True)
+        if unfinished is not None:
+            shutil.rmtree(unfinished, ignore_errors=True)
         # Without success, folders that were made are removed as well, the innermost first.
         for folder in made:
             with suppress(OSError):
                 folder.rmdir()
 
 
-def _move_content(room: Path, path: Path) -> None:
-    sources = sorted(room.rglob('*'))
+def _move_content(unfinished: Path, path: Path) -> None:
+    sources = sorted(unfinished.rglob('*'))
     for source in sources:
-        target = path / source.relative_to(room)
+        target = path / source.relative_to(unfinished)
         kind = 'folder' if source.is_dir() else 'file'
         if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
             raise InputError(f'{target}: is in the way, and is no ordinary {kind}')
     for source in sources:
-        target = path / source.relative_to(room)
+        target = path / source.relative_to(unfinished)
         if source.is_dir():
             target.mkdir(exist_ok=True)
         else:
