@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import output_folder, progress, write_report
-from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, with_current_limit
+from friction_comp.tools.recorded_drive import (
+    drive_of,
+    folder_name,
+    layout_of,
+    print_summary,
+    with_current_limit,
+)
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -26,7 +32,6 @@ def refine_whole_arm(arguments: Namespace) -> int:
     """
     from friction_comp.recordings import read_arm
     from friction_comp.refinement.whole_arm import refine_arm
-    from friction_comp.tools.refine import print_summary
 
     given = arguments.torque_constant is not None or arguments.gear_ratio is not None
     models = _start_models(arguments)
