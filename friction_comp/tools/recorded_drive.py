@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Derives the recorded drive's constants and units from a tool's arguments, and refines it."""
+"""Reads drive and units from the arguments of a tool, refines the drive, and prints the result."""
 
 from __future__ import annotations
 
