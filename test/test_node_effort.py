@@ -34,7 +34,7 @@ from friction_comp.excitation.move import Move
 from friction_comp.excitation.plan import JointPlan, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.trajectory_client import message_of
+from friction_comp.nodes.tool_client import message_of
 from friction_comp.recordings import read_recording
 from friction_comp.simulation.joint import Plant
 from friction_comp.topics import TORQUE_UNIT

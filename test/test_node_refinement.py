@@ -22,8 +22,9 @@ from ros_system import joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
+from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_feed import frame_of
+from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
 
 JOINT = 'elbow'

@@ -37,7 +37,7 @@ PARAMETERS = _record(
     'rest_time lead_time rise_time alone_time push_time start_time bad_time '
     'sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
-    'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
+    'slow lead_speed fade_from fade_to fastest limit slope',
     'law',
     # Speeds in rad/s, and what Eq. 6 has there beyond the look-up table, A, per direction.
     'knots excess_positive excess_negative')
