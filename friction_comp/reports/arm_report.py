@@ -20,13 +20,7 @@ _LARGEST_RATIO = 3.0
 def arm_report(result: ArmResult, names: list[str], folders: dict[str, str]) -> Report:
     """Return the page on an `ArmResult`.
 
-    Parameters
-    ----------
-    result : ArmResult
-    names : list of str
-        Names of the recordings.
-    folders : dict of str to str
-        Folder of each joint's own page.
+    `names` are those of the recordings, `folders` contain each joint's own page.
     """
     page = Report('What the friction models of an arm lacked', f'Refined on {", ".join(names)}')
     reports = {name: joint_result.report for name, joint_result in result.results.items()}

@@ -29,29 +29,13 @@ _COLOURS = ('grey', 'blue', 'orange', 'green')
 
 
 class EvaluatedTrial:
-    """One recorded trial, evaluated on its own.
-
-    Parameters
-    ----------
-    name, title : str
-        Short name, and title for the reader.
-    samples : Samples
-
-    Attributes
-    ----------
-    evaluation : Evaluation
-    peak_torque, rms_torque : float
-        Mean over both movements, N·m.
-    stuck : int
-        Number of movements in which the joint did not move; the peak torque then is a lower bound.
-    false_starts : int
-        Number of movements that began without the person.
-    """
+    """One recorded trial, evaluated on its own; `title` is for the reader."""
 
     def __init__(self, name: str, title: str, samples: Samples) -> None:
         self.name, self.title = name, title
         self.evaluation = evaluate([samples], [name])
         conditions = self.evaluation.conditions
+        # Means over both movements, N·m. Where the joint was stuck, the peak is a lower bound.
         self.peak_torque = float(np.mean([c.peak_torque for c in conditions]))
         self.rms_torque = float(np.mean([c.rms_torque for c in conditions]))
         self.stuck = sum(c.stuck for c in conditions)
@@ -136,16 +120,9 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                 undeclared: str | Path) -> Report:
     """Return the page.
 
-    Parameters
-    ----------
-    trials : list of EvaluatedTrial
-        The four trials: without compensation, with the kinetic term, compensated, with the refined
-        model.
-    refined : RefineResult
-    model : FrictionModel
-        The identified model.
-    undeclared : path-like
-        The file with the effects that only the simulation was given.
+    The four trials are: without compensation, with the kinetic term, compensated, and with the
+    refined model. `model` is the identified one; the file `undeclared` contains the effects that
+    only the simulation was given.
     """
     _, kinetic, compensated, last = trials
     before, after = residuals(refined)

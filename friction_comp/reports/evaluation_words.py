@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class _Peaks(NamedTuple):
-    """The peak torques of the compared pair, and their change, in words; the test of it."""
+    """The peak torques of the compared pair and their change in words; the test of it."""
 
     pair: tuple[Help, Help]
     before: str

@@ -24,11 +24,7 @@ def excitation_report(plans: Sequence[JointPlan],
                       others: Sequence[Mapping[str, Mapping[Pair, float]]]) -> Report:
     """Return the page.
 
-    Parameters
-    ----------
-    plans : sequence of JointPlan
-    others : sequence of dict
-        For each plan, the separations by other motions of the same length, by name.
+    `others` are, for each plan, the separations by other motions of the same length, by name.
     """
     seconds = plans[0].seconds
     report = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
@@ -73,13 +69,7 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
                        command: Sequence[str] = ()) -> Report:
     """Return the page; the refined model has a page of its own, refinement.html beside it.
 
-    Parameters
-    ----------
-    improvement : Improvement
-    names : sequence of str
-        Names of the recordings.
-    command : sequence of str
-        Lines for the footer.
+    `names` are those of the recordings, `command` are lines for the footer.
     """
     last, report = improvement.rounds[-1], improvement.result.report
     unit = report['unit']
