@@ -25,8 +25,8 @@ from friction_comp.recordings import (
     write_samples,
 )
 from friction_comp.recordings.activity import Activity
+from friction_comp.recordings.reader import stream_recording_with_info
 from friction_comp.recordings.storage import Storage
-from friction_comp.recordings.stream import stream_recording_with_info
 from friction_comp.reports.evaluation_words import summary, verdict
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

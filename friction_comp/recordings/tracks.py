@@ -15,30 +15,18 @@ from friction_comp.recordings.activity import Activity
 
 @dataclass
 class Track:
-    """One topic's messages in the order of the file.
-
-    Attributes
-    ----------
-    topic, signal : str
-    receive, stamp : ndarray of int64, shape (N,)
-        Nanoseconds; stamp is 0 throughout where the message has none.
-    order : ndarray of int64, shape (N,)
-        Index of each message among all that were read.
-    names : list of str
-        All joints or frames in the messages.
-    values : dict of str to ndarray
-        JointState: for each joint an array (N, 3) of position, velocity and effort, NaN where a
-        message has none. Wrench and temperature: for each frame an array (N, 1). Arrays: the key ''
-        and an array (N, J); for commands in N·m the key `TORQUE_UNIT`, with NaN for messages of the
-        other unit. With a selected joint, only the values that may be its own.
-    """
+    """One topic's messages in the order of the file."""
 
     topic: str
     signal: str
-    receive: np.ndarray
-    stamp: np.ndarray
-    order: np.ndarray
-    names: list[str]
+    receive: np.ndarray  # (N,) of int64: ns
+    stamp: np.ndarray  # (N,) of int64: ns, 0 throughout where the message has none
+    order: np.ndarray  # (N,) of int64: index of each message among all that were read
+    names: list[str]  # all joints or frames in the messages
+    # JointState: for each joint an array (N, 3) of position, velocity and effort, NaN where a
+    # message has none. Wrench and temperature: for each frame an array (N, 1). Arrays: the key ''
+    # and an array (N, J); for commands in N·m the key `TORQUE_UNIT`, with NaN for messages of the
+    # other unit. With a selected joint, only the values that may be its own.
     values: dict[str, np.ndarray]
 
     def __len__(self) -> int:

@@ -27,13 +27,17 @@ from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.differentiation import METHOD
 from friction_comp.rigid_bodies.link_inertia import Bodies
-from friction_comp.rigid_bodies.products import FOLDS, FRICTION, stretches_of, Sums, sums_of
 from friction_comp.rigid_bodies.solver import (
+    FOLDS,
+    FRICTION,
     link_intervals,
     LinkIntervals,
     Prior,
     solve,
     squares,
+    stretches_of,
+    Sums,
+    sums_of,
     Unknowns,
 )
 from friction_comp.samples import Samples

@@ -119,13 +119,7 @@ class Chain:
 
 
 def pinocchio() -> Any:
-    """Return the library, or say how to get it.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
+    """Return the library; an InputError says how to get it."""
     try:
         import pinocchio as library
     except ImportError as error:
@@ -183,12 +177,8 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
     """Return the name in a URDF file of each recorded joint, and the joints that it lacks.
 
     Names that are equal belong together; else those that are equal without the robot's prefix
-    and without case, underscores and the word joint, where that leaves no choice.
-
-    Raises
-    ------
-    InputError
-        If a joint may be one of several, or most are not in the file.
+    and without case, underscores and the word joint, where that leaves no choice. Raises InputError
+    if a joint may be one of several, or most are not in the file.
     """
     pairs: dict[str, str] = {}
     unknown: list[str] = []
