@@ -120,13 +120,11 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
     ----------
     play : callable
         Moves the joint along a plan and returns the recording.
-    limits : JointLimits
-    drive : Drive
+    limits, drive, schedule
     model : FrictionModel, optional
-        Where to start; the note's sigmoid when omitted.
+        The start; the note's sigmoid when omitted.
     recorded : sequence of Samples
         What was recorded before the first round.
-    schedule : Schedule, optional
     progress : callable, optional
         Called with the share of the budget that is spent and a word on what happens.
     done : callable, optional

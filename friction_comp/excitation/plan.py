@@ -173,18 +173,8 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
                report: Callable[[float], None] = lambda share: None) -> JointPlan:
     """Return a motion of one joint that separates pairs of effects.
 
-    Parameters
-    ----------
-    limits : JointLimits
-    pairs : sequence of (str, str)
-        Names of effects.
-    seconds : float
-    seed : int
-        The same seed gives the same plan.
-    model : FrictionModel, optional
-        Predicts the effort of a motion.
-    report : callable
-        Called with the share that is done.
+    The same seed gives the same plan. `model` predicts the effort of a motion, which is not checked
+    otherwise; `report` is called with the share that is done.
 
     Raises
     ------
@@ -238,9 +228,9 @@ def effort_of(model: FrictionModel, samples: Samples) -> float:
 
 
 def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
-    """Return motion to and fro at speeds that rise in even steps, as long as the time lasts.
+    """Return motion to and fro at speeds that rise in steps, each with an equal share of the time.
 
-    Each step has an equal share of the time.
+    Plans are compared with it.
     """
     centre = 0.5 * (limits.lowest + limits.highest)
     half = 0.5 * MARGIN * (limits.highest - limits.lowest)

@@ -37,7 +37,7 @@ _SURE = 0.9
 def pairs_of(names: Iterable[str]) -> list[Pair]:
     """Return each pair of some effects.
 
-    Raises InputError if one is unknown, cannot be told by motion alone, or there are fewer than two.
+    Raises InputError if there are fewer than two, or motion alone cannot tell one of them.
     """
     names = list(dict.fromkeys(names))
     for name in names:

@@ -14,8 +14,7 @@ from friction_comp.errors import InputError
 from friction_comp.recordings import time_base
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.plausible import check_plausible
-from friction_comp.recordings.scan import signal_of
-from friction_comp.recordings.tracks import Scan, Track
+from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
 
 # A jump by nearly a turn within this time is a wrapped angle: s, rad.

@@ -20,6 +20,7 @@ from friction_comp.recordings.joint_samples import (
     usable_joints,
     with_arm,
 )
+from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.sources import (
     find_recording,
     find_recordings,
@@ -30,7 +31,6 @@ from friction_comp.recordings.sources import (
 )
 from friction_comp.recordings.storage import AnyPath
 from friction_comp.recordings.time_base import gap_length, GAPS
-from friction_comp.recordings.tracks import Scan, Track
 from friction_comp.samples import Samples
 
 # Other topics are read so many ns past a stretch's end: a recorder may write them later.

@@ -10,10 +10,9 @@ from pathlib import Path
 
 from friction_comp.columns import Layout, TABLES
 from friction_comp.errors import InputError
-from friction_comp.recordings.scan import MessageScanner
+from friction_comp.recordings.scan import MessageScanner, Scan, Track
 from friction_comp.recordings.storage import AnyPath, belongs_to_folder, is_storage, METADATA
 from friction_comp.recordings.tables import is_table, TableScanner
-from friction_comp.recordings.tracks import Scan, Track
 
 Progress = Callable[[float], None]
 

@@ -23,8 +23,8 @@ import numpy as np
 from friction_comp.columns import assign, Assignment, Layout, TABLES
 from friction_comp.errors import InputError, one_line
 from friction_comp.files import write_atomically
+from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable
-from friction_comp.recordings.tracks import Scan, Track
 from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS
 

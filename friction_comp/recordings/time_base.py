@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from friction_comp.recordings.tracks import Scan, Track
+from friction_comp.recordings.scan import Scan, Track
 from friction_comp.topics import TORQUE_UNIT
 
 _SECOND = 1_000_000_000

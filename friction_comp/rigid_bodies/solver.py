@@ -15,6 +15,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import block_diag
 
 from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import PARAMETERS
@@ -168,11 +169,7 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
     """Return half the loss, its gradient and the Gauss-Newton matrix."""
     joints, links = unknowns.joints, unknowns.links
     parameters, slopes = prior.bodies.parameters(x[links])
-    flat = parameters.ravel()
-    inner = np.zeros((flat.size, flat.size))
-    for k, own in enumerate(slopes):
-        rows = slice(PARAMETERS * k, PARAMETERS * (k + 1))
-        inner[rows, rows] = own
+    flat, inner = parameters.ravel(), block_diag(*slopes)
     hessian = np.zeros((x.size, x.size))
     gradient = np.zeros(x.size)
     away = (x[unknowns.scales] - prior.log_scale) / prior.log_width
@@ -246,18 +243,17 @@ def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIn
 
     parameters, slopes = prior.bodies.parameters(x[unknowns.links])
     _, before = prior.bodies.parameters(np.zeros_like(x[unknowns.links]))
-    bounds, known_share = np.empty((*parameters.shape, 2)), np.empty(parameters.shape)
-    for link, (own, first) in enumerate(zip(slopes, before)):
-        rows = slice(PARAMETERS * link, PARAMETERS * (link + 1))
-        variance = np.einsum('ij,jk,ik->i', own, covariance[rows, rows], own)
-        half = wide * np.sqrt(np.maximum(variance, 0.0))
-        bounds[link] = np.stack((parameters[link] - half, parameters[link] + half), axis=-1)
-        # The mass of a body is positive, whatever the linearised interval says.
-        bounds[link, 0] = np.maximum(bounds[link, 0], 0.0)
-        unseen = np.einsum('ij,ij->i', first, first) / prior.strength
-        known_share[link] = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
-        bounds[link, known_share[link] < _OWN] = -np.inf, np.inf
+    inner = block_diag(*slopes)
+    variance = np.einsum('ij,jk,ik->i', inner, covariance[unknowns.links, unknowns.links],
+                         inner).reshape(parameters.shape)
+    half = wide * np.sqrt(np.maximum(variance, 0.0))
+    bounds = np.stack((parameters - half, parameters + half), axis=-1)
+    # The mass of a body is positive, whatever the linearised interval says.
+    bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
+    unseen = np.sum(before ** 2, axis=2) / prior.strength
+    told = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
+    bounds[told < _OWN] = -np.inf, np.inf
     width = wide * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
     middle = x[unknowns.scales]
     return LinkIntervals(bounds, np.exp(np.clip(
-        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), known_share)
+        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), told)

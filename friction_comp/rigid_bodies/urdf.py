@@ -27,23 +27,16 @@ _WORDS = ('joint', 'axis')
 
 
 class Chain:
-    """An arm as a URDF file describes it, with its joints in a given order.
-
-    Parameters
-    ----------
-    path : path-like
-        URDF file.
-    joints : sequence of str
-        Names of the joints whose positions are known, as recordings have them.
+    """An arm as a URDF file describes it, with the joints of recordings in their order.
 
     Attributes
     ----------
     tree : Tree
-        With the file's figures, its joints named as in `joints`.
+        With the file's figures, its joints named as in the recordings.
     locked : list of str
         Joints of the file that are not recorded and taken to stay at position zero.
     unknown : list of str
-        Joints that the file does not describe, such as those of a gripper.
+        Recorded joints that the file does not describe, such as those of a gripper.
 
     Raises
     ------
