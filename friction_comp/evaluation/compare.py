@@ -42,25 +42,25 @@ class Comparison:
     first: Help
     second: Help
     pairs: int  # number of pairs
-    before: float  # means over the pairs
-    after: float
+    mean_first: float  # over the pairs
+    mean_second: float
     difference: Interval  # second minus first
     # p-value of Wilcoxon's two-sided signed-rank test, with Holm's correction for the number of
     # comparisons of this figure; None for fewer than five pairs.
-    probability: float | None
+    p_value: float | None
 
     @property
     def significant(self) -> bool:
         """Whether the difference is statistically significant."""
-        return is_significant(self.probability)
+        return is_significant(self.p_value)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
         return {
             'figure': self.figure, 'unit': FIGURES[self.figure][1],
             'first': self.first.as_dict(), 'second': self.second.as_dict(), 'pairs': self.pairs,
-            'mean_first': self.before, 'mean_second': self.after,
-            'difference': self.difference.as_dict(), 'p_value': self.probability}
+            'mean_first': self.mean_first, 'mean_second': self.mean_second,
+            'difference': self.difference.as_dict(), 'p_value': self.p_value}
 
 
 def is_informative(first: Help, second: Help, baseline: Help) -> bool:
@@ -100,9 +100,9 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
             if len(values):
                 comparisons.append(_compare_values(figure, first, second, values))
     for figure in COMPARED:
-        tested = [c for c in comparisons if c.figure == figure and c.probability is not None]
-        for comparison, p_value in zip(tested, holm([c.probability or 0.0 for c in tested])):
-            comparison.probability = float(p_value)
+        tested = [c for c in comparisons if c.figure == figure and c.p_value is not None]
+        for comparison, p_value in zip(tested, holm([c.p_value or 0.0 for c in tested])):
+            comparison.p_value = float(p_value)
     return comparisons
 
 
@@ -115,12 +115,12 @@ def _by_condition(repetitions: Sequence[Repetition]) -> dict[Help, list[Repetiti
 
 def _compare_values(figure: str, first: Help, second: Help, values: np.ndarray) -> Comparison:
     difference = values[:, 1] - values[:, 0]
-    probability = None
+    p_value = None
     if len(values) >= 5:
-        probability = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
+        p_value = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
     before, after = values.mean(axis=0)
     return Comparison(figure, first, second, len(values), float(before), float(after),
-                      mean_interval(difference.tolist()), probability)
+                      mean_interval(difference.tolist()), p_value)
 
 
 def effect_size(comparison: Comparison) -> Interval | None:
@@ -147,12 +147,12 @@ class Trend:
     # Slope of a straight line through the daily means, None for fewer than three days. Repetitions
     # of one day are not independent, so days are counted.
     per_week: Interval | None
-    probability: float | None  # p-value of the slope
+    p_value: float | None  # of the slope
 
     @property
     def significant(self) -> bool:
         """Whether the slope is statistically significant."""
-        return is_significant(self.probability)
+        return is_significant(self.p_value)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
@@ -160,7 +160,7 @@ class Trend:
             'figure': self.figure, 'unit': FIGURES[self.figure][1], **self.help.as_dict(),
             'days': {day: value.as_dict() for day, value in self.days.items()},
             'per_week': self.per_week.as_dict() if self.per_week else None,
-            'p_value': self.probability}
+            'p_value': self.p_value}
 
 
 def trends(repetitions: Sequence[Repetition]) -> list[Trend]:

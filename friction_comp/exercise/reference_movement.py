@@ -10,6 +10,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.checks import check_number
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,8 +42,7 @@ class ReferenceMovement:
 
     def __post_init__(self) -> None:
         for name in ('speed', 'acceleration_time', 'standstill'):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(f'movement.{name} must be positive and finite')
+            check_number(getattr(self, name), f'movement.{name}', above=0.0)
         if not math.isfinite(self.amplitude) or self.amplitude == 0.0:
             raise InputError('movement.amplitude must be finite and not 0')
         if not 0.0 <= self.announcement <= self.standstill:

@@ -145,8 +145,8 @@ class MessageScanner:
                     signal = signal_of(topic, kind)
                     assert signal is not None
                     reader = self._topics[topic] = _TopicReader(topic, signal, self._joint)
-                reader.add(receive, raw, index)
-                if len(reader.raw) >= self._batch:
+                reader.messages.append((receive, index, raw))
+                if len(reader.messages) >= self._batch:
                     reader.decode()
                     if reader.signal == 'joint_states':
                         yield self._scan()
@@ -176,27 +176,21 @@ class _TopicReader:
 
     def __init__(self, topic: str, signal: str, joint: str | None) -> None:
         self.topic, self.signal = topic, signal
-        self.raw: list[bytes] = []
-        self.broken = 0     # messages that cannot be decoded
+        self.messages: list[tuple[int, int, bytes]] = []    # (receive time in ns, index, payload)
+        self.broken = 0                                     # messages that cannot be decoded
         self._joint = joint
-        self._receive: list[int] = []
-        self._order: list[int] = []
         self._names: dict[str, None] = {}
         self._tracks: list[Track] = []
 
-    def add(self, receive: int, raw: bytes, order: int) -> None:
-        self.raw.append(raw)
-        self._receive.append(receive)
-        self._order.append(order)
-
     def decode(self) -> None:
         """Decode the collected messages, so that they no longer take memory."""
-        size = len(self.raw)
+        receive, order, payloads = zip(*self.messages)
+        size = len(payloads)
         stamps = np.zeros(size, dtype=np.int64)
         values: dict[str, np.ndarray] = {}
         broken: list[int] = []
         for index, names, fields in cdr.decode(
-                TOPICS[self.signal], [unpack(raw) for raw in self.raw], broken):
+                TOPICS[self.signal], [unpack(payload) for payload in payloads], broken):
             if 'stamp' in fields:
                 stamps[index] = fields['stamp']
             for key, columns in self._columns(names, fields):
@@ -208,13 +202,12 @@ class _TopicReader:
                 known[index, :columns.shape[1]] = columns
         self.broken += len(broken)
         whole = np.delete(np.arange(size), broken)
-        receive, order = (np.array(each, dtype=np.int64)[whole]
-                          for each in (self._receive, self._order))
         if len(whole):
             self._tracks.append(Track(
-                self.topic, self.signal, receive, stamps[whole], order, list(self._names),
+                self.topic, self.signal, np.array(receive, dtype=np.int64)[whole], stamps[whole],
+                np.array(order, dtype=np.int64)[whole], list(self._names),
                 {key: value[whole] for key, value in values.items()}))
-        self.raw, self._receive, self._order = [], [], []
+        self.messages = []
 
     def _columns(self, names: tuple[str, ...], fields: dict[str, Any]
                  ) -> Iterator[tuple[str, np.ndarray]]:
@@ -240,7 +233,7 @@ class _TopicReader:
 
     def take(self) -> Track | None:
         """Return what was read since the last call; None if that is nothing."""
-        if self.raw:
+        if self.messages:
             self.decode()
         tracks, self._tracks = self._tracks, []
         return Track.concatenate(tracks) if tracks else None

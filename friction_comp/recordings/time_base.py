@@ -188,20 +188,14 @@ def further_signals(scan: Scan, joint: str, joints: list[str], base: TimeBase,
         track, values = found
         for column, name in zip(values.T, names):
             if np.isfinite(column).any() or len(names) == 1:
-                signal = base.interpolate(track, column)
-                if signal is None:
+                signals[name] = base.interpolate(track, column)
+                if signals[name] is None:
                     notes.append(f'{track.topic} covers less than half of the recording: not used')
-                else:
-                    signals[name] = signal
     # Joints of arrays without names: the reference's, or else the states'.
     order = [*(track.names for track in scan.of('reference')), joints]
     command = _find_array(scan.of('current_command'), joint, order, notes, torque_per_current)
-    if command is not None:
-        signals['command'] = base.hold(*command)
-    direction = _direction(scan, joint, joints, order, base, notes)
-    if direction is not None:
-        signals['direction'] = direction
-    return signals
+    return {**signals, 'command': None if command is None else base.hold(*command),
+            'direction': _direction(scan, joint, joints, order, base, notes)}
 
 
 def _direction(scan: Scan, joint: str, joints: list[str], order: list[list[str]],

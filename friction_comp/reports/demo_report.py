@@ -9,7 +9,6 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
@@ -100,9 +99,9 @@ def identification_figure(model: FrictionModel) -> Figure:
     """Draw look-up table, fitted curve and breakaway currents."""
     figure, axes = new_figure(height=3.2)
     table, breakaway = model.lookup_table, model.breakaway
-    if table is None or breakaway is None:
-        raise InputError('the model was not identified: it has no look-up table or no breakaway '
-                         'currents')
+    # The model was identified.
+    assert table is not None
+    assert breakaway is not None
     speeds, currents = np.array(table['speeds']), np.array(table['currents'])
     fine = np.linspace(1.05 * speeds.min(), 1.05 * speeds.max(), 801)
     axes.plot(fine, 1e3 * model.sigmoid(fine), color=COLOURS['blue'], label='fit of Eq. 6')

@@ -195,7 +195,7 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     if not evaluation.comparisons:
         return
     shown = sorted(evaluation.comparisons, key=lambda c: (
-        list(FIGURES).index(c.figure), c.probability is None, c.probability or 0.0))
+        list(FIGURES).index(c.figure), c.p_value is None, c.p_value or 0.0))
     shown = shown[:_MOST_COMPARISONS]
     report.text('## Compared with each other')
     report.table(
@@ -204,9 +204,9 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
         [[heading(c.figure), nonbreaking_label(evaluation, c.first),
           nonbreaking_label(evaluation, c.second), c.pairs, *(
               peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
-              for mean, condition in ((c.before, c.first), (c.after, c.second))),
+              for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))),
           with_interval(c.difference), with_interval(effect_size(c)),
-          p_value_text(c.probability)] for c in shown],
+          p_value_text(c.p_value)] for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
         'movement.')
     omitted = len(evaluation.comparisons) - len(shown)
@@ -233,7 +233,7 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
             [[nonbreaking_label(evaluation, t.help), len(t.days),
               with_interval(next(iter(t.days.values()))),
               with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
-              p_value_text(t.probability)] for t in trends],
+              p_value_text(t.p_value)] for t in trends],
             'The change is the slope of a straight line through the daily means.')
 
 

@@ -94,20 +94,14 @@ class Chain:
 
         Position, velocity and acceleration, shape (N, L), are in the order of `tree.joints`.
         """
-        full = np.zeros((len(q), self._model.nq))
-        for k in range(q.shape[1]):
-            joint = self._model.joints[k + 1]
-            if joint.nq == 1:
-                full[:, joint.idx_q] = q[:, k]
-            else:
-                # Joints without limits are kept as cosine and sine.
-                full[:, joint.idx_q] = np.cos(q[:, k])
-                full[:, joint.idx_q + 1] = np.sin(q[:, k])
         size = q.shape[1]
         result = np.empty((len(q), size, 10 * size))
-        compute = self._library.computeJointTorqueRegressor
+        library, neutral = self._library, self._library.neutral(self._model)
         for n in range(len(q)):
-            result[n] = compute(self._model, self._data, full[n], v[n], a[n])
+            # Pinocchio keeps joints without limits as cosine and sine.
+            full = library.integrate(self._model, neutral, q[n])
+            result[n] = library.computeJointTorqueRegressor(
+                self._model, self._data, full, v[n], a[n])
         return result
 
 
