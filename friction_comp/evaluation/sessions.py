@@ -83,7 +83,7 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     failures : sequence of Failure
         Recordings that are left out already.
     friction : FrictionModel, optional
-        As for `friction_comp.evaluation.conditions.evaluate`.
+        As for `conditions.evaluate`.
     seconds : float
         Length of the stretches in which recordings are read.
     progress : callable, optional

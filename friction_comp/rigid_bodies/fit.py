@@ -198,11 +198,9 @@ def _trial(
     """Return a fit, infinitely bad where the arm asks of no joint what its current shows."""
     problem = sums_of(chain, joints, settings, _MOST_ROWS['choice'])
     usual = _usual_scale(problem, bodies)
-    if declared is None:
-        known = np.full(len(joints), np.log(usual or 1.0))
-        prior = Prior(bodies, _FIRST_STRENGTH, known, _UNKNOWN_WIDTH)
-    else:
-        prior = Prior(bodies, _FIRST_STRENGTH, np.log(declared), _DECLARED_WIDTH)
+    known = (np.log(declared), _DECLARED_WIDTH) if declared is not None else (
+        np.full(len(joints), np.log(usual or 1.0)), _UNKNOWN_WIDTH)
+    prior = Prior(bodies, _FIRST_STRENGTH, *known)
     unknowns = Unknowns(len(joints))
     x = np.zeros(unknowns.size)
     x[unknowns.scales] = prior.log_scale
