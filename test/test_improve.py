@@ -37,17 +37,17 @@ def test_two_hidden_effects_are_found_and_the_model_is_trusted(improved):
     drive, result, _ = improved
     assert result.verdict == 'trust'
     assert set(result.rounds[-1].effects) - {'inertia'} == {'bump', 'gravity'}
-    assert result.rounds[-1].held_out < 1.3 * drive.noise_floor
+    assert result.rounds[-1].held_out_rmse < 1.3 * drive.noise_floor
     # What the verdict promises: motion that nobody has planned for is predicted as well.
     other = plan_joint(LIMITS, [('gravity', 'spring')], 20.0, 77)
     assert error_of(result.result.model, PlayedDrive(drive, 5)(other)) < (
-        1.3 * result.rounds[-1].held_out)
+        1.3 * result.rounds[-1].held_out_rmse)
 
 
 def test_no_model_is_trusted_before_a_new_motion_has_tested_it(improved):
     _, result, told = improved
     first = result.rounds[0]
-    assert math.isnan(first.predicted)
+    assert math.isnan(first.predicted_rmse)
     assert first.verdict != 'trust'
     assert any('tested' in reason for reason in first.reasons)
     assert [len(one.rounds) for one in told] == list(range(1, len(result.rounds) + 1))
@@ -75,7 +75,7 @@ def test_a_drive_that_changes_between_rounds_is_not_trusted():
         return samples.with_(current=samples.current * worse[-1])
     result = improve(play, LIMITS, drive.model.drive, schedule=Schedule(20.0, 40.0, 3))
     assert result.verdict != 'trust'
-    assert result.rounds[-1].predicted > 2.0 * drive.noise_floor
+    assert result.rounds[-1].predicted_rmse > 2.0 * drive.noise_floor
 
 
 def test_a_budget_without_a_test_is_refused():

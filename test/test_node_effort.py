@@ -30,8 +30,7 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
-from friction_comp.excitation.move import Move
-from friction_comp.excitation.plan import JointPlan, trajectory_of
+from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.joint_io import command_unit
 from friction_comp.nodes.tool_client import message_of

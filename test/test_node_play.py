@@ -22,8 +22,7 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.__main__ import run
 from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.move import Move
-from friction_comp.excitation.plan import JointPlan, trajectory_of
+from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
 from friction_comp.nodes.tool_client import message_of, ToolClient
 
 JOINT = 'elbow'

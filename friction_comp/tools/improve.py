@@ -96,9 +96,9 @@ def main(argv: list[str] | None = None) -> int:
             schedule=Schedule(arguments.seconds, arguments.budget, arguments.seed), progress=show,
             done=lambda so_far: _write(arguments, names, so_far))
     for k, one in enumerate(improvement.rounds):
-        words = '' if one.predicted != one.predicted else (
-            f'predicted with {1e3 * one.predicted:.3g} mA, ')
-        print(f'round {k + 1}: {words}held out {1e3 * one.held_out:.3g} mA; '
+        words = '' if one.predicted_rmse != one.predicted_rmse else (
+            f'predicted with {1e3 * one.predicted_rmse:.3g} mA, ')
+        print(f'round {k + 1}: {words}held out {1e3 * one.held_out_rmse:.3g} mA; '
               f'{", ".join(one.effects) or "no effect"}; {one.verdict}')
     print(f'verdict: {improvement.verdict} after {improvement.seconds:g} s of motion: '
           f'{improvement.ended}')

@@ -95,7 +95,7 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
 def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None) -> None:
     from friction_comp.files import write_yaml
     from friction_comp.model.arm_document import arm_document
-    from friction_comp.reports.arm_report import arm_report
+    from friction_comp.reports.refinement_overviews import arm_report
     from friction_comp.reports.refinement_report import refinement_report
 
     arm = result.report()
