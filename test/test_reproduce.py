@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The note's experiments in small."""
 
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+import functools
 import json
 import os
 from pathlib import Path
@@ -16,7 +18,7 @@ import pytest
 from report_pages import assert_documented, promised
 
 from friction_comp.__main__ import run
-from friction_comp.note import experiment_set
+from friction_comp.note import experiment_set, identify
 from friction_comp.note.condition_runs import run_trial
 from friction_comp.note.published import EXPERIMENTS
 
@@ -40,6 +42,13 @@ def test_whole_tool(tmp_path, monkeypatch):
     # The curves over the gain and the speed are drawn and not tested here: of two points each.
     monkeypatch.setattr(experiment_set, 'GAINS', (0.8, 1.2))
     monkeypatch.setattr(experiment_set, 'DEAD_SPEEDS', (0.0, 3.0))
+    # A quarter of an hour instead of a whole one, a sample half as often, and no process: that one
+    # is the next test's.
+    monkeypatch.setattr(experiment_set, 'stand_still', functools.partial(
+        experiment_set.stand_still, standstills=90))
+    monkeypatch.setattr(experiment_set, '_SWEEP_STANDSTILLS', 10)
+    monkeypatch.setattr(identify, 'SAMPLE_TIME', 2e-3)
+    monkeypatch.setattr(experiment_set, 'child_process', lambda: ThreadPoolExecutor(1))
     assert run('reproduce', ['--cycles', '100', '--output', str(tmp_path / 'out')]) == 0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert page.count('<figure') == 5
