@@ -6,6 +6,7 @@ import functools
 import json
 import math
 
+from node_process import fork_nodes_of_tools
 import numpy as np
 import pytest
 
@@ -110,6 +111,7 @@ def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
 @pytest.mark.processes
 def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, own_environment):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+    fork_nodes_of_tools(monkeypatch)
     # A state twice as seldom as otherwise.
     monkeypatch.setattr('friction_comp.tools.improve.plant_parameters', functools.partial(
         plant_parameters, sample_time=8e-3))

@@ -180,12 +180,12 @@ def test_a_model_that_no_longer_fits_is_told_refined_loaded_and_taken_back(bench
     fits = probe.status_of('refinement', lambda s: any(
         'the model fits' in item.value for item in s.values))
     assert fits.level == b'\x00'
-    bench.move(60.0, ripple=0.6)
+    bench.move(40.0, ripple=0.6)
     warned = probe.status_of(
         'refinement', lambda s: s.level == b'\x01' and 'position' in s.message)
     assert 'no longer fits' in warned.message
 
-    handle = bench.refine(seconds=60.0, load=True)
+    handle = bench.refine(seconds=40.0, load=True)
     assert not bench.refine().accepted, 'one goal at a time'
     outcome = bench.result(handle)
     result = outcome.result

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The note's experiments in small."""
 
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 import json
 import os
@@ -16,6 +17,7 @@ import pytest
 from report_pages import assert_documented, promised
 
 from friction_comp.__main__ import run
+from friction_comp.note import condition_runs, experiment_set, identify
 from friction_comp.note.condition_runs import run_trial
 from friction_comp.note.published import EXPERIMENTS
 
@@ -34,8 +36,13 @@ def test_the_same_seed_gives_the_same_trial():
 
 
 @pytest.mark.slow
-def test_whole_tool(tmp_path):
+def test_whole_tool(tmp_path, monkeypatch):
     """Every floor holds, and the page and the numbers are there."""
+    # A quarter of an hour instead of a whole one, a sample half as often, and no process: that one
+    # is the next test's.
+    monkeypatch.setattr(condition_runs, 'STANDSTILLS', 90)
+    monkeypatch.setattr(identify, 'SAMPLE_TIME', 2e-3)
+    monkeypatch.setattr(experiment_set, 'child_process', lambda: ThreadPoolExecutor(1))
     assert run('reproduce', ['--cycles', '100', '--output', str(tmp_path / 'out')]) == 0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
     assert page.count('<figure') == 3
