@@ -64,7 +64,7 @@ check test: export OMP_NUM_THREADS = 1
 # Tests start a hundred interpreters: what these import is kept as bytecode, even where Python is
 # told to write none beside its sources.
 check test: export PYTHONPYCACHEPREFIX = $(CURDIR)/build/bytecode
-pytest := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -n 2 --dist loadfile
+pytest := env -u PYTHONDONTWRITEBYTECODE $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: setup
 	@$(BIN)/python -m ruff check .

@@ -12,10 +12,15 @@ import time
 
 import numpy as np
 
-from friction_comp.excitation.comparison import fourier_series, staircase
 from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.move import sampled
-from friction_comp.excitation.plan import moves_by, plan_joint, SHAPE
+from friction_comp.excitation.plan import (
+    fourier_series,
+    moves_by,
+    plan_joint,
+    sampled,
+    SHAPE,
+    staircase,
+)
 from friction_comp.excitation.separation import DEFAULT, pairs_of, scene_within, separations
 
 PAIRS = (('gravity', 'spring'), ('stribeck', 'viscous_shape'), ('gravity', 'inner_load_friction'),

@@ -47,8 +47,7 @@ class Given:
 
 def motions():
     """Return the ways to choose a motion, by name."""
-    from friction_comp.excitation.comparison import fourier_series, staircase
-    from friction_comp.excitation.plan import plan_joint
+    from friction_comp.excitation.plan import fourier_series, plan_joint, staircase
 
     return {
         'plan': plan_joint,

@@ -4,15 +4,17 @@
 
     python3 bench/law_table.py [--worlds gear mujoco refined] [--models true identified]
                                [--laws continuous none continuous:4] [--floors release peak ...]
-                               [--set SHARE=0.95 ...] [--seed S] [--draws N] [--full]
+                               [--set SHARE=0.95 ...] [--without backlash ...]
+                               [--seed S] [--draws N] [--full]
                                [--workers N] [--output FILE.json] [--detail] [--check]
 
 `gear` are gears of five friction models and the note's drives, `refined` those with one more
 effect, in their models too; `mujoco` are gears in an engine that is not ours (PyPI `mujoco`). Even
 seeds are for tuning on, odd seeds are kept for judging: report both, tune on one. The law is given
 the plant's own true model, times the factor that a floor names, or the one that identification
-finds. --set shows what becomes of it with other constants, by their names in law_parameters. The
-whole takes about ten minutes of processor time; --full, with more joints, an hour.
+finds. --set shows what becomes of it with other constants, by their names in law_parameters;
+--without what becomes of it on gears without one of their properties. The whole takes about ten
+minutes of processor time; --full, with more joints, an hour.
 """
 
 import argparse
@@ -82,6 +84,8 @@ def parse():
     parser.add_argument('--floors', nargs='+', default=list(FLOORS), choices=FLOORS)
     parser.add_argument('--set', nargs='+', default=[], type=constant, metavar='NAME=VALUE',
                         help='other constants of friction_comp.compensation.law_parameters')
+    parser.add_argument('--without', nargs='+', default=[], metavar='PROPERTY',
+                        help="fields of the world's gears that are set to zero")
     parser.add_argument('--draws', type=int, help='gears of each kind')
     parser.add_argument('--kinds', nargs='+')
     parser.add_argument('--seed', type=int, default=0)
@@ -106,8 +110,9 @@ def constant(text):
 
 
 def make_jobs(options):
-    """Yield (world, models, floor, law, kinds, draws, seed, full, constants)."""
-    rest = options.kinds, options.draws, options.seed, options.full, tuple(options.set)
+    """Yield (world, models, floor, law, kinds, draws, seed, full, constants, without)."""
+    rest = options.kinds, options.draws, options.seed, options.full, tuple(options.set), \
+        tuple(options.without)
     for world in options.worlds:
         for models in options.models:
             for floor in options.floors:
@@ -123,11 +128,11 @@ def make_jobs(options):
 
 def do(job):
     """Run one job in a process of its own and return its rows and seconds."""
-    world_name, models, floor, law, kinds, draws, seed, full, constants = job
+    world_name, models, floor, law, kinds, draws, seed, full, constants, without = job
     for name, value in constants:
         setattr(law_parameters, name, value)
     began = time.time()
-    bank, refused = bank_of(world_name, models, kinds, draws, seed, full)
+    bank, refused = bank_of(world_name, models, kinds, draws, seed, full, without)
     rows = FLOORS[floor](bank, law, not full)
     return rows, refused, time.time() - began
 
@@ -135,14 +140,14 @@ def do(job):
 _banks = {}
 
 
-def bank_of(name, models, kinds, draws, seed, full):
+def bank_of(name, models, kinds, draws, seed, full, without=()):
     """Return a world's gears with their models, made once a process."""
     key = name, models
     if key not in _banks:
         folder, which, few, many = WORLDS[name]
         world = importlib.import_module(f'{folder}.world')
         bank = make_bank(world, kinds or getattr(world, which), draws or (many if full else few),
-                         seed, 48 if full else 24)
+                         seed, 48 if full else 24, without)
         _banks[key] = identified_bank(bank) if models == 'identified' else (bank, [])
     return _banks[key]
 

@@ -12,6 +12,9 @@ import subprocess
 import sys
 import time
 
+from friction_comp.package_files import package_file
+from friction_comp.tools import processes
+
 ROOT = Path(__file__).resolve().parent.parent
 # s; discovery alone may take seconds on a busy machine.
 PATIENCE = 120.0
@@ -93,6 +96,45 @@ class Forked:
         if self.poll() is None:
             os.kill(self.pid, number)
 
+    def kill(self):
+        self.send_signal(signal.SIGKILL)
+
+
+def fork(name, arguments, folder, output, env):
+    """Start a node from the host that has imported what it needs."""
+    host = plain_host() if name == 'compensator' else compiled_host()
+    return Forked(host, name, arguments, folder, output, env)
+
+
+def fork_nodes_of_tools(monkeypatch):
+    """Let tools that run in this process fork their nodes, too."""
+    def start(nodes, name, parameters):
+        log = nodes._logs / f'{name}.log'
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.touch()
+        nodes._running[name] = fork(
+            name, processes.ros_arguments(parameters), Path.cwd(), log.absolute(), environment())
+    monkeypatch.setattr(processes.Nodes, 'start', start)
+
+
+def shorten_scenes(monkeypatch, folder):
+    """Let scenes of the demo fork their nodes, exercise once, and have half as many states."""
+    from friction_comp.tools import demo_scenes, demo_stage
+
+    def shortened(*parts):
+        path = package_file(*parts)
+        if 'exercises' in parts:
+            text = path.read_text(encoding='utf-8').replace('repetitions: 2', 'repetitions: 1')
+            path = folder / path.name
+            path.write_text(text, encoding='utf-8')
+        return path
+
+    def seldom(*arguments):
+        return processes.plant_parameters(*arguments[:4], sample_time=2 * processes.SAMPLE_TIME)
+    fork_nodes_of_tools(monkeypatch)
+    monkeypatch.setattr(demo_scenes, 'package_file', shortened)
+    monkeypatch.setattr(demo_stage, 'plant_parameters', seldom)
+
 
 class Process:
     """A node in a process of its own; ended with the ``with`` block.
@@ -114,8 +156,7 @@ class Process:
                     [sys.executable, '-m', 'friction_comp', name, *arguments],
                     env=env, stdout=error, stderr=error, cwd=folder)
         else:
-            host = plain_host() if name == 'compensator' else compiled_host()
-            self._process = Forked(host, name, arguments, folder, self._error, env)
+            self._process = fork(name, arguments, folder, self._error, env)
 
     def send(self, number=signal.SIGINT):
         self._process.send_signal(number)

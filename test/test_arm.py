@@ -171,7 +171,7 @@ def test_with_few_data_links_stay_possible_and_near_the_urdf(pinocchio, tmp_path
 
 
 def test_declared_drives_leave_the_torques_in_newton_metres(pinocchio, tmp_path):
-    joints, _motion = simulated(5, 3000)
+    joints, _motion = simulated(5, 1500)
     chain = chain_of(tmp_path, small_arm(), PLANE)
     found = fit_arm(chain, joints, declared=np.array(SCALES))
     assert found.scales == pytest.approx(SCALES, rel=0.05)

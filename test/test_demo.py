@@ -10,10 +10,12 @@ import subprocess
 import sys
 import time
 
+from node_process import shorten_scenes
 import pytest
 from report_pages import assert_documented
 import yaml
 
+from friction_comp.__main__ import run
 from friction_comp.errors import InputError
 from friction_comp.parallel import interrupts_deferred
 from friction_comp.tools import demo
@@ -102,23 +104,24 @@ def test_an_interrupted_demo_leaves_no_process(tmp_path, number):
     assert alive(folder) == []
 
 
-def scene(name, folder, *more):
-    """Run a scene as a user does, as short as it can be; return what it found."""
-    done = subprocess.run(
-        [sys.executable, '-m', 'friction_comp', 'demo', '--scene', name, '--repetitions', '1',
-         '--output', str(folder), *more],
-        env=dict(os.environ, PYTHONPATH=str(ROOT)), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    page = (folder / 'report.html').read_text(encoding='utf-8')
-    assert page.count('<svg') + page.count('<img') >= 2
-    found = json.loads((folder / 'report.json').read_text(encoding='utf-8'))
-    assert_documented(found, 'demo')
-    return found, done.stdout
+@pytest.fixture
+def scene(tmp_path, monkeypatch, own_environment):
+    """Return what runs a scene, as short as it can be, and returns what it found."""
+    shorten_scenes(monkeypatch, tmp_path)
+
+    def play(name):
+        assert run('demo', ['--scene', name, '--repetitions', '1', '--output', str(tmp_path)]) == 0
+        page = (tmp_path / 'report.html').read_text(encoding='utf-8')
+        assert page.count('<svg') + page.count('<img') >= 2
+        found = json.loads((tmp_path / 'report.json').read_text(encoding='utf-8'))
+        assert_documented(found, 'demo')
+        return found
+    return play
 
 
 @pytest.mark.slow
-def test_two_joints_turn_round_with_their_directions_announced(tmp_path):
-    found, told = scene('two_joints', tmp_path / 'out')
+def test_two_joints_turn_round_with_their_directions_announced(scene, capsys):
+    found = scene('two_joints')
     assert [one['joint'] for one in found['joints']] == ['shoulder', 'elbow']
     for one in found['joints']:
         # The elbow turns round on the way: in both directions, announced and not.
@@ -130,12 +133,12 @@ def test_two_joints_turn_round_with_their_directions_announced(tmp_path):
                  if c['movement'] == 'positive'}
         assert peaks['continuous'] < 0.75 * peaks['kinetic']
         assert one['peak_reduction'] is not None
-    assert 'elbow: peak' in told
+    assert 'elbow: peak' in capsys.readouterr().out
 
 
 @pytest.mark.slow
-def test_a_drive_that_changes_is_told_refined_and_helped_without_a_restart(tmp_path):
-    found, _ = scene('wear', tmp_path / 'out')
+def test_a_drive_that_changes_is_told_refined_and_helped_without_a_restart(scene):
+    found = scene('wear')
     assert 'no longer fits' in found['warning']
     assert 'temperature' in found['warning']
     assert found['error_after'] < 0.5 * found['error_before']

@@ -14,14 +14,15 @@ import yaml
 from friction_comp.__main__ import run
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.excitation.comparison import fourier_series, staircase
 from friction_comp.excitation.joint_limits import from_urdf, from_yaml, JointLimits
 from friction_comp.excitation.plan import (
     effort_of,
+    fourier_series,
     JointPlan,
     moves_by,
     plan_joint,
     SHAPE,
+    staircase,
     trajectory_of,
 )
 from friction_comp.excitation.separation import (

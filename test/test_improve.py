@@ -6,6 +6,7 @@ import functools
 import json
 import math
 
+from node_process import fork_nodes_of_tools
 import numpy as np
 import pytest
 
@@ -37,17 +38,17 @@ def test_two_hidden_effects_are_found_and_the_model_is_trusted(improved):
     drive, result, _ = improved
     assert result.verdict == 'trust'
     assert set(result.rounds[-1].effects) - {'inertia'} == {'bump', 'gravity'}
-    assert result.rounds[-1].held_out < 1.3 * drive.noise_floor
+    assert result.rounds[-1].held_out_rmse < 1.3 * drive.noise_floor
     # What the verdict promises: motion that nobody has planned for is predicted as well.
     other = plan_joint(LIMITS, [('gravity', 'spring')], 20.0, 77)
     assert error_of(result.result.model, PlayedDrive(drive, 5)(other)) < (
-        1.3 * result.rounds[-1].held_out)
+        1.3 * result.rounds[-1].held_out_rmse)
 
 
 def test_no_model_is_trusted_before_a_new_motion_has_tested_it(improved):
     _, result, told = improved
     first = result.rounds[0]
-    assert math.isnan(first.predicted)
+    assert math.isnan(first.predicted_rmse)
     assert first.verdict != 'trust'
     assert any('tested' in reason for reason in first.reasons)
     assert [len(one.rounds) for one in told] == list(range(1, len(result.rounds) + 1))
@@ -75,7 +76,7 @@ def test_a_drive_that_changes_between_rounds_is_not_trusted():
         return samples.with_(current=samples.current * worse[-1])
     result = improve(play, LIMITS, drive.model.drive, schedule=Schedule(20.0, 40.0, 3))
     assert result.verdict != 'trust'
-    assert result.rounds[-1].predicted > 2.0 * drive.noise_floor
+    assert result.rounds[-1].predicted_rmse > 2.0 * drive.noise_floor
 
 
 def test_a_budget_without_a_test_is_refused():
@@ -110,6 +111,7 @@ def test_wrong_input_is_one_line(wrong, words, tmp_path, capsys):
 @pytest.mark.processes
 def test_one_command_goes_from_nothing_to_a_tested_model(tmp_path, monkeypatch, own_environment):
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
+    fork_nodes_of_tools(monkeypatch)
     # A state twice as seldom as otherwise.
     monkeypatch.setattr('friction_comp.tools.improve.plant_parameters', functools.partial(
         plant_parameters, sample_time=8e-3))

@@ -71,15 +71,15 @@ def test_what_a_person_carries_counts_as_friction_where_the_load_is_measured():
 def test_says_what_the_residual_goes_with(seconds, change, name):
     *_, (_, verdict) = watched(rows(seconds, change))
     assert not verdict.fits
-    assert verdict.goes_with
-    assert name in [variable for variable, _ in verdict.goes_with], verdict.words
+    assert verdict.explained_by
+    assert name in [variable for variable, _ in verdict.explained_by], verdict.words
     assert name in verdict.words
 
 
 def test_friction_that_is_higher_throughout_is_named_as_that_and_nothing_else():
     *_, (_, verdict) = watched(rows(120.0, lambda t, q, heat, v: 1.4))
     assert verdict.level == pytest.approx(0.4, abs=0.05)
-    assert not verdict.goes_with
+    assert not verdict.explained_by
 
 
 def test_a_worn_joint_is_told_within_a_minute_of_motion():

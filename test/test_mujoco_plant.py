@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 import sys
 
+from node_process import shorten_scenes
 import numpy as np
 import pytest
 
@@ -118,10 +119,11 @@ def test_without_mujoco_it_says_what_to_install(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.processes
-def test_a_guided_arm_is_learnt_and_carried(tmp_path, own_environment):
+def test_a_guided_arm_is_learnt_and_carried(tmp_path, monkeypatch, own_environment):
     """The demo's scene: alone, refined from that, helped."""
     pytest.importorskip('rclpy', reason='ROS 2 is not in this environment')
     pytest.importorskip('pinocchio', reason='Pinocchio is not in this environment')
+    shorten_scenes(monkeypatch, tmp_path)
     assert run('demo', ['--scene', 'arm', '--output', str(tmp_path)]) == 0
     report = json.loads((tmp_path / 'report.json').read_text(encoding='utf-8'))
     for joint, own in report['joints'].items():

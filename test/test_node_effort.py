@@ -30,11 +30,10 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
-from friction_comp.excitation.move import Move
-from friction_comp.excitation.plan import JointPlan, trajectory_of
+from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.trajectory_client import message_of
+from friction_comp.nodes.tool_client import message_of
 from friction_comp.recordings import read_recording
 from friction_comp.simulation.joint import Plant
 from friction_comp.topics import TORQUE_UNIT
@@ -140,9 +139,20 @@ class TorqueController(FakeDriver):
         self.plant = Plant([model], 3, None, self.step)
         # Its own clock: a busy machine takes longer than the arm for a state.
         self.count, self.clock = 0, probe.talk(Clock, '/clock')
+        self.in_step = False
+
+    def catch_up(self):
+        """Let all answers to earlier states arrive: from then on each state has the next one."""
+        heard = -1
+        while len(self.commands) > heard:
+            heard = len(self.commands)
+            self.probe.spin_for(1.0)
+        self.in_step = True
 
     def go_on(self, answered):
         """Show one state, and apply the torque that answers it, if one must."""
+        if answered() and not self.in_step:
+            self.catch_up()
         rest = [0.0] * (len(self.joints) - 1)
         state, before = self.plant.state, len(self.commands)
         self.count += 1

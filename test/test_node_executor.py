@@ -22,9 +22,9 @@ from friction_comp.nodes.executor import StreamExecutor
 class Listener(Node):
     """Notes what it hears, in order."""
 
-    def __init__(self, context, nap):
+    def __init__(self, context, batch_time):
         super().__init__('listener', context=context)
-        self.heard, self.fast_timers, self.nap = [], [], nap
+        self.heard, self.fast_timers, self.batch_time = [], [], batch_time
         for topic in ('first', 'second'):
             self.create_subscription(
                 Int32, topic, lambda m, topic=topic: self.hear(topic, m), RELIABLE)

@@ -86,7 +86,9 @@ def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
         log = (tmp_path / 'out.txt').open('w')
         process = subprocess.Popen(
             [sys.executable, str(script), str(ROOT / 'launch' / f'{name}.launch.py'),
-             "joints:=['elbow']", f"model_files:=['{MODELS[0]}']", 'log_level:=warn'],
+             "joints:=['elbow']", f"model_files:=['{MODELS[0]}']", 'log_level:=warn',
+             # On a busy machine, nodes may take longer than launch waits by itself.
+             'sigterm_timeout:=60', 'sigkill_timeout:=60'],
             env=environment, stdout=log, stderr=log, start_new_session=True)
         try:
             probe.until(lambda: STARTS[name] <= set(probe.get_node_names()), 'the nodes')
@@ -94,7 +96,7 @@ def test_starts_its_nodes_and_ends_them_on_an_interrupt(prefix, tmp_path, name):
                 probe.until(lambda: probe.count_publishers('current_command') == 1, 'activation')
             time.sleep(0.5)
             os.killpg(process.pid, signal.SIGINT)
-            process.wait(60.0)
+            process.wait(120.0)
         finally:
             if process.poll() is None:
                 os.killpg(process.pid, signal.SIGKILL)

@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""All nodes together in lockstep: the numbers of the plain loop, and a whole recording."""
+"""All nodes together in lockstep on a busy machine: the numbers of the plain loop."""
 
 import random
 import signal
@@ -42,8 +42,8 @@ def hold_up(processes):
         time.sleep(rng.uniform(0.0, 0.1))
 
 
-def run(folder, disturbed):
-    """Run one exercise, its nodes held up or not, and return the recording's samples and info."""
+def run(folder):
+    """Run one exercise, its nodes held up, and return the recording's samples."""
     models = {'joints': [JOINT], 'model_files': MODELS[:1]}
     follower = {'use_sim_time': True, 'input_reliability': 'reliable'}
     with own_domain(), probe_node() as probe, Process(folder, 'plant', {
@@ -61,8 +61,7 @@ def run(folder, disturbed):
         with Process(folder, 'exercise', {
                 'joints': [JOINT], **follower, **MOVEMENT, 'clock': 'ticks',
                 'wait_for_listeners': 2, 'when_done': 'exit'}) as exercise:
-            if disturbed:
-                hold_up([plant, compensator, recorder, exercise])
+            hold_up([plant, compensator, recorder, exercise])
             assert exercise.wait(180.0) == 0
         # The last reference still lets the joint run to the next tick.
         times = [None]
@@ -81,7 +80,7 @@ def run(folder, disturbed):
         probe.status_of('recorder', has_all)
         recorder.send()
         assert recorder.wait() == 0
-    return read_recording_with_info(folder / 'recording', JOINT, 0.119, 100.0)[0]
+    return read_recording_with_info(folder / 'recording', JOINT, 0.119, 100.0)[0][0]
 
 
 class Later:
@@ -100,36 +99,14 @@ def expected(count):
         Plant([model], SEED), CompensationLaw([model], 'continuous'), Later(0.01), count * 1e-3)
 
 
-SIGNALS = ('time', 'position', 'velocity', 'current', 'load', 'command')
-
-
 def test_the_nodes_give_the_numbers_of_the_plain_loop_whatever_the_load(tmp_path):
-    samples, _ = run(tmp_path, disturbed=True)
+    samples = run(tmp_path)
     assert len(samples) > 1000 * ReferenceMovement(**MOVEMENT).duration
     log = expected(len(samples))
-    for name in SIGNALS:
+    for name in ('time', 'position', 'velocity', 'current', 'load', 'command'):
         signal = log['interaction_torque' if name == 'load' else name]
         np.testing.assert_allclose(
             getattr(samples, name), signal.reshape(-1), rtol=0, atol=1e-9, err_msg=name)
     # Not by standing still: the person moved the joint, and was helped.
     assert np.ptp(samples.position) > 0.1
     assert np.abs(samples.command).max() > 0.05
-
-
-def test_the_recording_is_whole(tmp_path):
-    samples, info = run(tmp_path, disturbed=False)
-    assert np.allclose(np.diff(samples.time), 1e-3)
-    counts = {topic.lstrip('/'): count for topic, (_, count) in info.topics.items()}
-    # A state is sent again where its answer takes long.
-    again = info.dropped.get('duplicate stamp', 0)
-    assert counts['joint_states'] == counts['interaction_wrench'] == len(samples) + again
-    # Nor is it known then whether its answer was lost.
-    assert -1 <= counts['current_command'] - len(samples) <= again + 1
-    ticks = len(samples) // 10
-    assert abs(counts['direction'] - ticks) <= 3
-    assert counts['reference'] >= ticks - 3
-    assert counts['motor_temperature'] >= len(samples) // 100
-    for name in (*SIGNALS, 'direction', 'reference_position', 'temperature'):
-        assert getattr(samples, name) is not None, name
-    assert set(np.unique(samples.direction)) == {-1, 0, 1}
-    assert info.model == MODELS[0]

@@ -19,8 +19,8 @@ from friction_comp.tools import doctor
 pytestmark = pytest.mark.slow
 # Sooner than a person would want to hear of it.
 HASTY = """
-import friction_comp.nodes.peers as peers
-peers.PATIENCE = 0.3
+import friction_comp.nodes.node_main as node_main
+node_main.PATIENCE = 0.3
 from friction_comp.__main__ import run
 raise SystemExit(run('exercise', ['--ros-args', '-p', 'joints:=[elbow]']))
 """

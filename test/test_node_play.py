@@ -22,9 +22,8 @@ from std_msgs.msg import Float64MultiArray
 
 from friction_comp.__main__ import run
 from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.move import Move
-from friction_comp.excitation.plan import JointPlan, trajectory_of
-from friction_comp.nodes.trajectory_client import message_of, TrajectoryClient
+from friction_comp.excitation.plan import JointPlan, Move, trajectory_of
+from friction_comp.nodes.tool_client import message_of, ToolClient
 
 JOINT = 'elbow'
 LIMITS = JointLimits(JOINT, -0.5, 0.6, 1.0, 5.0)
@@ -162,7 +161,7 @@ def test_a_robots_controller_gets_all_joints_and_time_to_reach_the_first_point()
         ended = []
 
         def play():
-            with TrajectoryClient(patience=30.0) as ros:
+            with ToolClient(patience=30.0) as ros:
                 ros.play_on('arm_controller', motion(), lambda share, _: shares.append(share))
             ended.append(True)
         thread = threading.Thread(target=play)

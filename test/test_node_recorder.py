@@ -241,6 +241,20 @@ def test_a_slow_publisher_that_was_not_heard_before_is_no_loss():
     assert topic.lost == 0
 
 
+def test_losses_beside_an_idle_publisher_are_counted():
+    topic = RecordedTopic(FakeNode(2), JointState, 'joint_states', lambda *_: None)
+    for number in (5, 6, 10, 11, 14, 1, 2):
+        hear(topic, number)
+    assert topic.lost == 5
+
+
+def test_a_publisher_that_is_heard_between_two_messages_of_another_is_no_loss():
+    topic = RecordedTopic(FakeNode(2), JointState, 'joint_states', lambda *_: None)
+    for number in (5, 6, 40, 7, 41, 8):
+        hear(topic, number)
+    assert topic.lost == 0
+
+
 def test_a_publisher_that_takes_the_place_of_another_is_no_loss():
     node = FakeNode()
     topic = RecordedTopic(node, JointState, 'joint_states', lambda *_: None)

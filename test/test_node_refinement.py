@@ -22,8 +22,9 @@ from ros_system import joint_state, MODELS, probe_node, RELIABLE
 from sensor_msgs.msg import JointState
 
 from friction_comp.model.friction_model import FrictionModel
-from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
+from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.live_feed import frame_of
+from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.recent_past import Message, RecentPast
 
 JOINT = 'elbow'
@@ -179,12 +180,12 @@ def test_a_model_that_no_longer_fits_is_told_refined_loaded_and_taken_back(bench
     fits = probe.status_of('refinement', lambda s: any(
         'the model fits' in item.value for item in s.values))
     assert fits.level == b'\x00'
-    bench.move(60.0, ripple=0.6)
+    bench.move(40.0, ripple=0.6)
     warned = probe.status_of(
         'refinement', lambda s: s.level == b'\x01' and 'position' in s.message)
     assert 'no longer fits' in warned.message
 
-    handle = bench.refine(seconds=60.0, load=True)
+    handle = bench.refine(seconds=40.0, load=True)
     assert not bench.refine().accepted, 'one goal at a time'
     outcome = bench.result(handle)
     result = outcome.result

@@ -10,7 +10,7 @@ from xml.dom import minidom
 import numpy as np
 import pytest
 
-from friction_comp.evaluation.compare import Comparison, effect_size, pairs_to_decide
+from friction_comp.evaluation.compare import Comparison, effect_size
 from friction_comp.evaluation.intervals import mean_interval
 from friction_comp.evaluation.repetitions import Help
 from friction_comp.evaluation.sessions import evaluate_recordings
@@ -119,19 +119,9 @@ def of(differences):
                       mean_interval(differences), None)
 
 
-def test_how_many_repetitions_decide():
-    random = np.random.default_rng(0)
-    large = of(list(-1.0 + 0.3 * random.standard_normal(10)))
-    small = of(list(-0.3 + 0.5 * random.standard_normal(40)))
-    assert effect_size(large).mean < -2.0
-    assert effect_size(large).low < effect_size(large).mean < effect_size(large).high
-    # Six differences of one sign have p = 2/2^6 = 0.031; five cannot have less than 0.05.
-    assert pairs_to_decide(large) == 6
-    assert pairs_to_decide(large, tests=9) > 6
-    wanted = pairs_to_decide(small)
-    assert 10 < wanted < 200
-    share = abs(effect_size(small).mean)
-    found = np.mean([np.abs(sample.mean()) / sample.std(ddof=1) * np.sqrt(wanted) > 2.0
-                     for sample in share + random.standard_normal((2000, wanted))])
-    assert found == pytest.approx(0.8, abs=0.06)
+def test_an_effect_is_counted_in_deviations_of_the_differences():
+    differences = -1.0 + 0.3 * np.random.default_rng(0).standard_normal(10)
+    size = effect_size(of(list(differences)))
+    assert size.mean == pytest.approx(differences.mean() / differences.std(ddof=1))
+    assert size.low < size.mean < size.high
     assert effect_size(of([0.5, 0.5])) is None

@@ -36,7 +36,7 @@ def drive():
 def folder(drive, tmp_path_factory):
     """Return a folder with a recording to fit, one to score, and what refine made of the first."""
     room = tmp_path_factory.mktemp('refine')
-    excitation = excitation_for(('cogging',), duration=60.0, rate=RATE)
+    excitation = excitation_for(('cogging',), duration=40.0, rate=RATE)
     for name, seed in (('fit', 5), ('score', 6)):
         samples = record(drive, seed, excitation)[0].samples.with_(joint='elbow')
         write_samples(room / name, samples,
@@ -59,7 +59,7 @@ def test_report_has_what_is_promised(folder, drive):
     report = json.loads((folder / 'out' / 'report.json').read_text())
     assert report['unit'] == 'A'
     assert report['joint'] == 'elbow'
-    assert report['samples'] == 60.0 * RATE
+    assert report['samples'] == 40.0 * RATE
     assert report['held_out']
     for side in ('before', 'after'):
         assert set(report[side]) == {
@@ -98,7 +98,7 @@ def test_predict_writes_a_row_for_every_joint_state(folder, drive):
                         '--output', str(path)]) == 0
     columns = table(path)
     assert list(columns) == ['time', 'measured', 'predicted']
-    assert len(columns['time']) == 60.0 * RATE
+    assert len(columns['time']) == 40.0 * RATE
     assert np.isfinite(columns['predicted']).all()
     assert np.all(np.diff(columns['time']) > 0)
     error = columns['measured'] - columns['predicted']
@@ -163,7 +163,7 @@ def test_a_joint_that_stands_still_cannot_be_refined(drive):
 
 
 def test_several_recordings_give_one_model(drive):
-    excitation = excitation_for(('cogging',), duration=30.0, rate=RATE, recordings=3)
+    excitation = excitation_for(('cogging',), duration=20.0, rate=RATE, recordings=2)
     parts = [trial.samples for trial in record(drive, 8, excitation)]
     result = refine(parts, drive=drive.model.drive)
     assert result.report['samples'] == sum(map(len, parts))
@@ -171,7 +171,7 @@ def test_several_recordings_give_one_model(drive):
 
 
 def test_outliers_and_gaps_do_no_harm(drive):
-    excitation = excitation_for(('cogging',), duration=60.0, rate=RATE)
+    excitation = excitation_for(('cogging',), duration=40.0, rate=RATE)
     samples = record(drive, 5, excitation)[0].samples
     rng = np.random.default_rng(0)
     current = samples.current.copy()

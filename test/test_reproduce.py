@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The note's experiments in small."""
 
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 import json
 import os
@@ -16,7 +17,7 @@ import pytest
 from report_pages import assert_documented, promised
 
 from friction_comp.__main__ import run
-from friction_comp.note import experiment_set
+from friction_comp.note import condition_runs, experiment_set, identify
 from friction_comp.note.condition_runs import run_trial
 from friction_comp.note.published import EXPERIMENTS
 
@@ -37,12 +38,14 @@ def test_the_same_seed_gives_the_same_trial():
 @pytest.mark.slow
 def test_whole_tool(tmp_path, monkeypatch):
     """Every floor holds, and the page and the numbers are there."""
-    # The curves over the gain and the speed are drawn and not tested here: of two points each.
-    monkeypatch.setattr(experiment_set, 'GAINS', (0.8, 1.2))
-    monkeypatch.setattr(experiment_set, 'DEAD_SPEEDS', (0.0, 3.0))
+    # A quarter of an hour instead of a whole one, a sample half as often, and no process: that one
+    # is the next test's.
+    monkeypatch.setattr(condition_runs, 'STANDSTILLS', 90)
+    monkeypatch.setattr(identify, 'SAMPLE_TIME', 2e-3)
+    monkeypatch.setattr(experiment_set, 'child_process', lambda: ThreadPoolExecutor(1))
     assert run('reproduce', ['--cycles', '100', '--output', str(tmp_path / 'out')]) == 0
     page = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
-    assert page.count('<figure') == 5
+    assert page.count('<figure') == 3
     results = json.loads((tmp_path / 'out' / 'results.json').read_text(encoding='utf-8'))
     assert_documented(results, 'reproduce')
     for experiment in EXPERIMENTS:

@@ -18,7 +18,7 @@ from friction_comp.recordings import (
     stream_recording_with_info,
     write_samples,
 )
-from friction_comp.recordings.table_writer import table_of, write_table
+from friction_comp.recordings.tables import table_of, write_table
 
 SIGNALS = ('time', 'position', 'current', 'velocity', 'load', 'temperature', 'command', 'direction',
            'reference_position', 'reference_velocity')

@@ -23,7 +23,7 @@ FRICTION = ((0.02, 0.3, 0.2, 0.05), (-0.03, 0.4, 0.3, 0.04), (0.0, 0.2, 0.1, 0.0
 MASSES = (5.0, 2.2, 2.6)
 
 
-def trial(seed, size=3000):
+def trial(seed, size=2000):
     rng = np.random.default_rng(seed)
     motion = waves(rng, size, 3, 0.01)
     return recorded(small_arm(MASSES), PLANE, motion, SCALES, FRICTION, rng)
@@ -74,7 +74,7 @@ def test_predict_needs_no_urdf_and_is_right_on_another_recording(refined, joint,
         str(refined / 'score'), '--model', str(refined / 'out' / 'model.yaml'), '--joint', joint,
         '--output', str(table)]) == 0
     error = errors_of(table)
-    assert len(error) == 3000
+    assert len(error) == 2000
     # Noise is 0.02 A; the sign of friction at reversals is sharper than 100 Hz shows.
     assert np.sqrt(np.mean(error ** 2)) < 0.035
     assert predict.main([
@@ -222,8 +222,9 @@ def test_ur10e_is_predicted_better_than_by_plain_least_squares():
     fit, score = (
         {name: [samples for samples, _ in parts]
          for name, parts in read_arm(folder / which).items()} for which in ('fit', 'score'))
-    results = refine_arm(fit, folder / 'ur10e.urdf').results
-    floors = (0.29, 0.80, 0.22, 0.056, 0.094, 0.066)
-    found = [np.sqrt(np.mean((part.current - results[name].model.predict(part)) ** 2))
-             for name, (part, *_) in score.items()]
+    # All joints tell of the links; friction of three is enough.
+    results = refine_arm(fit, folder / 'ur10e.urdf', only=list(fit)[1::2]).results
+    floors = (0.80, 0.056, 0.066)
+    found = [np.sqrt(np.mean((part.current - result.model.predict(part)) ** 2))
+             for name, result in results.items() for part in score[name][:1]]
     assert (np.array(found) <= floors).all(), found

@@ -30,7 +30,7 @@ class Bank:
                     self.seed)
 
 
-def make_bank(world, kinds, draws, seed, repetitions=48):
+def make_bank(world, kinds, draws, seed, repetitions=48, without=()):
     """Draw gears of several kinds and find their true models.
 
     Parameters
@@ -44,11 +44,15 @@ def make_bank(world, kinds, draws, seed, repetitions=48):
         Even: for tuning; odd: kept for judging.
     repetitions : int
         Slow ramps a gear.
+    without : sequence of str
+        Properties that are taken from every gear: set to zero, before its model is found.
     """
     names, gears, documents = [], [], []
     for kind in kinds:
         if kind in world.KINDS:
             drawn = world.draw_gears(kind, draws, seed)
+            for name in set(without) & set(drawn.dtype.names):
+                drawn[name] = 0
             found = true_models(world, drawn, seed, repetitions)
         else:
             drawn, found = world.draw_refined(kind, draws, seed, repetitions)

@@ -90,6 +90,8 @@ class Plant:
         self._commands = np.zeros((4, joints))
         self._own_inertia = self._rows(self.model.dof_armature)[:, LINK].copy()
         self._watch()
+        # Who holds the joint from the beginning takes it where it is.
+        self.states['origin'] = self.states['link']
         self._measure(first=True)
 
     def _rows(self, values, width=4):

@@ -6,9 +6,9 @@
 R behind a small backlash. Where A does not exceed the gear's friction and R is at least its
 presliding distance, the law supplies over any path at most the energy that the gear dissipates,
 plus a bounded amount (proof in docs/compensation_law.md). At rest z is moved to the announced
-direction (the preload), and the law checks that the joint holds it: a drive that slips while the
-preload rises, or just after, has lost friction, and gets that much less current until later
-movements have shown otherwise.
+direction (the preload), and one observation bounds the model's error: whether the joint holds it.
+What the joint has shown to hold is kept in one number, the trust in its drive. A slip lowers it, a
+movement by a person restores some of it.
 """
 
 from __future__ import annotations
@@ -22,17 +22,12 @@ from friction_comp.compensation.guards import in_doubt, soft_end
 from friction_comp.compensation.records import FREE, HELD, LEADING
 from friction_comp.compiling import njit
 
-LEAST_SHARE = 0.5
-"""The preload is never lowered below this share."""
 EARLIEST, EARLY_TIME = 0.75, 0.16
 """A slip is early above this share of the preload and within this time in s of leading. Below
 this share, a person moved the joint; later, the push of a person has grown to the last tenth of
 friction, or the preload waited for an oscillating gear."""
-CREEP_TIME = 1.0
-"""s that a joint may creep under its preload; a push takes tenths of a second."""
-TAKEN_TIME, GIVEN_BACK = 0.5, 0.04
-"""s in which trust falls from one to zero above the identified speeds; trust that is restored at
-each rest after a movement."""
+TAKEN_TIME = 0.5
+"""s in which trust falls from one to zero above the identified speeds."""
 MOST_CHANGES, CHANGE_TIME = 2.5, 1.0
 """Number of changes of the announced direction above which it is ignored, and s after which one
 change is forgotten."""
@@ -63,46 +58,34 @@ def follow(p: Any, s: Any) -> None:
         s.still_time = 0.0
     else:
         s.still_time += s.step
-    # No one is pushed this far by accident.
-    if abs(s.position - s.rest_position) > p.moved_distance:
-        s.preload_share = 1.0
-        s.caution = 0
 
 
 @njit(cache=True)
-def _lower_preload(p: Any, s: Any, left: float) -> None:
-    s.preload_share = max(LEAST_SHARE / s.trust, left * s.preload_share)
-
-
-@njit(cache=True)
-def _slipped(p: Any, s: Any, aim: float, origin: float, early: bool) -> None:
-    """Lower the level of a joint that slipped under its preload."""
+def _slipped(p: Any, s: Any, share: float) -> None:
+    """Lower the trust in a drive that slipped under its preload to a share of what it was."""
     s.slips += 1.0
-    s.still_time, s.still_position = 0.0, s.position
-    s.creeping = -math.inf
-    if (s.position - origin) * aim > 0.0:
-        _lower_preload(p, s, p.early * abs(s.ramp) if early else p.lowered)
-        s.caution = 2 if early else 1
-        s.rest_position = origin
-    s.mode = FREE
+    s.trust = max(p.least_trust, share * s.trust)
 
 
 @njit(cache=True)
 def lead(p: Any, s: Any, aim: float) -> None:
     """Move the operator of a joint at rest to the announced direction, and check that it holds.
 
-    Before anybody pushes, the joint shows whether it holds the preload of this rest: if it moves
-    farther than its presliding distance, the preload is lowered, and the current stays below
-    sliding friction until the joint rests. An early slip that ends by itself shows that the drive
-    has lost friction. Once the joint has held the preload, displacement drives the operator again.
+    A joint that moves in that direction by more than it yields has slipped: while z is led, which
+    ends there, and once more from one rest to the next, unless it moved farther than anybody does
+    by accident.
     """
     if s.still_time >= p.rest_time:
         s.turned = approach(s.turned, 0.0, s.step / p.lead_time)
     if s.mode == LEADING:
-        s.creeping += s.step
-        if abs(s.position - s.lead_position) > p.slip:
-            _slipped(p, s, aim, s.lead_position, abs(s.ramp) > EARLIEST
-                     and s.creeping < EARLY_TIME and s.preload_share == 1.0)
+        s.since += s.step
+        moved = s.position - s.lead_position
+        if abs(moved) > p.slip:
+            if moved * aim > 0.0:
+                early = abs(s.ramp) > EARLIEST and s.since < EARLY_TIME
+                _slipped(p, s, p.early * abs(s.ramp) if early else p.lowered)
+                s.rest_position = s.lead_position
+            s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
             return
         # A gear that yields fast under the preload would overshoot.
         if abs(s.speed) < p.lead_speed:
@@ -111,45 +94,34 @@ def lead(p: Any, s: Any, aim: float) -> None:
         s.backlash_position = s.rest_position = s.position
         if s.ramp != aim:
             s.still_time = 0.0
-        elif s.still_time >= p.hold_time:
+        elif s.still_time >= p.rest_time:
             s.mode = HELD
     elif s.still_time >= p.rest_time:
         if s.mode == FREE:
             moved = s.position - s.rest_position
-            if s.caution == 2:
-                # A joint that stops by itself was moved by the law: the drive holds less.
-                s.trust, s.preload_share = max(LEAST_SHARE, s.trust * s.preload_share), 1.0
-            elif abs(moved) > p.moved_distance:
-                s.trust = min(1.0, s.trust + GIVEN_BACK)
+            if s.z * aim > 0.0 and p.slip < moved * aim < p.moved_distance:
+                _slipped(p, s, p.lowered)
+            # Within the slip distance a joint that creeps has not left its position of rest.
             if abs(moved) > p.slip:
-                if s.starting == 1 and s.caution == 0 and moved * aim > 0.0 and (
-                        abs(moved) < p.moved_distance):
-                    _lower_preload(p, s, p.lowered)
                 s.rest_position = s.position
-            # A joint that creeps from rest to rest has not left its position of rest.
-            s.lead_position = s.rest_position
-        slipped = s.caution > 0
-        s.starting, s.caution, s.creeping = 1, 0, 0.0
+        s.since, s.displaced, s.trusted = 0.0, 0, s.trust
         if s.direction == 0.0:
             # Displacement keeps driving the operator, since a push may come at any time.
             s.z = approach(s.z * (1.0 - s.opposed), 0.0, s.step / p.lead_time)
             s.opposed, s.mode, s.ramp, s.rest_position = 0.0, HELD, 0.0, s.position
-        elif slipped or (abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp)):
-            # A level restored after a slip is checked like a preload.
+        elif abs(aim - s.z) > 0.02 and (s.mode == FREE or aim != s.ramp):
             s.z *= 1.0 - s.opposed
             s.opposed = 0.0
             s.mode, s.ramp, s.lead_position, s.still_time = LEADING, s.z, s.position, 0.0
         else:
             s.mode, s.ramp = HELD, aim
-            if abs(s.position - s.lead_position) > p.slip:
-                _slipped(p, s, aim, s.lead_position, False)
     else:
         s.mode = FREE
-        moved = s.position - s.rest_position
-        if abs(moved) < p.start_distance:
-            s.creeping += s.step
-            if s.creeping > CREEP_TIME and s.z * aim > 0.0 and moved * aim > 0.0:
-                _slipped(p, s, aim, s.rest_position, False)
+        s.since += s.step
+        # A slip that was answered with less ends within a degree: who goes on is moved by a person.
+        if s.displaced == 0 and abs(s.position - s.rest_position) > p.moved_distance:
+            s.displaced = 1
+            s.trust = min(1.0, max(s.trust, s.trusted) + 1.0 - p.lowered)
 
 
 @njit(cache=True)
@@ -195,27 +167,17 @@ def amplitude(p: Any, s: Any, positive: bool, speed: float, more: float) -> tupl
     mean = min(mean, max(plateau, mean - p.turning))
     near = p.slow_share * max(0.0, min(sliding, mean - std))
     # Until the joint has left its position of rest, breakaway friction holds it.
-    start = within = 0.0
-    if s.starting == 1:
-        moved = abs(s.position - s.rest_position)
-        start = max(0.0, min(1.0, 2.0 - moved / p.start_distance))
-        if s.mode != LEADING:
-            within = max(0.0, min(1.0, 2.0 - moved / p.distance))
-        near += start * max(0.0, p.gain * mean - near)
-    if s.caution > 0:
-        near = min(near, p.slow_share * sliding)
-    lost = s.caution == 2 or s.trust < 1.0
-    if not lost:
-        # Displacement never raises it above what the joint held at this rest.
-        near *= s.preload_share
+    moved = abs(s.position - s.rest_position)
+    start = max(0.0, min(1.0, 2.0 - moved / p.start_distance))
+    within = 0.0
+    if s.mode != LEADING:
+        within = max(0.0, min(1.0, 2.0 - moved / p.distance))
+    near += start * max(0.0, p.gain * mean - near)
     # Speed within presliding is not sliding: A would follow a vibration, some samples late. (While
     # z is led A does follow speed: it falls where the joint slips, before the slip is detected.)
-    # Nor does speed raise A above what the joint held until it has left its position of rest.
-    if s.preload_share < 1.0:
-        within = start
     rises = settled * min(1.0, speed / p.slow) * (1.0 - within)
     level = near + (p.share * (sliding + p.viscous * speed) - near) * rises
-    return (s.preload_share * level if lost else level), start
+    return level, start
 
 
 @njit(cache=True)
@@ -223,7 +185,7 @@ def faded(p: Any, s: Any, speed: float) -> float:
     """Return the share of current left above the identified speeds, and lower the trust there.
 
     A joint that fast is driven by more current than friction dissipates, or by a person in a hurry:
-    its drive is trusted less until it has held its preload at later rests.
+    its drive is trusted less, until later movements have restored it.
     """
     over = (speed - p.fade_from) / (p.fade_to - p.fade_from)
     if over > 0.0:
@@ -296,8 +258,7 @@ def rise(p: Any, s: Any, wanted: float, direction: float) -> None:
     """
     held = s.friction if s.friction * wanted > 0.0 else 0.0
     time = p.rise_time if wanted * direction > 0.0 else p.alone_time
-    if (s.starting == 1 and s.creeping < p.start_time
-            and abs(s.position - s.rest_position) < p.distance):
+    if s.since < p.start_time and abs(s.position - s.rest_position) < p.distance:
         time = min(time, p.push_time)
     most = max(p.upper, -p.lower) * s.step / time
     s.friction = approach(held, wanted, most) if abs(wanted) > abs(held) else wanted

@@ -33,7 +33,7 @@ def begin(p: Any, s: Any, time: float, position: float) -> None:
     s.started = 1
     s.time, s.step = time, p.sample_time
     s.seen = position
-    s.preload_share = s.trust = 1.0
+    s.trust = s.trusted = 1.0
     settle(s, position)
 
 
@@ -42,8 +42,8 @@ def settle(s: Any, position: float) -> None:
     """Reset to a joint at rest at this position, with the operator relaxed."""
     s.position = s.backlash_position = s.still_position = position
     s.rest_position = s.lead_position = position
-    s.half_speed = s.speed = s.z = s.turned = s.friction = s.still_time = s.creeping = s.doubt = 0.0
-    s.mode, s.starting, s.caution = FREE, 0, 0
+    s.half_speed = s.speed = s.z = s.turned = s.friction = s.still_time = s.since = s.doubt = 0.0
+    s.mode, s.displaced = FREE, 0
     s.pace = s.slowest = s.usual = s.sliding = s.withheld = 0.0
 
 

@@ -128,13 +128,12 @@ class CompensationLaw:
     def guards(self) -> dict[str, np.ndarray]:
         """What limited the current of the continuous law, per joint.
 
-        ``taken back``: share of compensation removed because the drive slipped before its preload
-        was complete (it has lost friction), or because the joint exceeded the identified speeds;
-        ``beyond identified speeds``: for how long it did, s; ``withheld``: share withheld while the
-        joint slows down, or is faster than before in this movement; ``preload``: share of the
-        preload that the joint can hold, and ``slips``: how often it held less; ``samples dropped``:
-        number of implausible samples; ``in doubt``: whether these, or a velocity that contradicts
-        the encoder, cause zero current.
+        ``taken back``: share of compensation removed because the drive slipped under its preload,
+        or because the joint exceeded the identified speeds; ``beyond identified speeds``: for how
+        long it did, s; ``withheld``: share withheld while the joint slows down, or is faster than
+        before in this movement; ``slips``: how often it slipped under its preload; ``samples
+        dropped``: number of implausible samples; ``in doubt``: whether these, or a velocity that
+        contradicts the encoder, cause zero current.
         """
         s, p = self._states, self._parameters
         begun = s['started'] == 1
@@ -142,7 +141,6 @@ class CompensationLaw:
             'taken back': np.where(begun, 1.0 - s['trust'], 0.0),
             'beyond identified speeds': s['overspeed'].copy(),
             'withheld': s['withheld'].copy(),
-            'preload': np.where(begun, s['preload_share'], 1.0),
             'slips': s['slips'].astype(int),
             'samples dropped': s['dropped'].astype(int),
             'in doubt': (s['doubt'] > p['bad_time']) | (s['contradiction'] > p['rest_time'])}

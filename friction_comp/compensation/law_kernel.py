@@ -27,10 +27,9 @@ def printed_current(p: Any, speed: float) -> float:
     """Return the kinetic term of the printed law in A.
 
     Eq. 6, but only in motion: the look-up table has no points around standstill, so that the value
-    of the fit there, up to half of the breakaway current, is arbitrary. `dead_speed`, 0 in the law,
-    lets `reproduce` show the contribution of slow motion.
+    of the fit there, up to half of the breakaway current, is arbitrary.
     """
-    if abs(speed) <= p.dead_speed:
+    if speed == 0.0:
         return 0.0
     return compiled_kinetic_current(
         speed, p.upper, p.lower, p.steepness, p.shift, p.viscous)

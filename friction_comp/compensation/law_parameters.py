@@ -62,11 +62,10 @@ ALONE_TIME = 0.3
 # overshoot.
 LEAD_TIME = 0.1
 LEAD_SPEED = 0.01
-# s at rest after which the joint has held its preload; factor on a level under which it slipped;
-# and factor on the preload reached at an early slip, which is detected late: 0.77 of 0.9 of the
-# model is held by a drive with 0.70 of its friction.
-HOLD_TIME = 0.15
-LOWERED = 0.92
+# Factor on the trust in a drive that slipped under its preload; a movement restores as much as it
+# takes from one. And factor on the preload reached at an early slip, which is detected late: 0.77
+# of 0.9 of the model is held by a drive with 0.70 of its friction.
+LOWERED = 0.94
 EARLY = 0.77
 # Distance in R from rest over which breakaway friction holds the joint; it fades over the same
 # distance again.
@@ -205,7 +204,6 @@ def _set_times(p: Any, model: FrictionModel) -> None:
     p['rest_time'] = 0.15
     p['rise_time'], p['alone_time'] = RISE_TIME, ALONE_TIME
     p['push_time'] = KNOWN_TIME if knows_presliding(model) else ALONE_TIME
-    p['hold_time'] = HOLD_TIME
     p['bad_time'] = 0.02
     p['start_time'] = START_TIME
 

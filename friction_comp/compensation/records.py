@@ -34,10 +34,10 @@ PARAMETERS = _record(
     'resolution '
     'lowest highest soft_end '
     # Times in s.
-    'rest_time hold_time lead_time rise_time alone_time push_time start_time bad_time '
+    'rest_time lead_time rise_time alone_time push_time start_time bad_time '
     'sample_time '
     # Speeds in rad/s; bounds on the current in A and A/s.
-    'slow lead_speed fade_from fade_to fastest dead_speed limit slope',
+    'slow lead_speed fade_from fade_to fastest limit slope',
     'law',
     # Speeds in rad/s, and what Eq. 6 has there beyond the look-up table, A, per direction.
     'knots excess_positive excess_negative')
@@ -49,18 +49,20 @@ STATE = _record(
     # The operator: z in -1..1, the element that reverses over a longer distance, position behind
     # the backlash in rad.
     'z turned backlash_position '
-    # Rest: how long, where the joint is, where it rested, where leading began; s and rad.
-    'still_time still_position rest_position lead_position ramp creeping '
+    # Rest: how long, where the joint is, where it rested, where leading began, s and rad; z while
+    # it is led, and s since leading or the movement began.
+    'still_time still_position rest_position lead_position ramp since '
     # Change of speed: averaged speed in rad/s, the lowest and the usual one since the start, s of
     # sliding, the share withheld.
     'pace slowest usual sliding withheld '
-    # Share of the preload held at this rest, trust in the drive, shares 0..1; s of doubt.
-    'preload_share trust opposed doubt contradiction '
+    # Trust in the drive, at the last rest too; share of current against the
+    # announced direction, 0..1; s of doubt.
+    'trust trusted opposed doubt contradiction '
     # The direction announced last, and its recent changes, s.
     'direction changes '
     # Output in A and its parts.
     'current friction kinetic breakaway bump '
     # Counts for inspection.
     'dropped slips overspeed',
-    'started agreed mode starting caution changed')
+    'started agreed mode displaced changed')
 """State of one joint; zeros before the first sample."""

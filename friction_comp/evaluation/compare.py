@@ -19,7 +19,6 @@ from friction_comp.evaluation.intervals import (
     Interval,
     is_significant,
     mean_interval,
-    SIGNIFICANT,
     student,
 )
 from friction_comp.evaluation.repetitions import FIGURES, Help, Repetition
@@ -29,54 +28,39 @@ from friction_comp.statistics import holm
 # two need a torque sensor; smoothness needs only motion.
 COMPARED = ('peak_torque', 'rms_torque', 'residual_current', 'announcement_to_motion', 'onset',
             'smoothness')
-# The usual power of a trial: the probability that it finds a real difference.
-POWER = 0.8
-# Largest number of pairs that is considered.
-_MOST = 1000
 
 
 @dataclass
 class Comparison:
     """One figure under two conditions.
 
-    Attributes
-    ----------
-    figure : str
-        A name in `FIGURES`.
-    first, second : Help
-    pairs : int
-        Number of pairs: the n-th repetition under one condition with the n-th under the other, in
-        the same movement.
-    before, after : float
-        Means over the pairs.
-    difference : Interval
-        Second minus first.
-    probability : float or None
-        p-value of Wilcoxon's two-sided signed-rank test, with Holm's correction for the number of
-        comparisons of this figure; None for fewer than five pairs.
+    Pairs are the n-th repetition under one condition with the n-th under the other, in the same
+    movement.
     """
 
-    figure: str
+    figure: str  # a name in `FIGURES`
     first: Help
     second: Help
-    pairs: int
-    before: float
-    after: float
-    difference: Interval
-    probability: float | None
+    pairs: int  # number of pairs
+    mean_first: float  # over the pairs
+    mean_second: float
+    difference: Interval  # second minus first
+    # p-value of Wilcoxon's two-sided signed-rank test, with Holm's correction for the number of
+    # comparisons of this figure; None for fewer than five pairs.
+    p_value: float | None
 
     @property
     def significant(self) -> bool:
         """Whether the difference is statistically significant."""
-        return is_significant(self.probability)
+        return is_significant(self.p_value)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
         return {
             'figure': self.figure, 'unit': FIGURES[self.figure][1],
             'first': self.first.as_dict(), 'second': self.second.as_dict(), 'pairs': self.pairs,
-            'mean_first': self.before, 'mean_second': self.after,
-            'difference': self.difference.as_dict(), 'p_value': self.probability}
+            'mean_first': self.mean_first, 'mean_second': self.mean_second,
+            'difference': self.difference.as_dict(), 'p_value': self.p_value}
 
 
 def is_informative(first: Help, second: Help, baseline: Help) -> bool:
@@ -100,9 +84,7 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
     Conditions are ordered from no compensation over compensation without a direction to
     compensation with one; each is `first` against those that follow.
     """
-    groups: dict[Help, list[Repetition]] = {}
-    for repetition in repetitions:
-        groups.setdefault(repetition.help, []).append(repetition)
+    groups = _by_condition(repetitions)
     ordered = sorted(groups, key=lambda condition: (
         condition.uses_direction, condition.law != 'none', condition))
     comparisons = []
@@ -118,20 +100,27 @@ def compare(repetitions: Sequence[Repetition]) -> list[Comparison]:
             if len(values):
                 comparisons.append(_compare_values(figure, first, second, values))
     for figure in COMPARED:
-        tested = [c for c in comparisons if c.figure == figure and c.probability is not None]
-        for comparison, p_value in zip(tested, holm([c.probability or 0.0 for c in tested])):
-            comparison.probability = float(p_value)
+        tested = [c for c in comparisons if c.figure == figure and c.p_value is not None]
+        for comparison, p_value in zip(tested, holm([c.p_value or 0.0 for c in tested])):
+            comparison.p_value = float(p_value)
     return comparisons
+
+
+def _by_condition(repetitions: Sequence[Repetition]) -> dict[Help, list[Repetition]]:
+    groups: dict[Help, list[Repetition]] = {}
+    for repetition in repetitions:
+        groups.setdefault(repetition.help, []).append(repetition)
+    return groups
 
 
 def _compare_values(figure: str, first: Help, second: Help, values: np.ndarray) -> Comparison:
     difference = values[:, 1] - values[:, 0]
-    probability = None
+    p_value = None
     if len(values) >= 5:
-        probability = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
+        p_value = float(stats.wilcoxon(difference).pvalue) if difference.any() else 1.0
     before, after = values.mean(axis=0)
     return Comparison(figure, first, second, len(values), float(before), float(after),
-                      mean_interval(difference.tolist()), probability)
+                      mean_interval(difference.tolist()), p_value)
 
 
 def effect_size(comparison: Comparison) -> Interval | None:
@@ -148,66 +137,22 @@ def effect_size(comparison: Comparison) -> Interval | None:
     return Interval.around(size, half, count)
 
 
-def pairs_to_decide(comparison: Comparison, tests: int = 1) -> int | None:
-    """Return how many pairs would show a difference of the observed size significantly.
-
-    Computed from the power of the paired t test with 95.5 % of the pairs, the relative efficiency
-    of Wilcoxon's test for normal differences, and at least so many that Wilcoxon's smallest
-    p-value passes Holm's first step.
-
-    Parameters
-    ----------
-    comparison : Comparison
-    tests : int
-        Number of comparisons of the same figure.
-
-    Returns
-    -------
-    int or None
-        None where the difference is zero, or where more than 1000 pairs would be needed.
-    """
-    size = effect_size(comparison)
-    level = SIGNIFICANT / max(tests, 1)
-    # The p-value of n differences of one sign is 2 · 2^-n.
-    fewest = math.ceil(math.log2(2.0 / level))
-    if size is None or not abs(size.mean) > 0.0:
-        return fewest if size is None and comparison.difference.mean else None
-    for count in range(max(fewest, 2), _MOST):
-        noncentrality = abs(size.mean) * math.sqrt(0.955 * count)
-        critical = float(stats.t.ppf(1.0 - 0.5 * level, count - 1))
-        if float(np.nan_to_num(stats.nct.sf(critical, count - 1, noncentrality), nan=1.0)) >= POWER:
-            return count
-    return None
-
-
 @dataclass
 class Trend:
-    """One figure under one condition by day.
+    """One figure under one condition by day."""
 
-    Attributes
-    ----------
-    figure : str
-        A name in `FIGURES`.
-    help : Help
-    days : dict of str to Interval
-        Mean and 95 % interval over the day's repetitions, by ISO date.
-    per_week : Interval or None
-        Slope of a straight line through the daily means, with its 95 % interval; None for fewer
-        than three days. Repetitions of one day are not independent, so days are counted.
-    probability : float or None
-        p-value of the slope.
-    """
-
-    figure: str
+    figure: str  # a name in `FIGURES`
     help: Help
-    days: dict[str, Interval]
+    days: dict[str, Interval]  # mean over the day's repetitions, by ISO date
+    # Slope of a straight line through the daily means, None for fewer than three days. Repetitions
+    # of one day are not independent, so days are counted.
     per_week: Interval | None
-    probability: float | None
+    p_value: float | None  # of the slope
 
     @property
     def significant(self) -> bool:
         """Whether the slope is statistically significant."""
-        return is_significant(self.probability)
+        return is_significant(self.p_value)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of report.json."""
@@ -215,18 +160,15 @@ class Trend:
             'figure': self.figure, 'unit': FIGURES[self.figure][1], **self.help.as_dict(),
             'days': {day: value.as_dict() for day, value in self.days.items()},
             'per_week': self.per_week.as_dict() if self.per_week else None,
-            'p_value': self.probability}
+            'p_value': self.p_value}
 
 
 def trends(repetitions: Sequence[Repetition]) -> list[Trend]:
     """Return the trend of each condition's leading figure; empty for repetitions of one day."""
-    if len({r.day for r in repetitions if r.day}) < 2:
+    dated = [r for r in repetitions if r.day]
+    if len({r.day for r in dated}) < 2:
         return []
-    groups: dict[Help, list[Repetition]] = {}
-    for repetition in repetitions:
-        if repetition.day:
-            groups.setdefault(repetition.help, []).append(repetition)
-    return [_trend(condition, groups[condition]) for condition in sorted(groups)]
+    return [_trend(condition, group) for condition, group in sorted(_by_condition(dated).items())]
 
 
 def _trend(condition: Help, repetitions: list[Repetition]) -> Trend:

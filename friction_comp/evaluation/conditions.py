@@ -24,7 +24,6 @@ from friction_comp.evaluation.outcome import Condition, Evaluation
 from friction_comp.evaluation.repetitions import (
     effort,
     FIGURES,
-    Help,
     measure,
     NAMES,
     Repetition,
@@ -84,27 +83,24 @@ class Measured:
 
     joint: str
     repetitions: list[Repetition] = field(default_factory=list)
-    averages: dict[tuple[Help, int, int, int], Ensemble] = field(default_factory=dict)
+    averages: dict[Any, Ensemble] = field(default_factory=dict)  # by `Repetition.kind`
     notes: list[str] = field(default_factory=list)
     models: list[str] = field(default_factory=list)
 
     def extend(self, repetitions: Sequence[Repetition]) -> None:
         """Add repetitions, and their curves to the averages."""
-        for repetition in repetitions:
-            self._add_curves(repetition.kind, Ensemble.of(repetition.curves))
-            repetition.curves = {}
+        for r in repetitions:
+            self.averages.setdefault(r.kind, Ensemble()).add(Ensemble.of(r.curves))
+            r.curves = {}
         self.repetitions += repetitions
 
     def add(self, other: Measured) -> None:
         """Add what was measured in another recording of the joint."""
         self.repetitions += other.repetitions
         for kind, ensemble in other.averages.items():
-            self._add_curves(kind, ensemble)
+            self.averages.setdefault(kind, Ensemble()).add(ensemble)
         self.notes += other.notes
         self.models += other.models
-
-    def _add_curves(self, kind: tuple[Help, int, int, int], curves: Ensemble) -> None:
-        self.averages.setdefault(kind, Ensemble()).add(curves)
 
     def evaluate(self, model: str | None) -> Evaluation:
         """Evaluate one or more repetitions; `model` are the files that were active."""

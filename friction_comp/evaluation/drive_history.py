@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -20,50 +19,22 @@ _SLIDING = 0.1
 
 @dataclass(frozen=True)
 class RecordedFriction:
-    """A drive's friction in one recording.
-
-    Parameters
-    ----------
-    name, day : str
-        The recording's name and ISO date.
-    seconds : float
-        Duration of the part that is kept.
-    level, level_error : float
-        Sliding friction as a share of the model's, and the standard error of it.
-    error : float
-        RMS of measured minus predicted current in sliding, A.
-    temperature : float or None
-        Mean motor temperature, degrees Celsius.
-    """
+    """A drive's friction in one recording."""
 
     name: str
-    day: str
-    seconds: float
-    level: float
-    level_error: float
-    error: float
-    temperature: float | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the entry of report.json."""
-        return dict(vars(self))
+    day: str  # ISO date
+    seconds: float  # duration of the part that is kept
+    level: float  # sliding friction as a share of the model's
+    level_error: float  # standard error of that
+    error: float  # RMS of measured minus predicted current in sliding, A
+    temperature: float | None  # mean of the motor's, degrees Celsius
 
 
 def recorded_friction(history: History, model: FrictionModel) -> list[RecordedFriction]:
     """Return the friction in each recording that shows sliding.
 
     The level is the factor of Eq. 6 that, with the model's other effects unchanged, minimises the
-    squared error.
-
-    Parameters
-    ----------
-    history : History
-    model : FrictionModel
-
-    Raises
-    ------
-    InputError
-        If the model needs a signal that was not recorded.
+    squared error. Raises InputError if the model needs a signal that was not recorded.
     """
     recorded = []
     for recording, samples in zip(history.recordings, history.samples()):

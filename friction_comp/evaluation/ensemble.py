@@ -33,18 +33,11 @@ def _times(after: int) -> np.ndarray:
 
 @dataclass
 class Ensemble:
-    """Curves of one or many movements, summed point by point.
+    """Curves of one or many movements, summed point by point."""
 
-    Attributes
-    ----------
-    count : int
-        Number of movements.
-    sums : dict of str to ndarray
-        For each curve, shape (3, N): the number of known values at each point of `grid`, their
-        sum, and the sum of their squares.
-    """
-
-    count: int = 0
+    count: int = 0  # number of movements
+    # For each curve, shape (3, N): the number of known values at each point of `grid`, their sum,
+    # and the sum of their squares.
     sums: dict[str, np.ndarray] = field(default_factory=dict)
 
     @classmethod

@@ -11,8 +11,7 @@ import numpy as np
 from scipy import stats
 
 CONFIDENCE = 0.95
-# A difference or slope with a smaller p-value is significant.
-SIGNIFICANT = 0.05
+_SIGNIFICANT = 0.05
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Interval:
 
 def is_significant(p_value: float | None) -> bool:
     """Return whether a difference or slope is significant."""
-    return p_value is not None and p_value < SIGNIFICANT
+    return p_value is not None and p_value < _SIGNIFICANT
 
 
 def mean_interval(values: Sequence[float]) -> Interval:

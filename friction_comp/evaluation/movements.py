@@ -31,34 +31,19 @@ _LEAST_STEPS = 20
 
 @dataclass(frozen=True)
 class Movement:
-    """One movement of a recording; times in s on the recording's clock.
+    """One movement of a recording; times in s on the recording's clock."""
 
-    Attributes
-    ----------
-    begin, end : float
-        Start and end of the reference's (else the joint's) motion.
-    constant_begin, constant_end : float
-        The phase of constant velocity.
-    rest_begin, rest_end : float
-        Start of the standstill before the movement, and end of the one after it: a joint that lags
-        behind the reference may start moving as late as that.
-    sign : int
-        +1 for the positive direction, -1 for the negative.
-    direction : int
-        Announced direction d at the begin of the movement.
-    travel : float
-        Angle covered in rad.
-    """
-
-    begin: float
+    begin: float  # of the reference's (else the joint's) motion
     end: float
-    constant_begin: float
+    constant_begin: float  # of the phase of constant velocity
     constant_end: float
-    rest_begin: float
+    rest_begin: float  # of the standstill before the movement
+    # End of the standstill after it: a joint that lags behind the reference may start moving as
+    # late as that.
     rest_end: float
-    sign: int
-    direction: int
-    travel: float
+    sign: int  # +1 for the positive direction, -1 for the negative
+    direction: int  # announced direction d at the begin of the movement
+    travel: float  # rad
 
 
 def find_movements(samples: Samples) -> list[Movement]:
@@ -150,16 +135,3 @@ def spectral_arc_length(velocity: np.ndarray, sample_time: float) -> float:
         return float('nan')
     steps = np.diff(frequency[:last]) / (frequency[last - 1] - frequency[0])
     return float(-np.sum(np.hypot(steps, np.diff(amplitude[:last]))))
-
-
-def log_dimensionless_jerk(velocity: np.ndarray, sample_time: float) -> float:
-    """Return minus the logarithm of the dimensionless squared jerk, larger for smoother movements.
-
-    NaN without motion.
-    """
-    top_speed, duration = float(np.abs(velocity).max()), len(velocity) * sample_time
-    jerk = np.gradient(np.gradient(velocity, sample_time), sample_time)
-    total = float(np.sum(jerk ** 2)) * sample_time
-    if not top_speed > 0 < total:
-        return float('nan')
-    return float(-np.log(duration ** 3 / top_speed ** 2 * total))

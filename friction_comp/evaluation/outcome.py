@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,50 +16,25 @@ from friction_comp.evaluation.repetitions import FIGURES, Help, NAMES, Repetitio
 
 @dataclass
 class Condition:
-    """The repetitions under one condition; torques are NaN where none was measured.
-
-    Attributes
-    ----------
-    help : Help
-        Law, model and announcement.
-    direction : int
-        Announced direction d.
-    movement : str
-        'positive' or 'negative'.
-    repetitions, stuck, false_starts : int
-        Number of repetitions; of those in which the joint did not start moving, so that the peak
-        torque is a lower bound of the torque that was needed; and of those in which it started
-        before the movement without being pushed.
-    peak_torque, peak_torque_std, peak_time : float
-        Largest magnitude of the mean of τ_b in N·m while
-        `friction_comp.evaluation.repetitions.effort` counts it; standard deviation of the
-        repetitions' peaks, N·m; time of the former, s after the start of the movement.
-    rms_torque : float
-        Root mean square of τ_b over all repetitions, from start to end of the movement, N·m.
-    mean_torque_constant_velocity : float
-        Mean of τ_b along the movement in the phase of constant velocity, N·m; negative where the
-        joint pulls the person along.
-    figures : dict of str to Interval
-        Mean of the repetitions' figures, by the names in `FIGURES`, with 95 % intervals.
-    false_start_share : Interval
-    time, torque, torque_std, position, position_std, reference : ndarray, shape (N,)
-        Time since the start of the movement, s; means and standard deviations over repetitions, in
-        N·m and rad; reference is None where it was not recorded.
-    """
+    """The repetitions under one condition; torques in N·m, NaN where none was measured."""
 
     help: Help
-    direction: int
-    movement: str
-    repetitions: int
+    direction: int  # announced direction d
+    movement: str  # 'positive' or 'negative'
+    repetitions: int  # their number
+    # Number of those in which the joint did not start moving, so that the peak torque is a lower
+    # bound of the torque that was needed.
     stuck: int
-    peak_torque: float
-    peak_torque_std: float
-    peak_time: float
-    rms_torque: float
-    mean_torque_constant_velocity: float
-    false_starts: int
-    figures: dict[str, Interval]
+    peak_torque: float  # largest magnitude of the mean of τ_b while `effort` counts it
+    peak_torque_std: float  # standard deviation of the repetitions' peaks
+    peak_time: float  # of the peak of the mean, s after the start of the movement
+    rms_torque: float  # over all repetitions, from start to end of the movement
+    mean_torque_constant_velocity: float  # negative where the joint pulls the person along
+    false_starts: int  # number of repetitions in which it started without being pushed
+    figures: dict[str, Interval]  # mean of the repetitions' figures, by the names in `FIGURES`
     false_start_share: Interval
+    # Each (N,): time since the start of the movement, s; means and standard deviations over
+    # repetitions, in N·m and rad; the reference where it was recorded.
     time: np.ndarray
     torque: np.ndarray
     torque_std: np.ndarray
@@ -80,29 +55,15 @@ class Condition:
 
 @dataclass
 class Evaluation:
-    """All conditions of one joint and their comparisons.
-
-    Attributes
-    ----------
-    joint : str
-    conditions : list of Condition
-    model : str or None
-        Model files that were active.
-    repetitions : list of Repetition
-    comparisons : list of Comparison
-        Paired tests between conditions with the same movements.
-    trends : list of Trend
-        Empty where all repetitions are of one day.
-    notes : list of str
-    """
+    """All conditions of one joint and their comparisons."""
 
     joint: str
     conditions: list[Condition]
-    model: str | None = None
-    repetitions: list[Repetition] = field(default_factory=list)
-    comparisons: list[Comparison] = field(default_factory=list)
-    trends: list[Trend] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    model: str | None  # model files that were active
+    repetitions: list[Repetition]
+    comparisons: list[Comparison]  # between conditions with the same movements
+    trends: list[Trend]  # empty where all repetitions are of one day
+    notes: list[str]
 
     @property
     def measured(self) -> bool:

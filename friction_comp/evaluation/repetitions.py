@@ -14,11 +14,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.evaluation.ensemble import grid, LEAD
-from friction_comp.evaluation.movements import (
-    log_dimensionless_jerk,
-    measured_velocity,
-    spectral_arc_length,
-)
+from friction_comp.evaluation.movements import measured_velocity, spectral_arc_length
 
 if TYPE_CHECKING:
     from friction_comp.evaluation.movements import Movement
@@ -51,29 +47,19 @@ FIGURES = {
     'residual_current': ('residual current', 'A'), 'rms_current': ('RMS current', 'A'),
     'onset': ('onset after reference', 's'),
     'announcement_to_motion': ('onset after announcement', 's'),
-    'smoothness': ('smoothness (SPARC)', ''), 'log_jerk': ('log jerk', ''),
+    'smoothness': ('smoothness (SPARC)', ''),
 }
 
 
 @dataclass(frozen=True, order=True)
 class Help:
-    """The compensation that was active during a movement.
+    """The compensation that was active during a movement."""
 
-    Attributes
-    ----------
-    law : str
-        Compensation law; 'none' where no current was commanded, 'other' where another node than the
-        compensator commanded it, 'identification' where that node did, '' where unknown.
-    model : str
-        Model file; '' where there was none or it is unknown.
-    announced : int
-        1 where the direction of the movement was announced, -1 where the opposite one was, 0 where
-        none was.
-    """
-
+    # Compensation law; 'none' where no current was commanded, 'other' where another node than the
+    # compensator commanded it, 'identification' where that node did, '' where unknown.
     law: str
-    model: str
-    announced: int
+    model: str  # model file; '' where there was none or it is unknown
+    announced: int  # 1: the movement's direction, -1: the opposite one, 0: none
 
     @property
     def uses_direction(self) -> bool:
@@ -99,42 +85,23 @@ class Help:
 
 @dataclass
 class Repetition:
-    """One movement and its figures.
-
-    Attributes
-    ----------
-    recording : str
-    day : str
-        ISO date; '' where unknown.
-    begin : float
-        Time since the recording's first joint state, s.
-    movement : Movement
-    help : Help
-    figures : dict of str to float
-        Values by the names in `FIGURES`, without those that are unknown.
-    moved : bool
-        Whether the joint moved before the next movement of the reference began. Where it did not,
-        the peak torque was not sufficient.
-    false_start : bool
-        Whether the joint started during the standstill without being pushed, as far as torque was
-        measured.
-    restless : bool
-        Whether the joint oscillated before the movement.
-    curves : dict of str to ndarray
-        'load', 'position' and 'reference_position', where recorded, at the times of
-        `friction_comp.evaluation.ensemble.grid`; NaN beyond the recording and before the
-        standstill; empty after they were added to an average.
-    """
+    """One movement and its figures."""
 
     recording: str
-    day: str
-    begin: float
+    day: str  # ISO date; '' where unknown
+    begin: float  # since the recording's first joint state, s
     movement: Movement
     help: Help
-    figures: dict[str, float]
+    figures: dict[str, float]  # by the names in `FIGURES`, without those that are unknown
+    # Whether the joint moved before the next movement of the reference began. Where it did not, the
+    # peak torque was not sufficient.
     moved: bool
+    # Whether the joint started during the standstill without being pushed, as far as torque was
+    # measured.
     false_start: bool
-    restless: bool
+    restless: bool  # whether the joint oscillated before the movement
+    # 'load', 'position' and 'reference_position', where recorded, at the times of `ensemble.grid`;
+    # NaN beyond the recording and before the standstill; empty after they were added to an average.
     curves: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -189,7 +156,6 @@ def measure(samples: Samples, movement: Movement, name: str = '',
     if moved and (onset is None or onset <= movement.end) and part.stop - part.start > 10:
         velocity = measured_velocity(samples.take(part))
         figures['smoothness'] = spectral_arc_length(velocity, samples.sample_time)
-        figures['log_jerk'] = log_dimensionless_jerk(velocity, samples.sample_time)
     repetition = Repetition(
         name, _day(info, movement), movement.begin, movement,
         _help(samples, movement, info, moved),

@@ -47,16 +47,11 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
     Parameters
     ----------
     paths : sequence of path-like
-        Recordings, or folders of them.
+        Recordings, or folders of them; InputError if one holds no recording.
     joint : str, optional
         Only this joint.
     layout : Layout, optional
         The columns of tables.
-
-    Raises
-    ------
-    InputError
-        If a path holds no recording.
     """
     pieces: list[Piece] = []
     failures: list[Failure] = []
@@ -72,15 +67,7 @@ def pieces_of(paths: Sequence[str | Path], joint: str | None = None,
 
 def evaluate_recordings(paths: Sequence[str | Path], joint: str | None = None,
                         seconds: float = _STRETCH) -> list[Evaluation]:
-    """Evaluate recordings, or folders of them, by `pieces_of` and `evaluate_pieces`.
-
-    Parameters
-    ----------
-    paths, joint
-        As for `pieces_of`; all recorded joints that move when `joint` is omitted.
-    seconds : float
-        Length of the stretches in which recordings are read.
-    """
+    """Evaluate recordings, or folders of them, by `pieces_of` and `evaluate_pieces`."""
     return evaluate_pieces(*pieces_of(paths, joint), seconds=seconds)
 
 
@@ -96,7 +83,7 @@ def evaluate_pieces(pieces: Sequence[Piece], failures: Sequence[Failure] = (),
     failures : sequence of Failure
         Recordings that are left out already.
     friction : FrictionModel, optional
-        As for `friction_comp.evaluation.conditions.evaluate`.
+        As for `conditions.evaluate`.
     seconds : float
         Length of the stretches in which recordings are read.
     progress : callable, optional
@@ -150,15 +137,14 @@ def _in_order(outcomes: Iterable[tuple[int, Measured | Failure]], count: int,
 
 def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float) -> Measured:
     """Measure the repetitions of a piece."""
-    path, joint = piece.path, piece.joint
-    drive = friction.drive if friction is not None else None
-    constants = (drive.torque_constant, drive.gear_ratio) if drive is not None else (1.0, 1.0)
+    path = piece.path
+    constants = (1.0, 1.0) if friction is None else (
+        friction.drive.torque_constant, friction.drive.gear_ratio)
     measured = Measured('')
     notes = measured.notes
     buffer: Samples | None = None
-    info = None
     for part, info in stream_recording_with_info(
-            path, joint, *constants, seconds=seconds, layout=piece.layout):
+            path, piece.joint, *constants, seconds=seconds, layout=piece.layout):
         notes.extend(text for note in info.notes if (text := f'{path}: {note}') not in notes)
         if len(part):
             buffer = part if buffer is None else _concatenate(buffer, part)
@@ -172,7 +158,6 @@ def _measure_piece(piece: Piece, friction: FrictionModel | None, seconds: float)
                     if at_end or r.movement.end < end]
         measured.extend(finished)
         buffer = buffer.take(buffer.time >= (finished[-1].movement.end if finished else end))
-    assert info is not None
     if not measured.repetitions:
         raise InputError(f'{path}: no movement of joint {info.joint!r} found in it')
     measured.joint, measured.models = info.joint, [info.model] if info.model else []

@@ -11,7 +11,7 @@ motion is planned for what that fit leaves open, until a new motion adds no info
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 import math
 from typing import Any
 
@@ -22,6 +22,7 @@ from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
 from friction_comp.excitation.plan import JointPlan, plan_joint
 from friction_comp.excitation.separation import DEFAULT, open_pairs, Pair, pairs_of
+from friction_comp.files import plain
 from friction_comp.model.differentiation import DEFAULT_SETTINGS, differentiate
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import refine, RefineResult
@@ -58,18 +59,11 @@ class Round:
     asked: list[Pair]  # effects that its motion was planned to tell apart
     # RMS error in A, in motion, with which the model of the rounds before predicts this one; NaN of
     # the first.
-    predicted: float
-    held_out: float  # RMS error in A of the fit to all rounds, on parts that were not fitted
+    predicted_rmse: float
+    held_out_rmse: float  # RMS error in A of the fit to all rounds, on parts that were not fitted
     effects: tuple[str, ...]  # named by the fit to all rounds
     verdict: str  # on the fit to all rounds, with what this round tested
     reasons: list[str]  # why it is not better
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of report.json."""
-        return {'seconds': self.seconds, 'asked': [list(pair) for pair in self.asked],
-                'predicted_rmse': None if math.isnan(self.predicted) else self.predicted,
-                'held_out_rmse': self.held_out, 'effects': list(self.effects),
-                'verdict': self.verdict, 'reasons': list(self.reasons)}
 
 
 @dataclass(frozen=True)
@@ -95,7 +89,8 @@ class Improvement:
         last = self.rounds[-1]
         return {**self.result.report, 'verdict': last.verdict,
                 'reasons': last.reasons or self.result.report['reasons'],
-                'rounds': [one.to_dict() for one in self.rounds], 'ended': self.ended}
+                'rounds': [plain(asdict(one), not_finite=None) for one in self.rounds],
+                'ended': self.ended}
 
 
 def error_of(model: FrictionModel, samples: Samples) -> float:
@@ -120,13 +115,11 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
     ----------
     play : callable
         Moves the joint along a plan and returns the recording.
-    limits : JointLimits
-    drive : Drive
+    limits, drive, schedule
     model : FrictionModel, optional
-        Where to start; the note's sigmoid when omitted.
+        The start; the note's sigmoid when omitted.
     recorded : sequence of Samples
         What was recorded before the first round.
-    schedule : Schedule, optional
     progress : callable, optional
         Called with the share of the budget that is spent and a word on what happens.
     done : callable, optional
@@ -146,17 +139,17 @@ def improve(play: Callable[[JointPlan], Samples], limits: JointLimits, drive: Dr
     while True:
         spent, number = sum(one.seconds for one in rounds), len(rounds)
 
-        def say(share: float, word: str, number: int = number) -> None:
+        def report(share: float, word: str, number: int = number) -> None:
             if progress:
                 progress(share, f'round {number + 1}: {word}')
         asked = (open_pairs(result.report) if result else []) or pairs_of(DEFAULT)
-        say(spent / budget, 'planning')
+        report(spent / budget, 'planning')
         planned = plan(limits, asked, seconds, schedule.seed + number, model)
-        say(spent / budget, 'moving')
+        report(spent / budget, 'moving')
         recordings.append(play(planned))
         predicted = error_of(result.model, recordings[-1]) if result else math.nan
         before = effects_of(result) if result else None
-        say((spent + seconds) / budget, 'refining')
+        report((spent + seconds) / budget, 'refining')
         result = refine(recordings, model, drive)
         rounds.append(_round(planned.seconds, asked, predicted, result, before))
         improvement = Improvement(list(rounds), result, _why_ended(
@@ -204,6 +197,7 @@ def _why_ended(rounds: list[Round], result: RefineResult, spent: bool) -> str:
         return 'what is left cannot be told by moving this joint'
     recent = rounds[-3:]
     if len(recent) == 3 and len({one.effects for one in recent}) == 1 and (
-            max(one.held_out for one in recent) < 1.05 * min(one.held_out for one in recent)):
+            max(one.held_out_rmse for one in recent)
+            < 1.05 * min(one.held_out_rmse for one in recent)):
         return 'three rounds named the same effects with the same error'
     return 'the budget is spent' if spent else ''

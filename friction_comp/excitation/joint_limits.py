@@ -17,13 +17,7 @@ from friction_comp.files import read_yaml
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of one joint.
-
-    Raises
-    ------
-    InputError
-        If a limit is no number, not positive, or leaves no range of position.
-    """
+    """Limits of one joint; `InputError` if one is no number, not positive, or leaves no range."""
 
     joint: str
     lowest: float  # of position, rad
@@ -53,10 +47,7 @@ class JointLimits:
 def from_yaml(path: str | Path, joints: Sequence[str] = ()) -> list[JointLimits]:
     """Return limits, of all joints by default, in a file like MoveIt's ``joint_limits.yaml``.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be used, or a limit is missing.
+    Raises InputError if the file cannot be used, or a limit is missing.
     """
     document = read_yaml(path)
     entries = document.get('joint_limits') if isinstance(document, dict) else None
@@ -81,12 +72,8 @@ def from_urdf(path: str | Path, acceleration: float,
               joints: Sequence[str] = ()) -> list[JointLimits]:
     """Return the limits, of all revolute joints by default, that a URDF states in ``<limit>``.
 
-    It does not state the acceleration, rad/s².
-
-    Raises
-    ------
-    InputError
-        If the file cannot be used, or a joint has no limits of position.
+    It does not state the acceleration, rad/s². Raises InputError if the file cannot be used, or a
+    joint has no limits of position.
     """
     try:
         root = ElementTree.parse(path).getroot()

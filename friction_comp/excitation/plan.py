@@ -22,7 +22,6 @@ from scipy.stats import qmc
 
 from friction_comp.errors import InputError
 from friction_comp.excitation.joint_limits import JointLimits
-from friction_comp.excitation.move import Move, sampled
 from friction_comp.excitation.separation import Pair, scene_within, separations
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.samples import Samples
@@ -42,6 +41,69 @@ _POPULATION, _GENERATIONS = 6, 10
 _SLOWER, _TRIALS = 0.8, 12
 # Weight of the logarithm of each pair relative to the worst pair.
 _MEAN = 0.3
+# Steepest slope of u³(10 - 15u + 6u²), the profile with which speed rises.
+_STEEPEST = 1.875
+# Shortest time in which speed rises, s: it limits jerk, in short moves too.
+_SHORTEST = 0.1
+_SPEEDS, _HARMONICS = 8, 5
+
+
+@dataclass(frozen=True)
+class Move:
+    """One motion from rest to rest."""
+
+    begin: float  # when it sets out, s
+    start: float  # rad
+    distance: float  # rad, with a sign
+    speed: float  # while it is constant, rad/s
+    ramp: float  # s in which speed rises, and falls
+    cruise: float  # s in which it is constant
+
+    @classmethod
+    def within(cls, begin: float, start: float, end: float, speed: float,
+               acceleration: float) -> Move:
+        """Return the move at a speed, or at the highest that the limits leave it."""
+        distance = abs(end - start)
+        speed = min(speed, math.sqrt(distance * acceleration / _STEEPEST), distance / _SHORTEST)
+        ramp = max(_STEEPEST * speed / acceleration, _SHORTEST)
+        return cls(begin, start, end - start, speed, ramp, max(distance / speed - ramp, 0.0))
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return 2.0 * self.ramp + self.cruise
+
+
+def sampled(moves: Sequence[Move], start: float, time: np.ndarray
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return position, velocity and acceleration, each (N,), of moves and rests between them.
+
+    The moves are in the order of time, and `start` is the position before the first, rad.
+    """
+    position = np.full(len(time), start)
+    velocity, acceleration = np.zeros(len(time)), np.zeros(len(time))
+    for move in moves:
+        first, stop = np.searchsorted(time, (move.begin, move.begin + move.duration))
+        late = time[first:stop] - move.begin
+        before, after = (np.clip(part / move.ramp, 0.0, 1.0)
+                         for part in (late, move.duration - late))
+        side = math.copysign(1.0, move.distance)
+        rise = np.minimum(before, after)
+        speed = move.speed * rise ** 3 * (10.0 - 15.0 * rise + 6.0 * rise ** 2)
+        slope = move.speed / move.ramp * 30.0 * (rise * (1.0 - rise)) ** 2
+        way = (_way(move, before) + move.speed * np.clip(late - move.ramp, 0.0, move.cruise)
+               + 0.5 * move.speed * move.ramp - _way(move, after))
+        position[first:stop] = move.start + side * way
+        velocity[first:stop] = side * speed
+        acceleration[first:stop] = side * np.where(before < after, slope, -slope)
+        position[stop:] = move.start + move.distance
+    return position, velocity, acceleration
+
+
+def _way(move: Move, share: np.ndarray) -> np.ndarray:
+    """Return the distance covered in a share of the acceleration time, rad."""
+    return np.asarray(
+        move.speed * move.ramp * share ** 4 * (2.5 - 3.0 * share + share ** 2))
 
 
 @dataclass(frozen=True)
@@ -111,18 +173,8 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
                report: Callable[[float], None] = lambda share: None) -> JointPlan:
     """Return a motion of one joint that separates pairs of effects.
 
-    Parameters
-    ----------
-    limits : JointLimits
-    pairs : sequence of (str, str)
-        Names of effects.
-    seconds : float
-    seed : int
-        The same seed gives the same plan.
-    model : FrictionModel, optional
-        Predicts the effort of a motion.
-    report : callable
-        Called with the share that is done.
+    The same seed gives the same plan. `model` predicts the effort of a motion, which is not checked
+    otherwise; `report` is called with the share that is done.
 
     Raises
     ------
@@ -173,3 +225,43 @@ def plan_joint(limits: JointLimits, pairs: Sequence[Pair], seconds: float, seed:
 def effort_of(model: FrictionModel, samples: Samples) -> float:
     """Return the largest torque at the joint in N·m that a motion needs by a model."""
     return float(np.max(np.abs(model.predict(samples)))) * model.drive.torque_per_current
+
+
+def staircase(limits: JointLimits, seconds: float, rate: float) -> Samples:
+    """Return motion to and fro at speeds that rise in steps, each with an equal share of the time.
+
+    Plans are compared with it.
+    """
+    centre = 0.5 * (limits.lowest + limits.highest)
+    half = 0.5 * MARGIN * (limits.highest - limits.lowest)
+    now, here, side, moves = 0.0, centre, 1.0, []
+    while True:
+        step = min(int(now / seconds * _SPEEDS) + 1, _SPEEDS)
+        speed = MARGIN * limits.velocity * step / _SPEEDS
+        # Slow steps reverse earlier, so that they too go in both directions.
+        way = min(half, 0.2 * speed * seconds / _SPEEDS)
+        move = Move.within(now, here, centre + side * way, speed, MARGIN * limits.acceleration)
+        if now + move.duration > seconds:
+            break
+        moves.append(move)
+        now, here, side = now + move.duration, centre + side * way, -side
+    return samples_of(moves, centre, seconds, rate, limits.joint)
+
+
+def fourier_series(limits: JointLimits, seconds: float, rate: float, seed: int) -> Samples:
+    """Return a random Fourier series of a period of 10 s that just keeps the limits."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(seconds * rate) + 1) / rate
+    turns = 2.0 * np.pi / 10.0 * np.arange(1, _HARMONICS + 1)
+    angle = turns * time[:, None] + rng.uniform(0.0, 2.0 * np.pi, _HARMONICS)
+    size = rng.normal(0.0, 1.0, _HARMONICS) / turns
+    position, velocity = np.sin(angle) @ size, np.cos(angle) @ (size * turns)
+    acceleration = -np.sin(angle) @ (size * turns ** 2)
+    middle = 0.5 * (position.max() + position.min())
+    scale = MARGIN * min((limits.highest - limits.lowest) / np.ptp(position),
+                         limits.velocity / np.abs(velocity).max(),
+                         limits.acceleration / np.abs(acceleration).max())
+    centre = 0.5 * (limits.lowest + limits.highest)
+    return Samples(time=time, position=centre + scale * (position - middle),
+                   velocity=scale * velocity, acceleration=scale * acceleration,
+                   current=np.zeros(len(time)), joint=limits.joint)

@@ -37,10 +37,7 @@ _SURE = 0.9
 def pairs_of(names: Iterable[str]) -> list[Pair]:
     """Return each pair of some effects.
 
-    Raises
-    ------
-    InputError
-        If one is unknown, cannot be told by motion alone, or there are fewer than two.
+    Raises InputError if there are fewer than two, or motion alone cannot tell one of them.
     """
     names = list(dict.fromkeys(names))
     for name in names:
@@ -91,10 +88,8 @@ def open_pairs(report: dict[str, Any]) -> list[Pair]:
 def pairs_in(report: Any, source: str) -> list[Pair]:
     """Return the pairs of effects that a report, of a source, leaves open; see `open_pairs`.
 
-    Raises
-    ------
-    InputError
-        If it is no report of refinement, or motion alone answers none of its questions.
+    Raises InputError if it is no report of refinement, or motion alone answers none of its
+    questions.
     """
     entries = report.get('ambiguous') if isinstance(report, dict) else None
     if not isinstance(entries, list):
@@ -134,12 +129,7 @@ def separations(samples: Samples, pairs: Sequence[Pair], scene: Scene) -> dict[P
     """Return for each pair the share of an effect that the other one does not repeat, 0..1.
 
     The samples have velocity and acceleration; their current is not looked at. The scene is that of
-    `scene_within`.
-
-    Raises
-    ------
-    InputError
-        If there is too little motion.
+    `scene_within`. Raises InputError if there is too little motion.
     """
     nothing = np.zeros(len(samples), dtype=bool)
     usable = in_motion(samples, nothing, scene.slowest, None)

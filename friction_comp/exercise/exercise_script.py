@@ -45,9 +45,9 @@ class ExerciseScript:
     times : ndarray, shape (K,)
         s of each waypoint, increasing from 0.
     positions : ndarray, shape (K, J)
-        rad, counted from where the joints stand at the beginning.
+        rad, relative to where the joints stand at the beginning.
     announcement : float
-        s.
+        s by which a movement from rest is announced ahead.
     """
 
     def __init__(self, joints: Sequence[str], times: np.ndarray, positions: np.ndarray,
@@ -80,10 +80,7 @@ class ExerciseScript:
     def of(self, joints: Sequence[str]) -> ExerciseScript:
         """Return the same exercise with a node's joints in their order; others are held.
 
-        Raises
-        ------
-        InputError
-            If the exercise moves a joint that is not among them.
+        Raises InputError if the exercise moves a joint that is not among them.
         """
         if unknown := sorted(set(self.joints) - set(joints)):
             raise InputError(f'the exercise moves {", ".join(unknown)}, but the joints are '

@@ -10,6 +10,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from friction_comp.checks import check_number
 from friction_comp.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,45 +22,27 @@ class ReferenceMovement:
     """Standstill, acceleration, constant velocity, deceleration; forth and back, repeated.
 
     One repetition is: standstill at the start, the positive movement, standstill at the far end,
-    the negative movement back. The direction d of the coming movement is announced while the
-    joint still stands, `announcement` seconds ahead, and falls back to 0 as the movement begins
-    to slow down: an exercise that wants the joint to stop should not make it easy to go on.
+    the negative movement back. The direction d of the coming movement is announced while the joint
+    still stands, and falls back to 0 as the movement begins to slow down: an exercise that wants
+    the joint to stop should not make it easy to go on.
 
-    Parameters
-    ----------
-    amplitude : float
-        Angle between both ends in rad; negative moves the other way first.
-    speed : float
-        Of the constant velocity phase in rad/s.
-    acceleration_time : float
-        s from standstill to that speed and back; velocity follows a raised cosine, so that the
-        acceleration has no jump.
-    standstill : float
-        s of rest before each movement.
-    announcement : float
-        s by which the direction is announced ahead of the movement.
-    repetitions : int
-    compensated : bool
-        False keeps the direction at 0 throughout: the note's case 1.
-
-    Raises
-    ------
-    InputError
-        If a number is out of range, or the amplitude leaves no phase of constant velocity.
+    Raises InputError if a number is out of range, or the amplitude leaves no phase of constant
+    velocity.
     """
 
-    amplitude: float = math.radians(40.0)
-    speed: float = math.radians(20.0)
+    amplitude: float = math.radians(40.0)  # between both ends, rad; negative: the other way first
+    speed: float = math.radians(20.0)  # of the constant velocity phase, rad/s
+    # s from standstill to that speed and back; velocity follows a raised cosine, so that the
+    # acceleration has no jump.
     acceleration_time: float = 0.5
-    standstill: float = 2.0
-    announcement: float = 1.0
+    standstill: float = 2.0  # s of rest before each movement
+    announcement: float = 1.0  # s by which the direction is announced ahead of the movement
     repetitions: int = 10
-    compensated: bool = True
+    compensated: bool = True  # False keeps the direction at 0 throughout: the note's case 1
 
     def __post_init__(self) -> None:
         for name in ('speed', 'acceleration_time', 'standstill'):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(f'movement.{name} must be positive and finite')
+            check_number(getattr(self, name), f'movement.{name}', above=0.0)
         if not math.isfinite(self.amplitude) or self.amplitude == 0.0:
             raise InputError('movement.amplitude must be finite and not 0')
         if not 0.0 <= self.announcement <= self.standstill:

@@ -42,68 +42,43 @@ class TopicSeen:
 
 @dataclass
 class StatesSeen:
-    """Received joint states.
-
-    Parameters
-    ----------
-    joints : list of str
-    received, stamp : ndarray, shape (N,)
-        System time and header stamp, s; a stamp of zero is an empty field.
-    position, velocity, effort : ndarray, shape (N, J)
-        NaN where there is no value.
-    twice : list of str
-        Joints named more than once in a message.
-    """
+    """N received joint states of J joints; NaN where there is no value."""
 
     joints: list[str]
+    # System time and header stamp, s, shape (N,); a stamp of zero is an empty field.
     received: np.ndarray
     stamp: np.ndarray
+    # Shape (N, J).
     position: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
+    # Joints named more than once in a message.
     twice: list[str] = field(default_factory=list)
 
 
 @dataclass
 class Observation:
-    """A running system, observed for some seconds.
-
-    Parameters
-    ----------
-    seconds : float
-        Duration.
-    nodes : list of str
-        Full names.
-    topics : dict of str to TopicSeen
-        By full name.
-    names : dict of str to str
-        Relative to full name of the package's topics.
-    states : StatesSeen, optional
-    commands, commanded : ndarray, shape (M, J) and (M,)
-        In the unit `command_unit`, 'A' or 'N·m', and their system times, s.
-    directions : list of list of int
-    load : dict of str to ndarray, shape (K, 2)
-        By joint: system time in s and torque in N·m.
-    parameters : dict of str to dict
-        By node.
-    diagnostics : dict of str to (int, str)
-        Last level and message by status name.
-    clock : bool
-        Whether /clock ticks.
-    """
+    """A running system, observed for some seconds."""
 
     seconds: float
+    # Full names.
     nodes: list[str] = field(default_factory=list)
+    # By full name; `names` has the full name of each of the package's topics.
     topics: dict[str, TopicSeen] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
     states: StatesSeen | None = None
+    # Commands in the unit `command_unit` ('A' or 'N·m'), shape (M, J), and their system times, s.
     commands: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     commanded: np.ndarray = field(default_factory=lambda: np.empty(0))
     command_unit: str = 'A'
     directions: list[list[int]] = field(default_factory=list)
+    # By joint: system time in s and torque in N·m, shape (K, 2).
     load: dict[str, np.ndarray] = field(default_factory=dict)
+    # By node, if it answers.
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
+    # Last level and message by status name.
     diagnostics: dict[str, tuple[int, str]] = field(default_factory=dict)
+    # Whether /clock ticks.
     clock: bool = False
 
     def topic(self, name: str) -> TopicSeen:

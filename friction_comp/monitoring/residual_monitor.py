@@ -41,27 +41,18 @@ _LEVEL_SHARE = 0.6
 
 @dataclass(frozen=True)
 class ModelFit:
-    """Verdict on how well a model fits the motion so far.
+    """Verdict on how well a model fits the motion so far."""
 
-    Parameters
-    ----------
-    known : bool
-        Whether there was enough motion for a verdict.
-    fits : bool
-        Whether the error is within the tolerance; True if not known.
-    share, error : float
-        RMS error of the last blocks, relative to the RMS current of the model, and in A.
-    goes_with : tuple of (str, float)
-        Variables that explain the residual, and the share of it that each explains, largest first.
-    level : float
-        Relative difference of the friction from the model's, if it is the same throughout; else 0.
-    """
-
+    # Whether there was enough motion for a verdict.
     known: bool = False
+    # Whether the error is within the tolerance; True if not known.
     fits: bool = True
+    # RMS error of the last blocks, relative to the RMS current of the model, and in A.
     share: float = 0.0
     error: float = 0.0
-    goes_with: tuple[tuple[str, float], ...] = ()
+    # Variables that explain the residual, and the share of it that each explains, largest first.
+    explained_by: tuple[tuple[str, float], ...] = ()
+    # Relative difference of the friction from the model's, if it is the same throughout; else 0.
     level: float = 0.0
 
     @property
@@ -76,9 +67,9 @@ class ModelFit:
         if self.level:
             side = 'higher' if self.level > 0 else 'lower'
             why.append(f'the friction is {100 * abs(self.level):.0f} % {side} throughout')
-        if self.goes_with:
+        if self.explained_by:
             why.append('its variation depends on ' + ' or '.join(
-                f'{name} ({100 * share:.0f} %)' for name, share in self.goes_with))
+                f'{name} ({100 * share:.0f} %)' for name, share in self.explained_by))
         return (f'the model no longer fits: its error is {error}; '
                 + ('; '.join(why) or 'no monitored variable explains it'))
 

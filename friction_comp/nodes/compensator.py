@@ -32,7 +32,7 @@ from friction_comp.nodes.parameters import (
 )
 
 # Real s between checks for other commanders and for faults that have ended.
-_LOOK = 0.1
+_CHECK_PERIOD = 0.1
 
 
 class CompensatorNode(LifecycleNode):
@@ -57,7 +57,7 @@ class CompensatorNode(LifecycleNode):
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.create_service(Trigger, '~/reset_faults', self._on_reset)
         Diagnostics(self, self._report, ', '.join(self._joints), 'compensation')
-        self.create_timer(_LOOK, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(_CHECK_PERIOD, self._check, clock=Clock(clock_type=ClockType.STEADY_TIME))
         if declare(self, 'autostart', True, 'configure and activate at start'):
             self._start()
 
@@ -221,7 +221,7 @@ class CompensatorNode(LifecycleNode):
         response.message = '; '.join(texts) or 'nothing was latched'
         return response
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         if self._configured is not None and self._configured.active:
             self._configured.supervise()
         else:

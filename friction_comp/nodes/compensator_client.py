@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 import time
+import types
 from typing import Any
 
 from rcl_interfaces.srv import GetParameters, SetParameters
@@ -18,14 +19,10 @@ from friction_comp.errors import InputError
 _TIMEOUT = 20.0
 
 
-class _YieldOnce:
-    def __await__(self) -> Generator[None, None, None]:
-        yield
-
-
-async def yield_to_executor() -> None:
+@types.coroutine
+def yield_to_executor() -> Generator[None, None, None]:
     """Return control to the executor once."""
-    await _YieldOnce()
+    yield
 
 
 class CompensatorClient:

@@ -83,9 +83,10 @@ class RecordedTopic:
     is reliable. If another QoS fits the publishers better, a second subscription is added, and
     duplicates are removed.
 
-    Each publisher numbers its messages, but a message does not name its publisher: a number that
-    continues no sequence belongs to a publisher that has not been heard, if there is one, and else
-    follows lost messages.
+    Each publisher numbers its messages, but a message does not name its publisher. A number that
+    continues no sequence follows lost messages, or is the first of a publisher that has not been
+    heard, if there is one. Beside a sequence that went on so far it counts as loss, until that
+    sequence continues after all.
 
     `take` is called with each serialised message and the middleware's message info. `sender`
     returns the sender of a message, for topics with many publishers. `name` is the resolved name of
@@ -102,8 +103,10 @@ class RecordedTopic:
         self._subscriptions: dict[Offer, Any] = {}
         # In the order of arrival; only the keys are used.
         self._seen: dict[tuple[int, int], None] = {}
-        # Numbers of the next messages, by sender.
-        self._expected: defaultdict[str, set[int]] = defaultdict(set)
+        # Numbers of the next messages, by sender, and whether the sequence went on so far; losses
+        # that are none if one of these numbers arrives.
+        self._expected: defaultdict[str, dict[int, bool]] = defaultdict(dict)
+        self._doubtful: dict[int, int] = {}
         self._publishers: frozenset[tuple[bytes, Offer]] = frozenset()
         self._subscribe(_RELIABLE)
 
@@ -133,6 +136,7 @@ class RecordedTopic:
         self._publishers = publishers
         # A publisher that came or went explains a gap.
         self._expected.clear()
+        self._doubtful.clear()
         offers = {offer for _, offer in publishers}
         if any(reliability != ReliabilityPolicy.RELIABLE for reliability, _ in offers):
             best = _BEST_EFFORT
@@ -178,13 +182,19 @@ class RecordedTopic:
             self.check_publishers()
         expected = self._expected[sender]
         if sequence in expected:
-            expected.remove(sequence)
-        elif len(expected) >= (1 if sender else len(self._publishers)):
-            before = max((number for number in expected if number < sequence), default=None)
-            if before is not None:
-                self.lost += sequence - before
-                expected.remove(before)
-        expected.add(sequence + 1)
+            del expected[sequence]
+            self.lost -= self._doubtful.pop(sequence, 0)
+            expected[sequence + 1] = True
+            return
+        before = max((number for number in expected if number < sequence), default=None)
+        all_heard = len(expected) >= (1 if sender else len(self._publishers))
+        if before is not None and (all_heard or expected[before]):
+            self.lost += sequence - before - self._doubtful.pop(before, 0)
+            if all_heard:
+                del expected[before]
+            else:
+                self._doubtful[before] = sequence - before
+        expected[sequence + 1] = False
 
 
 class DatedTopics:

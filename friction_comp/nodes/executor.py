@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 import inspect
 import time
 from typing import Any
@@ -81,21 +81,16 @@ class StreamExecutor(executors.Executor):
 
     rclpy rebuilds its wait set for every callback from all entities of a node: parameter and
     lifecycle services, five entities of each action server, events and timers. Here none of them
-    delays a message. The simulated loop in lockstep runs at 2.5 times real time instead of 1.1
-    with rclpy's SingleThreadedExecutor, for a third of the processor time (bench/lockstep.py). At
-    1 kHz the median round trip is the same with both, within noise, and the processor time half
-    (bench/round_trip.py).
+    delays a message, which saves half of the processor time (bench/lockstep.py,
+    bench/round_trip.py).
 
     Subscriptions are processed in the order of their creation: before a message is taken from one,
     all messages of those before it are taken. A node whose answer to a topic depends on earlier
     messages of another topic subscribes to that one first.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        The only node to execute. Its attribute `fast_timers`, if any, lists timers that must not
-        wait for the next poll. With an attribute `nap` in s, messages may be delayed by that time
-        and are then processed together, which is cheaper.
+    It executes one node. Its attribute `fast_timers`, if any, lists timers that must not wait for
+    the next poll. With an attribute `batch_time` in s, messages may be delayed by that time and are
+    then processed together, which is cheaper.
     """
 
     def __init__(self, node: Any) -> None:
@@ -105,7 +100,7 @@ class StreamExecutor(executors.Executor):
         self._is_changed = True
         self._node, self._slow_entities = node, _SlowEntities(node)
         self._fast_timers = list(getattr(node, 'fast_timers', ()))
-        self._nap = getattr(node, 'nap', 0.0)
+        self._batch_time = getattr(node, 'batch_time', 0.0)
         self._subscriptions: list[tuple[Any, ...]] = []
         self._slow_timers: list[Any] = []
         self._fast: _WaitSet | None = None
@@ -159,7 +154,7 @@ class StreamExecutor(executors.Executor):
     def _process_streams(self, seconds: float) -> None:
         """Wait for messages or fast timers, and process them."""
         wait_set, _ = self._wait_sets()
-        wait_set.wait(0.0 if self._nap else seconds)
+        wait_set.wait(0.0 if self._batch_time else seconds)
         self._call_timers(self._fast_timers)
         last = -1
         for index in range(len(self._subscriptions)):
@@ -169,8 +164,8 @@ class StreamExecutor(executors.Executor):
         for index, subscription in enumerate(self._subscriptions[:last + 1]):
             while self._take(*subscription) and index < last:
                 pass
-        if self._nap:
-            time.sleep(min(self._nap, seconds))
+        if self._batch_time:
+            time.sleep(min(self._batch_time, seconds))
 
     def _take(self, handle: Any, kind: Any, raw: bool, callback: Any, message_only: bool) -> bool:
         message = handle.take_message(kind, raw)
@@ -195,24 +190,14 @@ class StreamExecutor(executors.Executor):
         if not self.context.ok():
             raise executors.ExternalShutdownException
         self._call_timers(self._slow_timers)
-        with self._tasks_lock:
-            self._tasks[:] = [entry for entry in self._tasks if not entry[0].done()]
-            tasks = [task for task, *_ in self._tasks if not task.executing()]
-        for task in tasks:
-            _execute(task)
         _, wait_set = self._wait_sets()
         wait_set.wait(0.0)
-        if wait_set.is_any_ready():
-            try:
-                while True:
-                    handler, _, _ = self.wait_for_ready_callbacks(0.0, [self._slow_entities])
-                    _execute(handler)
-            except (executors.ConditionReachedException, executors.ShutdownException,
-                    executors.TimeoutException):
-                pass
-
-
-def _execute(task: Any) -> None:
-    task()
-    if task.exception() is not None:
-        raise task.exception()
+        if not self._tasks and not wait_set.is_any_ready():
+            return
+        with suppress(executors.ShutdownException, executors.TimeoutException):
+            # One pass over the waiting callbacks and what is ready ends with a timeout.
+            while True:
+                task, _, _ = self.wait_for_ready_callbacks(0.0, [self._slow_entities])
+                task()
+                if task.exception() is not None:
+                    raise task.exception()

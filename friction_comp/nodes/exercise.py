@@ -63,13 +63,15 @@ class ExerciseNode(Node):
 
     def _declare(self) -> float:
         """Declare the parameters; return the references per second of a timer."""
-        self._moving = self._declare_moving()
-        self._movement = self._declare_movement()
+        moving, movement = self._declare_moving(), self._declare_movement()
         file = declare(
             self, 'exercise_file', '', 'YAML file with the movement of each joint, '
             "instead of the note's movement")
-        self._script = load_exercise(file).of(self._joints) if file else None
-        self._duration = (self._script or self._movement).duration
+        script = load_exercise(file).of(self._joints) if file else None
+        self._duration = (script or movement).duration
+        # Returns position, velocity and direction of each joint at a time, each (J,).
+        self._at = script.at if script else lambda time: tuple(
+            value * moving for value in movement.at(time))
         self._when_done = declare_choice(
             self, 'when_done', ('hold', 'exit'), 'after the last repetition: hold the joints at '
             'their initial positions, or exit')
@@ -190,12 +192,6 @@ class ExerciseNode(Node):
         self._references.publish(self._reference)
         if time >= self._duration and self._when_done == 'exit':
             self.finished = True
-
-    def _at(self, time: float) -> Any:
-        """Return position, velocity and direction of each joint, (J,)."""
-        if self._script is not None:
-            return self._script.at(time)
-        return tuple(value * self._moving for value in self._movement.at(time))
 
     def _report(self) -> Any:
         if self._time is None:

@@ -29,8 +29,8 @@ class Action:
 
     kind: Any
     name: str
-    # Converts a request to joint index and goal; raises InputError.
-    goal: Callable[[Any], tuple[int, Any]]
+    # Converts a request, with joints, drives and defaults, to joint index and goal.
+    make_goal: Callable[[Any, list[str], list[Drive], dict[str, Any]], tuple[int, Any]]
     # Makes the run of a goal and a drive.
     run: Callable[[Any, Any], SupervisedRun]
     # Called with finished run, joint index and result message, which it fills.

@@ -34,8 +34,9 @@ from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.watchdog import Watchdog
 
-# Real s between checks of the publishers of joint_states, other commanders, and the client.
-_CHECK_PERIOD = 0.1
+# Real s between checks of the publishers of joint_states, other commanders, and the client; and
+# between feedback messages.
+_CHECK_PERIOD = _FEEDBACK_PERIOD = 0.1
 # Largest real age in s of the last joint state for a goal to be accepted. It is long since a busy
 # machine may delay reading; the joint is not driven before a new state has arrived.
 _MAX_AGE = 2.0
@@ -63,8 +64,6 @@ class IdentificationNode(Node):
         timeout = declare(
             self, 'joint_state_timeout', 0.05, 'silence of joint_states that ends a goal, in real '
             'time, and largest age [s]', 0.001, 10.0)
-        self._feedback_period = declare(
-            self, 'feedback_period', 0.1, 'real time between feedback messages [s]', 0.01, 10.0)
         self._defaults = goals.declare_defaults(self)
         qos = joint_io.input_qos(self)
         self._states = JointStateInput(self._joints, round(NANO * timeout))
@@ -77,6 +76,8 @@ class IdentificationNode(Node):
         self._rate = Rate()
         self._received = self._fresh = -math.inf
         self._busy = False
+        # Joint index and goal of the last request that was accepted.
+        self._accepted: tuple[int, Any] = 0, None
         self._goal: RunningGoal | None = None
         self._last_end = ''
         self._refused = ''
@@ -91,27 +92,22 @@ class IdentificationNode(Node):
             self, action.kind, action.name, partial(self._execute, action),
             goal_callback=partial(self._on_goal, action), cancel_callback=self._on_cancel)
             for action in (
-                Action(IdentifyFriction, 'identify_friction', self._identification_goal,
-                       IdentificationRun, self._finish_identification),
-                Action(PlayTrajectory, 'play_trajectory', self._trajectory_goal, TrajectoryRun,
+                Action(IdentifyFriction, 'identify_friction', goals.make_goal, IdentificationRun,
+                       self._finish_identification),
+                Action(PlayTrajectory, 'play_trajectory', goals.make_trajectory, TrajectoryRun,
                        self._finish_trajectory))]
         Diagnostics(self, self._report, ', '.join(self._joints), 'identification')
 
     # The actions.
 
-    def _identification_goal(self, request: Any) -> tuple[int, Any]:
-        check_folder(self.get_parameter('output_folder').value)
-        return goals.make_goal(request, self._joints, self._drives, self._defaults)
-
-    def _trajectory_goal(self, request: Any) -> tuple[int, Any]:
-        return goals.make_trajectory(request, self._joints, self._drives, self._defaults)
-
     def _on_goal(self, action: Action, request: Any) -> Any:
         try:
             if self._busy:
                 raise InputError('another goal is running')
-            index, _ = action.goal(request)
-            self._check_surroundings(self._joints[index])
+            if action.kind is IdentifyFriction:
+                check_folder(self.get_parameter('output_folder').value)
+            self._accepted = action.make_goal(request, self._joints, self._drives, self._defaults)
+            self._check_surroundings(self._joints[self._accepted[0]])
         except InputError as error:
             self._refused = str(error)
             self.get_logger().warning(f'goal rejected: {error}')
@@ -138,7 +134,7 @@ class IdentificationNode(Node):
     async def _execute(self, action: Action, goal_handle: Any) -> Any:
         result = action.kind.Result()
         try:
-            index, request = action.goal(goal_handle.request)
+            index, request = self._accepted
             self._states.forget()
             self._port.open()
             goal = self._goal = RunningGoal(
@@ -241,7 +237,7 @@ class IdentificationNode(Node):
         simulated = self.get_clock().ros_time_is_active
         self._port.answer(commands, ticket, states.stamp if simulated else 0)
         now = time.monotonic()
-        if now - goal.last_feedback >= self._feedback_period:
+        if now - goal.last_feedback >= _FEEDBACK_PERIOD:
             goal.last_feedback = now
             goal.handle.publish_feedback(goal.action.kind.Feedback(
                 phase=run.phase, progress=float(run.progress),

@@ -47,9 +47,10 @@ class JointColumns:
 
     def __init__(self, joints: Sequence[str]) -> None:
         self._joints = list(joints)
-        self._names: list[str] | None = None
-        self._columns: list[int] | None = None
-        self._count = 0
+        # Of the last message, as a list to compare with and as a key of dicts.
+        self.names: list[str] = []
+        self.key: tuple[str, ...] = ()
+        self._columns: list[int] | None = [-1] * len(self._joints)
         self.missing = list(self._joints)
         self.twice: list[str] = []
 
@@ -58,23 +59,24 @@ class JointColumns:
 
         Velocity is None if the message has none.
         """
-        if message.name != self._names:
-            self.find(list(message.name))
+        self.find(message.name)
         return (self._select(message.position),
                 self._select(message.velocity) if len(message.velocity) else None,
                 self._select(message.effort))
 
-    def find(self, names: list[str]) -> None:
-        """Find the indices of the joints in the names of a message."""
+    def find(self, names: Any) -> None:
+        """Find the indices of the joints in the names of a message, if they are others."""
+        if names == self.names:
+            return
+        self.names, self.key = list(names), tuple(names)
         columns = [names.index(name) if name in names else -1 for name in self._joints]
         # The same order, the most frequent case, needs no selection.
         self._columns = None if columns == list(range(len(names))) else columns
         self.missing = [name for name in self._joints if name not in names]
         self.twice = [name for name in self._joints if names.count(name) > 1]
-        self._names, self._count = names, len(names)
 
     def _select(self, values: Any) -> Any:
-        if len(values) != self._count:
+        if len(values) != len(self.names):
             return np.full(len(self._joints), np.nan)
         if self._columns is None:
             return np.array(values, dtype=float)
@@ -119,8 +121,6 @@ class JointStateInput:
         self.velocity: np.ndarray | None = None
         self.missing = list(self._joints)
         self._last: dict[tuple[str, ...], int] = {}
-        self._named: list[str] | None = None
-        self._key: tuple[str, ...] = ()
         self._whole = 0
         self._round = np.full((3, size), np.nan)
         self._received = [0] * size
@@ -140,10 +140,8 @@ class JointStateInput:
         stamp = nanoseconds(message.header.stamp)
         has_stamp = stamp != 0
         stamp = stamp or received or now
-        if message.name != self._named:
-            self._named, self._key = list(message.name), tuple(message.name)
-            self._columns.find(self._named)
-        names = self._key
+        self._columns.find(message.name)
+        names = self._columns.key
         if sequence and self._contested(sequence, now):
             return CONTESTED
         last = self._last.get(names, 0)

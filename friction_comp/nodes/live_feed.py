@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Sequence
 import contextlib
+from functools import partial
 import math
 import struct
 import threading
@@ -34,7 +35,7 @@ from friction_comp.topics import TORQUE_UNIT
 
 _QOS = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Real s between batches of messages: the page is drawn five times a second.
-_NAP = 0.01
+_BATCH_TIME = 0.01
 # Period of the states shown, ns; rows kept for each joint; ages of an outdated status and of an
 # outdated command, s.
 _STEP, _MAX_ROWS, _STATUS_AGE, _COMMAND_AGE = 20_000_000, 3000, 5.0, 0.2
@@ -53,16 +54,10 @@ def frame_of(cdr: bytes) -> str:
 
 
 class LiveFeed:
-    """Joints of a running system.
+    """Joints of a running system, as the live page takes them.
 
-    Parameters
-    ----------
-    joints : list of str
-        In the order of arrays on topics; if empty, those of the joint states.
-    models : sequence of FrictionModel
-        One for each joint, in that order; if empty, those of the compensator.
-    arguments : list of str
-        ROS arguments.
+    Without `joints`, in the order of arrays on topics, they are those of the joint states; without
+    `models`, one for each joint, they are those of the compensator. `arguments` are ROS arguments.
     """
 
     title = 'What runs'
@@ -87,7 +82,7 @@ class LiveFeed:
         self._first: int | None = None
         self._ros = contextlib.ExitStack()
         self._node = self._ros.enter_context(own_node('friction_comp_watch', arguments))
-        self._node.nap = _NAP
+        self._node.batch_time = _BATCH_TIME
         self._subscribe()
         self._executor = StreamExecutor(self._node)
         self._stopped = threading.Event()
@@ -101,18 +96,17 @@ class LiveFeed:
         for kind, topic, key in (
                 (Float64MultiArray, 'current_command', 'command'),
                 (JointState, 'reference', 'reference'), (Int8MultiArray, 'direction', 'direction'),
-                (JointState, 'direction_stamped', 'direction')):
+                (JointState, 'direction_stamped', 'direction'),
+                (WrenchStamped, 'interaction_wrench', 'load')):
             self._node.create_subscription(
-                kind, topic, lambda cdr, key=key, kind=kind: self._hold(key, kind, cdr), _QOS,
-                raw=True)
-        self._node.create_subscription(
-            WrenchStamped, 'interaction_wrench', lambda cdr: self._hold(
-                f'load of {frame_of(cdr)}', WrenchStamped, cdr), _QOS, raw=True)
+                kind, topic, partial(self._hold, key, kind), _QOS, raw=True)
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, _QOS)
         self._node.create_subscription(
             JointState, 'joint_states', self._on_joint_states, _QOS, raw=True)
 
     def _hold(self, key: str, kind: Any, cdr: bytes) -> None:
+        if key == 'load':
+            key = f'load of {frame_of(cdr)}'
         self._last[key] = kind, cdr, time.monotonic()
 
     def _message(self, key: str, age: float = math.inf) -> Any:

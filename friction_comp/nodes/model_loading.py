@@ -41,10 +41,9 @@ class Loading:
     def _run(self) -> None:
         try:
             self._future.set_result(self._load(self.files))
-        except InputError as error:
-            self._future.set_exception(error)
         except Exception as error:
-            self._future.set_exception(InputError(f'{", ".join(self.files)}: {error!r}'))
+            self._future.set_exception(error if isinstance(error, InputError) else InputError(
+                f'{", ".join(self.files)}: {error!r}'))
 
     @property
     def done(self) -> bool:

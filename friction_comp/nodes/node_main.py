@@ -16,6 +16,7 @@ import traceback
 from typing import Any, NoReturn
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -23,8 +24,8 @@ from rclpy.utilities import remove_ros_args
 
 from friction_comp.compiling import compile_rest, import_numba
 from friction_comp.errors import InputError
+from friction_comp.monitoring.network import alone
 from friction_comp.nodes.executor import StreamExecutor
-from friction_comp.nodes.peers import look_for_peers
 from friction_comp.nodes.ros_start import start_ros, without_source_locations
 
 _FINAL_SPINS = 10
@@ -34,6 +35,8 @@ SIGNALS = [getattr(signal, name) for name in (
     'SIGVTALRM', 'SIGPROF', 'SIGXCPU', 'SIGIO', 'SIGPWR', 'SIGSTKFLT') if hasattr(signal, name)]
 # Switch interval of threads, s: loading a model must not delay the control loop.
 _SWITCH_INTERVAL = 5e-4
+# Real s without another node after which a warning is logged; discovery takes seconds at most.
+PATIENCE = 10.0
 
 
 class _Parser(argparse.ArgumentParser):
@@ -45,22 +48,13 @@ def run(name: str, description: str, make_node: Callable[[], Any],
         argv: Sequence[str] | None = None) -> int:
     """Start a node, spin it until it is done or stopped, and shut it down in order.
 
+    Return 0 if it ended by itself or by one of SIGNALS, 1 after an exception; raise InputError if
+    an argument, parameter or file cannot be used.
+
     Signals are not handled by rclpy, which would shut the context down at once, so that zero
-    current could no longer be published.
-
-    The node's method `leave()` is always called at the end. Its method `stop_motor()`, if any, is
-    called in another thread as soon as a signal arrives. It ends by itself when its attribute
-    `finished` is True.
-
-    Returns
-    -------
-    int
-        0 if it ended by itself or by one of SIGNALS, 1 after an exception.
-
-    Raises
-    ------
-    InputError
-        If an argument, parameter or file cannot be used.
+    current could no longer be published. The node's method `leave()` is always called at the end.
+    Its method `stop_motor()`, if any, is called in another thread as soon as a signal arrives. It
+    ends by itself when its attribute `finished` is True.
     """
     argv = sys.argv[1:] if argv is None else list(argv)
     parser = _Parser(prog=name, description=description, epilog=(
@@ -84,7 +78,7 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             # For instance missing keys, or a middleware without security.
             raise InputError(without_source_locations(error)) from None
         signals.set_callback(getattr(node, 'stop_motor', None))
-        look_for_peers(node)
+        _look_for_peers(node)
         executor = StreamExecutor(node)
         # Exclude long-lived objects from garbage collection between samples.
         gc.collect()
@@ -101,6 +95,29 @@ def run(name: str, description: str, make_node: Callable[[], Any],
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
+
+
+def _look_for_peers(node: Any) -> None:
+    """Warn once if no other node is found in time: nobody would receive diagnostics."""
+    begin, warned = time.monotonic(), False
+
+    def check() -> None:
+        nonlocal warned
+        passed = time.monotonic() - begin
+        # Hidden nodes of tools, such as the daemon of `ros2`, are not counted.
+        others = [name for name in node.get_node_names() if not name.startswith('_')]
+        if node.get_name() in others:
+            others.remove(node.get_name())
+        if others:
+            timer.cancel()
+            if warned:
+                node.get_logger().info(f'found {", ".join(others)} after {passed:.3g} s')
+        elif passed >= PATIENCE and not warned:
+            warned = True
+            node.get_logger().warning(alone(PATIENCE))
+
+    timer = node.create_timer(
+        min(1.0, PATIENCE), check, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def _compile(logger: Any) -> None:

@@ -161,21 +161,19 @@ class PlantNode(Node):
         self.fast_timers = [self.create_timer(sample_time, self._on_time, clock=self._steady)]
 
     def _make_plant(self, models: Any, seed: int, undeclared: Any, sample_time: float) -> Plant:
-        engine = declare(
-            self, 'engine', 'own', 'own: each joint moves by itself; mujoco: on the links of '
-            '`arm_file`', constraints='own or mujoco')
+        engine = declare_choice(
+            self, 'engine', ('own', 'mujoco'), 'own: each joint moves by itself; mujoco: on the '
+            'links of `arm_file`')
         file = declare(self, 'arm_file', '', 'MJCF or URDF of the arm, with engine mujoco')
-        if engine == 'mujoco':
-            if not file:
-                raise InputError('parameter arm_file: engine mujoco needs an MJCF or URDF')
-            # Imported here: MuJoCo is optional.
-            from friction_comp.simulation.mujoco_plant import MujocoPlant
+        if (engine == 'mujoco') != bool(file):
+            raise InputError('parameter arm_file: engine mujoco needs an MJCF or URDF, and only '
+                             'this engine uses it')
+        if engine == 'own':
+            return Plant(models, seed, undeclared, sample_time)
+        # Imported here: MuJoCo is optional.
+        from friction_comp.simulation.mujoco_plant import MujocoPlant
 
-            return MujocoPlant(file, self._joints, models, seed, undeclared, sample_time)
-        if engine != 'own' or file:
-            raise InputError(f'parameter engine: must be mujoco for an arm_file, own without; '
-                             f'not {engine!r}')
-        return Plant(models, seed, undeclared, sample_time)
+        return MujocoPlant(file, self._joints, models, seed, undeclared, sample_time)
 
     def _load_undeclared(self) -> Any:
         files = declare(

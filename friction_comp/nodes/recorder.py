@@ -28,7 +28,7 @@ class RecorderNode(Node):
 
     finished = False
     # Nothing waits for a recording: messages are processed in batches.
-    nap = 0.005
+    batch_time = 0.005
 
     def __init__(self) -> None:
         super().__init__('recorder')

@@ -35,32 +35,11 @@ class JobResult:
     model_file: Path
     page: Path
 
-    @property
-    def before(self) -> float:
-        """Error of the initial model on held-out data, A."""
-        return float(self.report['before']['held_out_rmse'])
-
-    @property
-    def after(self) -> float:
-        """Error of the refined model on held-out data, A."""
-        return float(self.report['after']['held_out_rmse'])
-
-    @property
-    def verdict(self) -> str:
-        """Verdict in report.json."""
-        return str(self.report.get('verdict', ''))
-
-    @property
-    def reasons(self) -> str:
-        """The verdict and its reasons as one line."""
-        why = '; '.join(str(line).rstrip('.') for line in self.report.get('reasons') or ())
-        return f'{self.verdict}: {why}' if why else self.verdict
-
     def refusal(self, old: FrictionModel) -> str:
         """Return why the model must not replace the old one; empty if it may."""
-        if self.verdict == 'record again':
+        if self.report['verdict'] == 'record again':
             return 'the data do not support it: record again'
-        if not self.after < self.before:
+        if not self.report['after']['held_out_rmse'] < self.report['before']['held_out_rmse']:
             return 'it is not better than the initial model'
         if self.model.drive != old.drive:
             return "it has another drive's torque constant, gear ratio or current limit"

@@ -17,17 +17,18 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from friction_comp.errors import InputError
+from friction_comp.monitoring.live_residual import JointWatch
 from friction_comp.nodes.compensator_client import CompensatorClient, yield_to_executor
 from friction_comp.nodes.dated_topics import DatedTopics, RECORDED, STATES
 from friction_comp.nodes.diagnostics import Diagnostics, ERROR, OK, Rate, WARN
-from friction_comp.nodes.joint_watch import JointWatch, LiveSignals
+from friction_comp.nodes.live_signals import LiveSignals
 from friction_comp.nodes.node_main import run
 from friction_comp.nodes.parameters import declare, declare_joints, load_models
 from friction_comp.nodes.recent_past import Message, RecentPast
 from friction_comp.nodes.refine_job import JobResult, RefineJob
 
 # Real s between checks of a running refinement and of the residual.
-_LOOK, _WATCH = 0.2, 1.0
+_POLL_PERIOD, _MONITORING_PERIOD = 0.2, 1.0
 # Time without a measured load after which it counts as not measured, s.
 _LOAD_SILENCE = 5.0
 _NOT_KEPT = ('reference', '/diagnostics')
@@ -42,7 +43,7 @@ class RefinementNode(Node):
 
     finished = False
     # Nothing waits for this node: messages are processed in batches.
-    nap = 0.01
+    batch_time = 0.01
 
     def __init__(self) -> None:
         super().__init__('refinement')
@@ -79,7 +80,7 @@ class RefinementNode(Node):
         self._topics = DatedTopics(self, self._keep, _NOT_KEPT).topics
         # In the node's default group, waiting for the compensator would block all callbacks.
         self.create_timer(
-            _WATCH, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME),
+            _MONITORING_PERIOD, self._monitor, clock=Clock(clock_type=ClockType.STEADY_TIME),
             callback_group=ReentrantCallbackGroup())
         self._server = ActionServer(
             self, RefineModel, 'refine_model', self._execute, goal_callback=self._on_goal,
@@ -98,7 +99,7 @@ class RefinementNode(Node):
 
     # Monitoring.
 
-    async def _watch(self) -> None:
+    async def _monitor(self) -> None:
         if self._comparing:
             return
         self._comparing = True
@@ -217,10 +218,10 @@ class RefinementNode(Node):
         while not job.poll():
             goal_handle.publish_feedback(RefineModel.Feedback(
                 progress=float(job.share), step=job.step))
-            end = time.monotonic() + _LOOK
+            end = time.monotonic() + _POLL_PERIOD
             while time.monotonic() < end:
                 # The executor does not sleep while a coroutine is pending.
-                time.sleep(self.nap)
+                time.sleep(self.batch_time)
                 await yield_to_executor()
         return job.result(), start
 
@@ -230,8 +231,10 @@ class RefinementNode(Node):
         watch = self._watches[joint]
         watch.use(start)
         found = ', '.join(result.effects) or 'no effect'
-        summary = (f'found {found}; error {1e3 * refined.before:.3g} mA before, '
-                f'{1e3 * refined.after:.3g} mA after; verdict: {refined.reasons}')
+        reasons = '; '.join(line.rstrip('.') for line in refined.report['reasons'])
+        summary = (f'found {found}; error {1e3 * result.error_before:.3g} mA before, '
+                   f'{1e3 * result.error_after:.3g} mA after; verdict: {result.verdict}'
+                   f'{": " if reasons else ""}{reasons}')
         refusal = refined.refusal(watch.residual.model)
         if not request.load:
             return summary
@@ -278,12 +281,13 @@ class RefinementNode(Node):
 
 
 def _fill(result: RefineModel.Result, refined: JobResult) -> None:
-    result.success = True
-    result.verdict = refined.verdict
-    result.error_before, result.error_after = refined.before, refined.after
-    result.noise_floor = float(refined.report.get('noise_floor') or 0.0)
-    result.effects = [effect['name'] for effect in refined.report['effects']]
-    result.variables = [effect['variable'] for effect in refined.report['effects']]
+    report = refined.report
+    result.success, result.verdict = True, report['verdict']
+    result.error_before = float(report['before']['held_out_rmse'])
+    result.error_after = float(report['after']['held_out_rmse'])
+    result.noise_floor = float(report['noise_floor'] or 0.0)
+    result.effects = [effect['name'] for effect in report['effects']]
+    result.variables = [effect['variable'] for effect in report['effects']]
     result.model_file, result.report = str(refined.model_file), str(refined.page)
 
 

@@ -153,15 +153,13 @@ class MotorTemperature:
 
     def forget(self) -> None:
         """Remove all readings."""
-        self._values = np.full(len(self._indices), np.nan)
-        self._times = [0] * len(self._indices)
+        # Of each joint; then readings later than the states so far: time, joint index and value.
+        self._values, self._times = [math.nan] * len(self._indices), [0] * len(self._indices)
         self._pending: list[tuple[int, int, float]] = []
-        self._current: np.ndarray | None = None
-        self._fresh_until = math.inf
 
     def take(self, joint: str, value: float, time: int) -> None:
         """Add a reading in degrees Celsius with its stamp."""
-        if joint in self._indices and np.isfinite(value):
+        if joint in self._indices and math.isfinite(value):
             self._pending.append((time, self._indices[joint], value))
 
     def why_unknown(self, index: int, time: int) -> str:
@@ -175,19 +173,11 @@ class MotorTemperature:
 
         NaN where a joint has no fresh reading; None where no joint has one.
         """
-        if not self._pending and time <= self._fresh_until:
-            return self._current
         for stamp, index, value in self._pending:
             if stamp < time:
                 self._times[index], self._values[index] = stamp, value
         # Limited, since readings of another clock would accumulate.
         self._pending = [reading for reading in self._pending if reading[0] >= time][-100:]
-        for index, stamp in enumerate(self._times):
-            if time - stamp > _TEMPERATURE_TIMEOUT:
-                self._values[index] = np.nan
-        known = ~np.isnan(self._values)
-        self._current = self._values if known.any() else None
-        self._fresh_until = min(
-            (stamp for stamp, fresh in zip(self._times, known) if fresh),
-            default=math.inf) + _TEMPERATURE_TIMEOUT
-        return self._current
+        values = [value if time - stamp <= _TEMPERATURE_TIMEOUT else math.nan
+                  for value, stamp in zip(self._values, self._times)]
+        return None if all(map(math.isnan, values)) else np.array(values)

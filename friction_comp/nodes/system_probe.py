@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 import math
 import time
 from typing import Any
@@ -12,25 +13,23 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
-from rcl_interfaces.srv import GetParameters, ListParameters
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Int8MultiArray
 
+from friction_comp.errors import InputError
 from friction_comp.monitoring.observation import Endpoint, Observation, StatesSeen, TopicSeen
 from friction_comp.nodes.joint_io import command_unit
-from friction_comp.nodes.ros_start import own_node
+from friction_comp.nodes.tool_client import ToolClient
 from friction_comp.topics import TOPICS, TORQUE_UNIT
 
 NAME = 'friction_comp_doctor'
 # Receives from every publisher.
 _QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Timeout of parameter requests, s, and largest number of parameters per node.
-_TIMEOUT, _MAX_PARAMETERS = 3.0, 500
+# Timeout of parameter requests, s, and steps in which progress is shown.
+_TIMEOUT, _STEPS = 3.0, 50
 _KINDS = {'joint_states': JointState, 'current_command': Float64MultiArray,
           'direction': Int8MultiArray, 'interaction_wrench': WrenchStamped,
           '/diagnostics': DiagnosticArray, '/clock': Clock}
@@ -47,31 +46,23 @@ def observe(seconds: float, arguments: list[str],
 
     `progress` is called with progress 0..1 and the present step.
     """
-    with own_node(NAME, arguments) as node:
-        executor = SingleThreadedExecutor(context=node.context)
-        executor.add_node(node)
-        try:
-            seen = _observation(node, seconds, _listen(node, executor, seconds, progress))
-            for index, name in enumerate(seen.nodes):
-                progress(0.8 + 0.2 * index / len(seen.nodes), f'asking {name}')
-                seen.parameters[name] = _parameters(node, executor, name)
-            return seen
-        finally:
-            executor.shutdown()
-
-
-def _listen(node: Any, executor: Any, seconds: float, progress: Callable[[float, str], None]
-            ) -> dict[str, list[tuple[float, Any]]]:
-    """Return the messages of each topic, with the system time in s of their arrival."""
+    # Messages of each topic, with the system time in s of their arrival.
     heard: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in _KINDS}
-    for topic, kind in _KINDS.items():
-        node.create_subscription(kind, topic, lambda message, topic=topic: heard[topic].append(
-            (time.time(), message)), _QOS)
-    begin = time.monotonic()
-    while (passed := time.monotonic() - begin) < seconds:
-        progress(0.8 * passed / seconds, 'listening')
-        executor.spin_once(timeout_sec=0.05)
-    return heard
+    with ToolClient(patience=_TIMEOUT, name=NAME, arguments=arguments) as ros:
+        for topic, kind in _KINDS.items():
+            ros.node.create_subscription(
+                kind, topic, lambda message, topic=topic: heard[topic].append(
+                    (time.time(), message)), _QOS)
+        for step in range(_STEPS):
+            progress(0.8 * step / _STEPS, 'listening')
+            ros.wait(seconds / _STEPS)
+        seen = _observation(ros.node, seconds, heard)
+        for index, name in enumerate(seen.nodes):
+            progress(0.8 + 0.2 * index / len(seen.nodes), f'asking {name}')
+            # Not every node answers.
+            with suppress(InputError):
+                seen.parameters[name] = ros.parameters(name)
+        return seen
 
 
 def _observation(node: Any, seconds: float, heard: dict[str, list[tuple[float, Any]]]
@@ -111,35 +102,6 @@ def _endpoints(infos: Any) -> list[Endpoint]:
         info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
         info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
         for info in infos if info.node_name != NAME]
-
-
-def _parameters(node: Any, executor: Any, name: str) -> dict[str, Any]:
-    """Return a node's parameters; empty where it does not answer."""
-    listed = _call(node, executor, ListParameters, f'{name}/list_parameters',
-                   ListParameters.Request())
-    names = list(listed.result.names)[:_MAX_PARAMETERS] if listed else []
-    values = _call(node, executor, GetParameters, f'{name}/get_parameters',
-                   GetParameters.Request(names=names)) if names else None
-    if values is None:
-        return {}
-    return dict(zip(names, map(parameter_value_to_python, values.values)))
-
-
-def _call(node: Any, executor: Any, kind: Any, name: str, request: Any) -> Any:
-    """Return the answer of a service, None if there is none in time."""
-    client = node.create_client(kind, name)
-    end = time.monotonic() + _TIMEOUT
-    future = None
-    try:
-        while time.monotonic() < end:
-            if future is None and client.service_is_ready():
-                future = client.call_async(request)
-            if future is not None and future.done():
-                return future.result()
-            executor.spin_once(timeout_sec=0.05)
-        return None
-    finally:
-        node.destroy_client(client)
 
 
 def _to_arrays(messages: Any) -> Any:

@@ -1,16 +1,18 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Section 2.6: ten repetitions each way by a simulated person, with and without compensation."""
+"""Section 2.6: movements by a simulated person under each condition, and joints left alone."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_comp.compensation.law import law_parameters
 from friction_comp.evaluation.conditions import evaluate, Evaluation
+from friction_comp.model.friction_model import Breakaway
+from friction_comp.note.published import FALSE_START
 from friction_comp.samples import Samples
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.joint_parameters import joint_parameters
@@ -28,6 +30,10 @@ CONDITIONS = ('none', 'kinetic', 'paper', 'continuous', 'inertia')
 # Variation of human movements: standard deviations of the person's stiffness (relative), of the
 # time at which the movement begins, s, and of its speed (relative).
 STIFFNESS_VARIATION, DELAY_VARIATION, SPEED_VARIATION = 0.05, 0.01, 0.02
+# Standstills and the duration of each, s; the direction is announced so long after it began, s.
+STANDSTILLS, STANDSTILL_TIME, ANNOUNCED = 360, 10.0, 0.5
+# Breakaway currents are taken too large by this share.
+BREAKAWAY_ERROR = 0.1
 
 
 @dataclass(frozen=True)
@@ -61,24 +67,11 @@ def persons_reference(movement: ReferenceMovement, time: np.ndarray, repetitions
     return tuple(np.array(row, dtype=float) for row in rows), factors
 
 
-def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int, gain: float = 0.9,
-              dead_speed: float = 0.0, repetitions: int = REPETITIONS) -> ConditionRun:
-    """Run one condition.
+def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int,
+              repetitions: int = REPETITIONS) -> ConditionRun:
+    """Run the condition `name`, one of `CONDITIONS`, with a model for the compensation.
 
-    Parameters
-    ----------
-    experiment : Experiment
-    model : FrictionModel
-        What the compensation knows.
-    name : str
-        One of `CONDITIONS`.
-    seed : int
-        Of the person and of the joint; the same person comes under every condition.
-    gain : float
-        breakaway_gain.
-    dead_speed : float
-        rad/s up to which the printed kinetic term is left out; for showing what it does there.
-    repetitions : int
+    The seed is that of the person and of the joint; the same person comes under every condition.
     """
     movement = experiment.movement(compensated=name in ('paper', 'continuous'))
     count = round((movement.begins(1) + movement.movement_time + 1.0) / SAMPLE_TIME)
@@ -91,8 +84,7 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
         # A bearing without friction: the small remaining levels only keep the formulas finite.
         for field in FRICTION:
             parameters[field] *= 1e-6
-    law = law_parameters(model, 'none' if name == 'inertia' else name, gain)
-    law['dead_speed'] = dead_speed
+    law = law_parameters(model, 'none' if name == 'inertia' else name)
     log, _, _ = closed_loops(
         parameters, random_states((seed, 1), repetitions), np.tile(law, repetitions),
         reference, np.arange(repetitions), sample_time=SAMPLE_TIME)
@@ -107,3 +99,41 @@ def run_trial(experiment: Experiment, model: FrictionModel, name: str, seed: int
     evaluation = evaluate(recordings, [f'repetition {r + 1}' for r in range(repetitions)])
     peak = float(np.mean([condition.peak_torque for condition in evaluation.conditions]))
     return ConditionRun(evaluation, peak, log)
+
+
+@dataclass(frozen=True)
+class Standstill:
+    """Outcome of many standstills; in false starts the joint went farther than `FALSE_START`."""
+
+    false_starts: int
+    farthest: float
+    """rad"""
+    standstills: int
+    duration: float
+    """s in all"""
+
+
+def stand_still(experiment: Experiment, model: FrictionModel, law: str, seed: int) -> Standstill:
+    """Leave the joint alone with a direction announced, again and again, for an hour in all.
+
+    Every standstill is a new rest with breakaway levels of its own: one rest of an hour would try a
+    single pair of them. Half of them have d = 1, half d = -1. The breakaway currents in use are too
+    large by the share `BREAKAWAY_ERROR`.
+    """
+    both = model.breakaway
+    assert both is not None, 'an identified model has breakaway currents'
+    model = replace(model, breakaway=Breakaway(
+        both.positive_mean * (1.0 + BREAKAWAY_ERROR), both.negative_mean * (1.0 + BREAKAWAY_ERROR),
+        both.positive_std, both.negative_std))
+    count = round(STANDSTILL_TIME / SAMPLE_TIME)
+    still, direction = np.zeros((2, count)), np.zeros((2, count))
+    direction[:, round(ANNOUNCED / SAMPLE_TIME):] = [[1.0], [-1.0]]
+    _, extremes, _ = closed_loops(
+        np.tile(joint_parameters(experiment.model()), STANDSTILLS),
+        random_states((seed, 2), STANDSTILLS),
+        np.tile(law_parameters(model, law), STANDSTILLS),
+        (still, still, direction), np.arange(STANDSTILLS) % 2, released=0,
+        sample_time=SAMPLE_TIME, every=0)
+    farthest = np.abs(extremes).max(axis=1)
+    return Standstill(int(np.sum(farthest > FALSE_START)), float(farthest.max()), STANDSTILLS,
+                      STANDSTILLS * STANDSTILL_TIME)

@@ -6,53 +6,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.note.condition_runs import CONDITIONS, run_trial
+from friction_comp.note.condition_runs import CONDITIONS, run_trial, stand_still
 from friction_comp.note.identify import identified_model, identify_breakaway, identify_table
 from friction_comp.note.published import EXPERIMENTS
-from friction_comp.note.standstill import stand_still
 from friction_comp.parallel import child_process
 
 if TYPE_CHECKING:
     from friction_comp.identification.goal import IdentificationResult
     from friction_comp.model.friction_model import Breakaway, FrictionModel
-    from friction_comp.note.condition_runs import ConditionRun
+    from friction_comp.note.condition_runs import ConditionRun, Standstill
     from friction_comp.note.identify import Ramps
     from friction_comp.note.published import Experiment
-    from friction_comp.note.standstill import Standstill
 
 LAWS = ('paper', 'continuous')
-GAINS = (0.5, 0.7, 0.8, 0.9, 0.95, 1.0, 1.1, 1.2, 1.35, 1.5)
-# Speeds up to which the kinetic term is left out, deg/s: what slow motion contributes to it.
-DEAD_SPEEDS = (0.0, 0.3, 0.7, 1.5, 3.0)
-_SWEEP_STANDSTILLS, _SWEEP_EACH, _SWEEP_REPETITIONS = 60, 6.0, 4
 
 
 @dataclass
 class ExperimentOutcome:
     """Everything that was found with one configuration.
 
-    Attributes
-    ----------
-    experiment : Experiment
-    table : IdentificationResult
-    ramps : Ramps
-    model : FrictionModel
-        As identified.
-    trials : dict of str to ConditionRun
-        By condition.
-    standstills : dict of str to Standstill
-        By law, an hour each with breakaway currents 10 % too large.
-    sweep : dict of str to list of (gain, peak in N·m, false starts, standstills)
-        By law.
-    dead : list of (speed in rad/s, peak in N·m)
-        Peak with d = 0 when the kinetic term is left out up to a speed.
-    drive_time : float
-        s simulated for identification.
+    `model` is the identified one; `trials` are by condition, `standstills` by law. `drive_time` in
+    s was simulated for identification.
     """
 
     experiment: Experiment
@@ -61,8 +39,6 @@ class ExperimentOutcome:
     model: FrictionModel
     trials: dict[str, ConditionRun]
     standstills: dict[str, Standstill]
-    sweep: dict[str, list[tuple[float, float, int, int]]]
-    dead: list[tuple[float, float]]
     drive_time: float
 
     @property
@@ -108,24 +84,12 @@ def run_experiment(experiment: Experiment, table: Callable[[], tuple[Identificat
     model = identified_model(experiment, result, ramps)
     report(0.3, 'trials')
     trials = {name: run_trial(experiment, model, name, seed) for name in CONDITIONS}
-    dead = [(math.radians(speed), run_trial(
-        experiment, model, 'kinetic', seed, dead_speed=math.radians(speed)).peak)
-        for speed in DEAD_SPEEDS]
     standstills = {}
     for k, law in enumerate(LAWS):
-        report(0.35 + 0.2 * k, f'standstill, {law} law')
+        report(0.5 + 0.25 * k, f'standstill, {law} law')
         standstills[law] = stand_still(experiment, model, law, seed)
-    sweep: dict[str, list[tuple[float, float, int, int]]] = {law: [] for law in LAWS}
-    for k, gain in enumerate(GAINS):
-        report(0.75 + 0.25 * k / len(GAINS), 'breakaway gain')
-        for law in LAWS:
-            peak = run_trial(
-                experiment, model, law, seed, gain, repetitions=_SWEEP_REPETITIONS).peak
-            still = stand_still(experiment, model, law, seed, error=0.0, gain=gain,
-                                standstills=_SWEEP_STANDSTILLS, each=_SWEEP_EACH)
-            sweep[law].append((gain, peak, still.false_starts, still.standstills))
     report(1.0, 'done')
-    return ExperimentOutcome(experiment, result, ramps, model, trials, standstills, sweep, dead,
+    return ExperimentOutcome(experiment, result, ramps, model, trials, standstills,
                              table_time + ramps.duration)
 
 
@@ -135,15 +99,7 @@ def run_experiments(cycles: int, seed: int, report: Callable[[float, str], None]
 
     The look-up tables are measured by the identification procedure as it drives a real joint,
     sample by sample, in a process of their own; everything else runs compiled and in parallel.
-
-    Parameters
-    ----------
-    cycles : int
-        Ramps per direction.
-    seed : int
-    report : callable
-        ``report(share, description)``.
-    experiments : sequence of Experiment
+    There are `cycles` ramps per direction. Progress goes to ``report(share, description)``.
     """
     outcomes = []
     with child_process() as pool:

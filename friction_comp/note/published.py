@@ -23,29 +23,20 @@ _FAST = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 
 @dataclass(frozen=True)
 class Experiment:
-    """One of the note's three configurations.
-
-    Attributes
-    ----------
-    number : int
-    breakaway, breakaway_std : float
-        Section 3, A.
-    ramp_slope : float
-        s of Eq. 8 in A/s.
-    peak_kinetic, peak_compensated, reduction : float
-        Section 3: N·m with d = 0 and with d = ±1, and the reduction stated.
-    slow : tuple of float
-        The slowest speeds of the table, deg/s. The note does not give its table, and the slowest
-        speed decides how steep the fitted transition is.
-    """
+    """One of the note's three configurations."""
 
     number: int
+    # Section 3, A.
     breakaway: float
     breakaway_std: float
+    # s of Eq. 8 in A/s.
     ramp_slope: float
+    # Section 3: N·m with d = 0 and with d = ±1, and the reduction stated.
     peak_kinetic: float
     peak_compensated: float
     reduction: float
+    # The slowest speeds of the table, deg/s. The note does not give its table, and the slowest
+    # speed decides how steep the fitted transition is.
     slow: tuple[float, ...]
 
     @property

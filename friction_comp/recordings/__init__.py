@@ -9,10 +9,10 @@ from friction_comp.recordings.reader import (
     read_joints,
     read_recording,
     read_recording_with_info,
+    stream_recording_with_info,
 )
 from friction_comp.recordings.samples_writer import write_samples
 from friction_comp.recordings.sources import find_recording, find_recordings, recorded_joints
-from friction_comp.recordings.stream import stream_recording_with_info
 from friction_comp.recordings.writer import RecordingWriter
 
 __all__ = [

@@ -20,10 +20,9 @@ import numpy as np
 from friction_comp.columns import Layout
 from friction_comp.errors import InputError
 from friction_comp.recordings.joint_samples import RecordingInfo
-from friction_comp.recordings.reader import read_recording_with_info
+from friction_comp.recordings.reader import read_recording_with_info, stream_recording_with_info
 from friction_comp.recordings.sources import find_recordings, part_of, Progress
 from friction_comp.recordings.storage import AnyPath
-from friction_comp.recordings.stream import stream_recording_with_info
 from friction_comp.samples import Samples
 
 # Most samples of one fit: about 600 MB of working memory, ten times the size of most recordings.
@@ -78,13 +77,8 @@ def read_condensed(paths: AnyPath | Sequence[AnyPath], joint: str | None = None,
                    limit: int = LIMIT) -> list[tuple[Samples, RecordingInfo]]:
     """Read recordings of one joint as `read_recording_with_info`, in a bounded amount of memory.
 
-    Parameters
-    ----------
-    paths, joint, torque_constant, gear_ratio, progress, layout
-        As for `read_recording`.
-    limit : int
-        Approximate number of samples kept of all recordings together. If there are more, they are
-        averaged, and the notes of the first recording say so.
+    `limit` is the approximate number of samples kept of all recordings together. If there are more,
+    they are averaged, and the notes of the first recording say so.
     """
     recordings = find_recordings(paths)
     condensing = _condensing(recordings, joint, layout, limit)

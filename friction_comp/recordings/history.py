@@ -46,21 +46,11 @@ class Remembered:
 
 @dataclass
 class History:
-    """Averages of a drive's recordings, and notes on the drive.
+    """Averages of a drive's recordings, and notes on the drive."""
 
-    Parameters
-    ----------
-    torque_per_current : float
-        N·m/A at the joint, used to convert effort to current.
-    recordings : list of Remembered
-        In the order of their dates.
-    notes : list of (str, str)
-        ISO date and text.
-    """
-
-    torque_per_current: float
-    recordings: list[Remembered] = field(default_factory=list)
-    notes: list[tuple[str, str]] = field(default_factory=list)
+    torque_per_current: float  # N·m/A at the joint, used to convert effort to current
+    recordings: list[Remembered] = field(default_factory=list)  # in the order of their dates
+    notes: list[tuple[str, str]] = field(default_factory=list)  # ISO date and text
 
     @staticmethod
     def path_of(model: str | Path) -> Path:
@@ -71,10 +61,7 @@ class History:
     def beside(cls, model: str | Path, drive: Drive) -> History:
         """Return a model file's history, an empty one where there is none.
 
-        Raises
-        ------
-        InputError
-            If the file is invalid, or was made with another torque constant or gear ratio.
+        Raises InputError if it is invalid, or made with another torque constant or gear ratio.
         """
         path, gain = cls.path_of(model), drive.torque_per_current
         if not path.exists():

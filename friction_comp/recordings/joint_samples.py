@@ -11,12 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.recordings import clocks
+from friction_comp.recordings import time_base
 from friction_comp.recordings.activity import Activity
 from friction_comp.recordings.plausible import check_plausible
-from friction_comp.recordings.scan import signal_of
-from friction_comp.recordings.time_base import further_signals, TimeBase
-from friction_comp.recordings.tracks import Scan, Track
+from friction_comp.recordings.scan import Scan, signal_of, Track
 from friction_comp.samples import JointStates, Samples
 
 # A jump by nearly a turn within this time is a wrapped angle: s, rad.
@@ -25,47 +23,24 @@ _WRAP_TIME, _WRAP = 0.02, (1.8 * np.pi, 2.2 * np.pi)
 
 @dataclass
 class RecordingInfo:
-    """Information on one recording beyond its samples.
-
-    Attributes
-    ----------
-    path : Path
-    joint : str
-        The joint that was read.
-    joints : list of str
-        All joints in the recording's joint states.
-    topics : dict
-        Topic name to (message type, number of messages).
-    start : float
-        Stamp of the samples' time zero in s.
-    stamps : ndarray, shape (M,)
-        Time of every joint state in s since `start`, in the order received.
-    rows : ndarray of int, shape (N,)
-        Indices of the joint states used as samples.
-    dropped : dict
-        Number of joint states that were left out, by reason.
-    notes : list of str
-        Remarks on the recording for readers of the results.
-    model : str or None
-        Active model file, if recorded.
-    activity : list of (float, Activity)
-        What the compensator reported, each with its begin in s since `start`.
-    effort_is_current : bool
-        Whether the effort is the motor current in A already, as a table may declare.
-    """
+    """Information on one recording beyond its samples."""
 
     path: Path
-    joint: str = ''
-    joints: list[str] = field(default_factory=list)
+    joint: str = ''  # that was read
+    joints: list[str] = field(default_factory=list)  # all in the recording's joint states
+    # Topic name to (message type, number of messages).
     topics: dict[str, tuple[str, int]] = field(default_factory=dict)
-    start: float = 0.0
+    start: float = 0.0  # stamp of the samples' time zero, s
+    # (M,): time of every joint state in s since `start`, in the order received.
     stamps: np.ndarray | None = None
-    rows: np.ndarray | None = None
+    rows: np.ndarray | None = None  # (N,): indices of the joint states used as samples
+    # Number of joint states that were left out, by reason.
     dropped: dict[str, int] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    model: str | None = None
+    notes: list[str] = field(default_factory=list)  # for readers of the results
+    model: str | None = None  # active model file, if recorded
+    # What the compensator reported, each with its begin in s since `start`.
     activity: list[tuple[float, Activity]] = field(default_factory=list)
-    effort_is_current: bool = False
+    effort_is_current: bool = False  # in A already, as a table may declare
 
     def check_joint(self, other: RecordingInfo) -> None:
         """Raise InputError if another recording holds another joint."""
@@ -86,9 +61,9 @@ def to_samples(scan: Scan, joint: str | None,
     track, joint, joints, values = _select_joint(scan, joint)
     info = RecordingInfo(scan.path, joint, joints, scan.topics, notes=list(scan.notes),
                          model=scan.model, effort_is_current=scan.effort_is_current)
-    stamp = clocks.message_times(track, info.notes)
-    stray = clocks.far_off(stamp)
-    shifts = clocks.set_backs(stamp[~stray], track.order[~stray], track.receive[~stray],
+    stamp = time_base.message_times(track, info.notes)
+    stray = time_base.far_off(stamp)
+    shifts = time_base.set_backs(stamp[~stray], track.order[~stray], track.receive[~stray],
                               info.notes)
     stamp = shifts.of(stamp, track.order)
     position, velocity, effort = values.T
@@ -113,8 +88,8 @@ def to_samples(scan: Scan, joint: str | None,
     info.start = origin * 1e-9
     info.stamps = (stamp - origin) * 1e-9
     info.rows = order
-    clocks.note_gaps(info.stamps[order], info.notes)
-    base = TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
+    time_base.note_gaps(info.stamps[order], info.notes)
+    base = time_base.TimeBase(stamp[order], track.receive[order], bool(track.stamp.any()), shifts)
     info.activity = [(base.moment(activity.time) - info.start, activity.of(joint))
                      for activity in scan.activity]
     time = info.stamps[order]
@@ -122,7 +97,7 @@ def to_samples(scan: Scan, joint: str | None,
         time=time, position=_unwrap(time, position[order], info.notes),
         current=effort[order] / torque_per_current,
         velocity=None if velocity is None else velocity[order], joint=joint)
-    samples = samples.with_(**further_signals(
+    samples = samples.with_(**time_base.further_signals(
         scan, joint, joints, base, torque_per_current, info.notes))
     check_plausible(samples, str(scan.path), alone=not _others_moved(scan, values))
     return samples, info

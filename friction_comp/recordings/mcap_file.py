@@ -17,7 +17,6 @@ import mmap
 from pathlib import Path
 import re
 import struct
-from types import TracebackType
 from typing import Any
 import zlib
 
@@ -48,25 +47,15 @@ class DamagedError(ValueError):
 
 
 class McapFile:
-    """One mcap file; raises DamagedError if it is empty.
-
-    Attributes
-    ----------
-    topics : dict
-        Topic to (message type, number of messages), as far as the file has been read.
-    notes : list of str
-        Remarks on missing or damaged parts; complete after `messages` has ended.
-    custom : dict
-        ``custom_data`` of rosbag2's metadata in the file.
-    encodings : dict
-        Topic to serialisation.
-    """
+    """One mcap file; raises DamagedError if it is empty."""
 
     def __init__(self, path: Path) -> None:
+        # Remarks on missing or damaged parts; complete after `messages` has ended.
         self.notes: list[str] = []
+        # Topic to (message type, number of messages), as far as the file has been read.
         self.topics: dict[str, tuple[str, int]] = {}
-        self.encodings: dict[str, str] = {}
-        self.custom: dict[str, str] = {}
+        self.encodings: dict[str, str] = {}     # topic to serialisation
+        self.custom: dict[str, str] = {}        # custom_data of rosbag2's metadata
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, str] = {}
         self._message_count = 0
@@ -83,11 +72,8 @@ class McapFile:
         if self._footer is not None and self._footer.summary_start:
             self._read_summary(self._footer)
 
-    def __enter__(self) -> McapFile:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
-                 traceback: TracebackType | None) -> None:
+    def close(self) -> None:
+        """Close the file."""
         self._file.close()
 
     @property

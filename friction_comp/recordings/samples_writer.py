@@ -25,8 +25,8 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
 
     Parameters
     ----------
-    path : path-like
-        Folder to create.
+    path, custom_data, compression
+        As for `RecordingWriter`.
     samples : Samples or list of Samples
         One per joint; several joints must share their time base. Effort is current · k_t · n.
         Signals that are None are not recorded; joints without a name are called ``joint_1`` ….
@@ -36,8 +36,6 @@ def write_samples(path: AnyPath, samples: Samples | Sequence[Samples],
         Prefix of every topic.
     start_ns : int
         Stamp of time zero.
-    custom_data, compression
-        As for `RecordingWriter`.
     """
     joints = [samples] if isinstance(samples, Samples) else list(samples)
     if not joints:

@@ -1,10 +1,11 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the signals of a rosbag2 recording into arrays."""
+"""Contents of a recording as arrays, and the reader of those of a rosbag2 recording."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,92 @@ import numpy as np
 
 from friction_comp.errors import InputError, one_line
 from friction_comp.recordings import cdr
-from friction_comp.recordings.activity import ActivityLog, DIAGNOSTICS
+from friction_comp.recordings.activity import Activity, ActivityLog, DIAGNOSTICS
 from friction_comp.recordings.storage import Storage, unpack, unreadable
-from friction_comp.recordings.tracks import Scan, Track
 from friction_comp.topics import TOPICS, TORQUE_UNIT
+
+
+@dataclass
+class Track:
+    """One topic's messages in the order of the file."""
+
+    topic: str
+    signal: str
+    receive: np.ndarray  # (N,) of int64: ns
+    stamp: np.ndarray  # (N,) of int64: ns, 0 throughout where the message has none
+    order: np.ndarray  # (N,) of int64: index of each message among all that were read
+    names: list[str]  # all joints or frames in the messages
+    # JointState: for each joint an array (N, 3) of position, velocity and effort, NaN where a
+    # message has none. Wrench and temperature: for each frame an array (N, 1). Arrays: the key ''
+    # and an array (N, J); for commands in N·m the key `TORQUE_UNIT`, with NaN for messages of the
+    # other unit. With a selected joint, only the values that may be its own.
+    values: dict[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return len(self.receive)
+
+    def take(self, index: slice) -> Track:
+        """Return the selected messages."""
+        return Track(self.topic, self.signal, self.receive[index], self.stamp[index],
+                     self.order[index], self.names,
+                     {key: value[index] for key, value in self.values.items()})
+
+    @staticmethod
+    def concatenate(parts: Sequence[Track]) -> Track:
+        """Join parts of one topic; their `values` are emptied, to need no memory for both."""
+        first = parts[0]
+        if len(parts) == 1:
+            return first
+        starts = np.cumsum([0, *map(len, parts)])
+        values = {}
+        for key in dict.fromkeys(key for part in parts for key in part.values):
+            width = max(part.values[key].shape[1] for part in parts if key in part.values)
+            values[key] = np.full((starts[-1], width), np.nan)
+            for start, part in zip(starts, parts):
+                if key in part.values:
+                    own = part.values.pop(key)
+                    values[key][start:start + len(own), :own.shape[1]] = own
+        return Track(
+            first.topic, first.signal, np.concatenate([part.receive for part in parts]),
+            np.concatenate([part.stamp for part in parts]),
+            np.concatenate([part.order for part in parts]),
+            list(dict.fromkeys(name for part in parts for name in part.names)), values)
+
+
+@dataclass
+class Scan:
+    """Raw contents of one recording, or of a stretch of it.
+
+    Notes, activity and the count of messages by topic are those of all that has been read so far.
+    """
+
+    path: Path
+    tracks: list[Track]
+    topics: dict[str, tuple[str, int]]     # topic to message type and number of messages
+    notes: list[str]                       # on what is missing or damaged
+    custom: dict[str, str] = field(default_factory=dict)    # of rosbag2's metadata
+    activity: list[Activity] = field(default_factory=list)
+    effort_is_current: bool = False        # in A already, as tables may declare
+
+    def of(self, signal: str) -> list[Track]:
+        """Return the tracks of a signal; an exact topic name takes precedence over its ending."""
+        tracks = [track for track in self.tracks if track.signal == signal]
+        exact = [t for t in tracks if t.topic.rsplit('/', 1)[-1] == signal]
+        return exact or tracks
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of all joints in the joint states."""
+        return list(dict.fromkeys(n for track in self.of('joint_states') for n in track.names))
+
+    @property
+    def model(self) -> str | None:
+        """Active model file, if recorded."""
+        for key in ('model_file', 'model_files', 'model'):
+            if self.custom.get(key):
+                return self.custom[key]
+        named = [activity.model for activity in self.activity if activity.model]
+        return named[-1] if named else None
 
 
 def signal_of(topic: str, type_name: str) -> str | None:
@@ -62,8 +145,8 @@ class MessageScanner:
                     signal = signal_of(topic, kind)
                     assert signal is not None
                     reader = self._topics[topic] = _TopicReader(topic, signal, self._joint)
-                reader.add(receive, raw, index)
-                if len(reader.raw) >= self._batch:
+                reader.messages.append((receive, index, raw))
+                if len(reader.messages) >= self._batch:
                     reader.decode()
                     if reader.signal == 'joint_states':
                         yield self._scan()
@@ -93,27 +176,21 @@ class _TopicReader:
 
     def __init__(self, topic: str, signal: str, joint: str | None) -> None:
         self.topic, self.signal = topic, signal
-        self.raw: list[bytes] = []
-        self.broken = 0     # messages that cannot be decoded
+        self.messages: list[tuple[int, int, bytes]] = []    # (receive time in ns, index, payload)
+        self.broken = 0                                     # messages that cannot be decoded
         self._joint = joint
-        self._receive: list[int] = []
-        self._order: list[int] = []
         self._names: dict[str, None] = {}
         self._tracks: list[Track] = []
 
-    def add(self, receive: int, raw: bytes, order: int) -> None:
-        self.raw.append(raw)
-        self._receive.append(receive)
-        self._order.append(order)
-
     def decode(self) -> None:
         """Decode the collected messages, so that they no longer take memory."""
-        size = len(self.raw)
+        receive, order, payloads = zip(*self.messages)
+        size = len(payloads)
         stamps = np.zeros(size, dtype=np.int64)
         values: dict[str, np.ndarray] = {}
         broken: list[int] = []
         for index, names, fields in cdr.decode(
-                TOPICS[self.signal], [unpack(raw) for raw in self.raw], broken):
+                TOPICS[self.signal], [unpack(payload) for payload in payloads], broken):
             if 'stamp' in fields:
                 stamps[index] = fields['stamp']
             for key, columns in self._columns(names, fields):
@@ -125,13 +202,12 @@ class _TopicReader:
                 known[index, :columns.shape[1]] = columns
         self.broken += len(broken)
         whole = np.delete(np.arange(size), broken)
-        receive, order = (np.array(each, dtype=np.int64)[whole]
-                          for each in (self._receive, self._order))
         if len(whole):
             self._tracks.append(Track(
-                self.topic, self.signal, receive, stamps[whole], order, list(self._names),
+                self.topic, self.signal, np.array(receive, dtype=np.int64)[whole], stamps[whole],
+                np.array(order, dtype=np.int64)[whole], list(self._names),
                 {key: value[whole] for key, value in values.items()}))
-        self.raw, self._receive, self._order = [], [], []
+        self.messages = []
 
     def _columns(self, names: tuple[str, ...], fields: dict[str, Any]
                  ) -> Iterator[tuple[str, np.ndarray]]:
@@ -157,7 +233,7 @@ class _TopicReader:
 
     def take(self) -> Track | None:
         """Return what was read since the last call; None if that is nothing."""
-        if self.raw:
+        if self.messages:
             self.decode()
         tracks, self._tracks = self._tracks, []
         return Track.concatenate(tracks) if tracks else None

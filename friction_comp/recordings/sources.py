@@ -10,10 +10,9 @@ from pathlib import Path
 
 from friction_comp.columns import Layout, TABLES
 from friction_comp.errors import InputError
-from friction_comp.recordings.scan import MessageScanner
+from friction_comp.recordings.scan import MessageScanner, Scan, Track
 from friction_comp.recordings.storage import AnyPath, belongs_to_folder, is_storage, METADATA
 from friction_comp.recordings.tables import is_table, TableScanner
-from friction_comp.recordings.tracks import Scan, Track
 
 Progress = Callable[[float], None]
 
@@ -30,18 +29,10 @@ def part_of(progress: Progress | None, index: int, count: int) -> Progress:
 
 
 def find_recordings(paths: AnyPath | Sequence[AnyPath]) -> list[Path]:
-    """Return the recordings at paths; folders are searched for recordings.
+    """Return the recordings at paths, and in folders at any depth in the order of their names.
 
-    Parameters
-    ----------
-    paths : path-like or list of path-like
-        Rosbag2 folders, single .mcap (or .db3) files, tables (.csv, .parquet, .npz), or folders
-        that hold recordings at any depth, in the order of their names.
-
-    Raises
-    ------
-    InputError
-        If a path does not exist or holds no recording.
+    Recordings are rosbag2 folders, .mcap and .db3 files, and tables (.csv, .parquet, .npz) that are
+    named themselves. Raises InputError if a path does not exist or holds none.
     """
     unique: dict[Path, Path] = {}
     for path in map(Path, [paths] if isinstance(paths, (str, PathLike)) else paths):
@@ -114,16 +105,6 @@ def scan_recording(path: AnyPath, progress: Progress | None = None, joint: str |
 def recorded_joints(path: AnyPath, layout: Layout | None = None) -> list[str]:
     """Return the joints in a recording's first joint states, '' for one without a name.
 
-    Parameters
-    ----------
-    path : path-like
-        One recording, as `find_recordings` returns it.
-    layout : Layout, optional
-        Known columns and units of a table.
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read.
+    Raises InputError if the recording cannot be read.
     """
     return next(open_scanner(path, layout=layout, batch=_FIRST_MESSAGES).scans()).joints

@@ -5,20 +5,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from functools import partial
 from os import PathLike
 from pathlib import Path, PurePath
 import re
 import shutil
+import sqlite3
 from tempfile import TemporaryDirectory
 from typing import Any
+from urllib.parse import quote
 
 import yaml
 import zstandard
 
 from friction_comp.errors import InputError, one_line
 from friction_comp.recordings.mcap_file import DamagedError, McapFile, Message, Wanted
-from friction_comp.recordings.sqlite_file import SqliteFile
 
 AnyPath = str | PathLike[str]
 
@@ -43,26 +45,16 @@ def belongs_to_folder(folder: Path) -> bool:
 
 
 class Storage:
-    """Reads the messages of a rosbag2 folder or a single file; raises InputError if unreadable.
-
-    Attributes
-    ----------
-    topics : dict
-        Topic to (message type, number of messages), complete after `messages` has ended.
-    notes : list of str
-        Remarks on missing or damaged parts, likewise.
-    custom : dict
-        The ``custom_data`` of the recording's metadata.
-    progress : float
-        Share of the recording that has been read.
-    """
+    """Reads the messages of a rosbag2 folder or a single file; raises InputError if unreadable."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        # Topic to (message type, number of messages), and remarks on missing or damaged parts; both
+        # are complete after `messages` has ended.
         self.topics: dict[str, tuple[str, int]] = {}
         self.notes: list[str] = []
-        self.custom: dict[str, str] = {}
-        self.progress = 0.0
+        self.custom: dict[str, str] = {}    # custom_data of the metadata
+        self.progress = 0.0                 # share of the recording that has been read
         self.files = [path] if path.is_file() else self._list_files()
 
     def messages(self, wanted: Wanted) -> Iterator[Message]:
@@ -73,7 +65,7 @@ class Storage:
         reasons = []
         for index, file in enumerate(self.files):
             try:
-                with TemporaryDirectory() as folder, _open(file, Path(folder)) as opened:
+                with TemporaryDirectory() as folder, closing(_open(file, Path(folder))) as opened:
                     for message in opened.messages(partial(self._is_wanted, wanted, opened)):
                         self.progress = (index + opened.progress) / len(self.files)
                         yield message
@@ -169,3 +161,53 @@ def _open(file: Path, folder: Path) -> McapFile | SqliteFile:
                     raise DamagedError(f'not compressed with zstd: {error}') from None
         file = plain
     return McapFile(file) if file.suffix == '.mcap' else SqliteFile(file)
+
+
+class SqliteFile:
+    """One .db3 file; as `McapFile`.
+
+    The topics' quality of service is ignored: its format differs between releases, and nothing here
+    depends on it. Raises DamagedError if it is not a database with rosbag2's tables.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.notes: list[str] = []
+        self.custom: dict[str, str] = {}
+        self.progress = 0.0
+        self._database = sqlite3.connect(f'file:{quote(str(path))}?mode=ro', uri=True)
+        try:
+            rows = self._database.execute(
+                'SELECT id, name, type, serialization_format FROM topics ORDER BY id').fetchall()
+            self._last = self._database.execute('SELECT max(id) FROM messages').fetchone()[0] or 1
+        except sqlite3.Error as error:
+            self._database.close()
+            raise DamagedError(f'not a rosbag2 database: {error}') from None
+        self._by_id = {row[0]: (str(row[1]), str(row[2])) for row in rows}
+        self.topics: dict[str, tuple[str, int]] = {str(r[1]): (str(r[2]), 0) for r in rows}
+        self.encodings = {str(row[1]): str(row[3]) for row in rows}
+
+    def close(self) -> None:
+        """Close the database."""
+        self._database.close()
+
+    def messages(self, wanted: Wanted) -> Iterator[Message]:
+        """Yield the messages in the order they were written, as `McapFile.messages` does."""
+        topic_ids = [k for k, topic_and_type in self._by_id.items() if wanted(*topic_and_type)]
+        recovered = 0
+        try:
+            for row, topic, time, payload in self._database.execute(
+                    'SELECT id, topic_id, timestamp, data FROM messages WHERE topic_id IN '
+                    f'({",".join("?" * len(topic_ids))}) ORDER BY id', topic_ids):
+                recovered += 1
+                self.progress = row / self._last
+                yield *self._by_id[topic], int(time), bytes(payload)
+            for topic, count in self._database.execute(
+                    'SELECT topic_id, count(*) FROM messages GROUP BY topic_id'):
+                if topic in self._by_id:
+                    name, kind = self._by_id[topic]
+                    self.topics[name] = kind, self.topics[name][1] + int(count)
+        except (sqlite3.Error, TypeError) as error:
+            if not recovered:
+                raise DamagedError(f'the database is damaged: {error}') from None
+            self.notes.append(f'the database is damaged ({error}): {recovered} messages recovered')
+        self.progress = 1.0

@@ -9,9 +9,10 @@ on tables without changes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 import csv
 import gzip
+import io
 from pathlib import Path
 import re
 from typing import IO
@@ -21,13 +22,21 @@ import numpy as np
 
 from friction_comp.columns import assign, Assignment, Layout, TABLES
 from friction_comp.errors import InputError, one_line
+from friction_comp.files import write_atomically
+from friction_comp.recordings.scan import Scan, Track
 from friction_comp.recordings.storage import unreadable
-from friction_comp.recordings.tracks import Scan, Track
+from friction_comp.samples import Samples
 from friction_comp.topics import TOPICS
 
 # Topics of the other signals of a table.
 _TOPICS = {'load': 'interaction_wrench', 'temperature': 'motor_temperature',
            'command': 'current_command', 'direction': 'direction'}
+# Column to attribute of `Samples`; effort equals `current` with k_t = n = 1.
+_SIGNALS = {
+    'position': 'position', 'velocity': 'velocity', 'effort': 'current', 'command': 'command',
+    'direction': 'direction', 'load': 'load', 'temperature': 'temperature',
+    'reference_position': 'reference_position', 'reference_velocity': 'reference_velocity',
+}
 Columns = dict[str, np.ndarray]
 
 
@@ -288,3 +297,47 @@ def _numbers(values: np.ndarray, name: str, path: Path) -> np.ndarray:
     except (TypeError, ValueError):
         raise InputError(f'{path}: column {name!r} does not hold numbers') from None
 
+
+def table_of(joints: Sequence[Samples]) -> dict[str, np.ndarray]:
+    """Return samples of joints with a common time base as columns: ``time``, ``elbow.position``, ….
+
+    Their current must be the effort, as read with k_t = n = 1.
+    """
+    columns = {'time': joints[0].time}
+    for samples in joints:
+        prefix = f'{samples.joint}.' if samples.joint else ''
+        for name, signal in _SIGNALS.items():
+            values = getattr(samples, signal)
+            if values is not None:
+                columns[prefix + name] = values
+    return columns
+
+
+def write_table(path: Path, joints: Sequence[Samples]) -> None:
+    """Write samples as CSV, Parquet or npz, depending on the file name, with columns of `table_of`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    columns = table_of(joints)
+    name = path.name.lower()
+    stream = io.BytesIO()
+    if name.endswith('.npz'):
+        np.savez_compressed(stream, **columns)  # type: ignore[arg-type] # its allow_pickle
+    elif name.endswith('.parquet'):
+        try:
+            from pyarrow import table
+            from pyarrow.parquet import write_table as write
+        except ModuleNotFoundError:
+            raise InputError(f'{path}: Parquet files need pyarrow: pip install '
+                             '"friction_comp[parquet]", or pip install pyarrow') from None
+        write(table(columns), stream)
+    elif name.endswith('.csv'):
+        stream.write((','.join(columns) + '\n').encode())
+        np.savetxt(stream, np.column_stack(list(columns.values())), delimiter=',',
+                   fmt=['%.9f', *['%.12g'] * (len(columns) - 1)])
+    else:
+        raise InputError(f'{path}: a table is .csv, .parquet or .npz')
+    write_atomically(path, stream.getvalue())

@@ -5,26 +5,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 import os
 from pathlib import Path
 import shutil
 from types import TracebackType
 from typing import Any, Literal
 
+from mcap.writer import CompressionType, Writer
 from rosbags.typesys import get_typestore, Stores
 import yaml
 import zstandard
 
 from friction_comp.errors import InputError
-from friction_comp.recordings.mcap_part import McapPart, Qos, span
+from friction_comp.files import write_atomically
 from friction_comp.recordings.storage import AnyPath, METADATA
 
+Qos = dict[str, Any]
 _VERSION = 9
 # rosbag2's value of a duration that is not set.
 _INFINITE = {'sec': 9223372036, 'nsec': 854775807}
-# Smallest limits of size and duration, bytes and s: every file needs an index and two threads.
+# Smallest limits of size and duration, bytes and s: every file needs an index and a thread.
 _MIN_SIZE, _MIN_DURATION = 10_000, 0.1
 _COMPRESSIONS = ('none', 'message', 'storage')
+_CHUNK = 1 << 20
+# Bytes that may wait for a slow disk before the writer blocks.
+_MAX_PENDING = 1 << 28
 
 
 def qos_profile(reliability: str = 'reliable', durability: str = 'volatile',
@@ -83,12 +90,11 @@ class RecordingWriter:
                              f'{_MIN_DURATION:g} s is the least; 0 makes one file')
         self.custom_data = dict(custom_data or {})
         self._compression = compression
-        self._split_size = split_size
-        self._split_duration = split_duration * 1e9
+        self._split_size, self._split_duration = split_size, 1e9 * split_duration
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._topics: dict[str, tuple[str, str, list[Qos]]] = {}
-        self._finished: list[McapPart] = []
-        self._part: McapPart | None = None
+        self._files: list[_McapFile] = []
+        self._is_open = False
         self.message_count = 0
         if self.path.exists():
             raise InputError(f'{self.path}: already exists, a recording needs a new folder')
@@ -96,9 +102,10 @@ class RecordingWriter:
     def __enter__(self) -> RecordingWriter:
         try:
             self.path.mkdir(parents=True)
-            self._part = self._begin()
-        except OSError as error:
+            self._begin_file()
+        except (OSError, InputError) as error:
             raise self._close_with_error(error) from None
+        self._is_open = True
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,
@@ -129,8 +136,8 @@ class RecordingWriter:
                 raise InputError(f'{type_name}: not a message type of ROS 2 Jazzy')
             definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
             self._topics[name] = type_name, definition, list(qos) or [qos_profile()]
-            if self._part is not None:
-                self._part.declare(name, *self._topics[name])
+            if self._is_open:
+                self._files[-1].declare(name, *self._topics[name])
         return name
 
     def write(self, topic: str, type_name: str, stamp_ns: int, cdr: bytes) -> None:
@@ -143,16 +150,16 @@ class RecordingWriter:
             and what was written before can be read.
         """
         name = self.add_topic(topic, type_name)
-        if self._part is None:
+        if not self._is_open:
             raise InputError(f'{self.path}: the recording is closed')
         if self._compression == 'message':
             cdr = zstandard.compress(cdr)
         try:
-            if self._is_full(self._part, stamp_ns):
-                self._end(self._part)
-                self._part = self._begin()
-            self._part.write(name, int(stamp_ns), cdr)
-        except OSError as error:
+            if self._is_full(stamp_ns):
+                self._finish_file()
+                self._begin_file()
+            self._files[-1].write(name, int(stamp_ns), cdr)
+        except (OSError, InputError) as error:
             raise self._close_with_error(error) from None
         self.message_count += 1
 
@@ -164,9 +171,11 @@ class RecordingWriter:
         wait : bool
             Whether to wait until it is written, so that it survives the end of this process.
         """
-        if self._part is not None:
+        if self._is_open:
             try:
-                self._part.flush(wait)
+                self._files[-1].flush()
+                if wait:
+                    self._files[-1].stream.wait()
             except OSError as error:
                 raise self._close_with_error(error) from None
 
@@ -178,69 +187,70 @@ class RecordingWriter:
         InputError
             If nothing was recorded (then nothing is left behind), or the disk is full.
         """
-        if self._part is None:
+        if not self._is_open:
             return
         if not self.message_count:
             self.abort()
             raise InputError(f'{self.path}: nothing was recorded, so nothing is written')
         try:
-            self._end(self._part)
-            for part in self._finished:
-                part.join()
-            self._save_metadata(self._finished, sync=True)
-        except OSError as error:
+            self._finish_file()
+            for file in self._files:
+                file.stream.join()
+            self._save_metadata()
+        except (OSError, InputError) as error:
             raise self._close_with_error(error) from None
+        self._is_open = False
 
     def abort(self) -> None:
         """Close and delete the recording."""
-        if self._part is not None:
-            self._part.drop()
-            self._part = None
+        if self._is_open:
+            self._drop_files()
         shutil.rmtree(self.path, ignore_errors=True)
 
-    def _begin(self) -> McapPart:
-        part = McapPart(self.path / f'{self.path.name}_{len(self._finished)}.mcap',
-                        self._compression == 'storage')
-        for topic, about in self._topics.items():
-            part.declare(topic, *about)
-        self._save_metadata([*self._finished, part])
-        return part
+    def _begin_file(self) -> None:
+        file = _McapFile(self.path / f'{self.path.name}_{len(self._files)}.mcap',
+                         self._compression == 'storage')
+        self._files.append(file)
+        for topic, description in self._topics.items():
+            file.declare(topic, *description)
+        self._save_metadata()
 
-    def _is_full(self, part: McapPart, time: int) -> bool:
-        if part.first is None:
+    def _is_full(self, time: int) -> bool:
+        file = self._files[-1]
+        if file.first is None:
             return False
         # In either direction: one stamp may be far ahead of all others.
-        elapsed = abs(time - part.first)
-        return bool((self._split_size and part.size >= self._split_size)
+        elapsed = abs(time - file.first)
+        return bool((self._split_size and file.stream.tell() >= self._split_size)
                     or (self._split_duration and elapsed >= self._split_duration))
 
-    def _end(self, part: McapPart) -> None:
-        self._part = None
-        self._finished.append(part)
-        part.finish(_yaml(self._metadata([part])))
+    def _finish_file(self) -> None:
+        self._files[-1].finish(_yaml(self._metadata(self._files[-1:])))
 
-    def _close_with_error(self, error: OSError) -> InputError:
+    def _drop_files(self) -> None:
+        """Close all files without an index; flushed chunks remain."""
+        self._is_open = False
+        for file in self._files:
+            with suppress(OSError):
+                file.stream.join()
+
+    def _close_with_error(self, error: OSError | InputError) -> InputError:
         """Close the files and return the error."""
-        for part in self._finished if self._part is None else [*self._finished, self._part]:
-            part.drop()
-        self._part = None
-        kept = ''
-        if self.message_count:
-            kept = '; what was written before can be read'
-        else:
+        self._drop_files()
+        kept = '; what was written before can be read' if self.message_count else ''
+        if not kept:
             shutil.rmtree(self.path, ignore_errors=True)
-        return InputError(f'{self.path}: cannot be written: {error.strerror or error}{kept}')
+        reason = getattr(error, 'strerror', None) or error
+        return InputError(f'{self.path}: cannot be written: {reason}{kept}')
 
-    def _metadata(self, parts: list[McapPart]) -> dict[str, Any]:
-        first = [part.first for part in parts if part.first is not None]
-        last = [part.last for part in parts if part.last is not None]
-        counts = {topic: sum(part.counts.get(topic, 0) for part in parts) for topic in self._topics}
+    def _metadata(self, files: Sequence[_McapFile]) -> dict[str, Any]:
+        counts = {topic: sum(file.counts.get(topic, 0) for file in files)
+                  for topic in self._topics}
         compressed = self._compression == 'message'
         return {
             'version': _VERSION, 'storage_identifier': 'mcap',
-            'relative_file_paths': [part.path.name for part in parts],
-            **span(min(first, default=None), max(last, default=None)),
-            'message_count': sum(counts.values()),
+            'relative_file_paths': [file.path.name for file in files],
+            **_span(files), 'message_count': sum(counts.values()),
             'topics_with_message_count': [{
                 'topic_metadata': {
                     'name': topic, 'type': kind, 'serialization_format': 'cdr',
@@ -249,23 +259,140 @@ class RecordingWriter:
                 'message_count': counts[topic]} for topic, (kind, _, qos) in self._topics.items()],
             'compression_format': 'zstd' if compressed else '',
             'compression_mode': 'message' if compressed else '',
-            'files': [part.about() for part in parts],
+            'files': [{'path': file.path.name, **_span([file]),
+                       'message_count': sum(file.counts.values())} for file in files],
             'custom_data': self.custom_data or None, 'ros_distro': 'jazzy',
         }
 
-    def _save_metadata(self, parts: list[McapPart], sync: bool = False) -> None:
-        """Write metadata.yaml; an unfinished recording does not wait for the disk."""
-        draft = self.path / f'{METADATA}.new'
+    def _save_metadata(self) -> None:
+        write_atomically(self.path / METADATA, _yaml(
+            {'rosbag2_bagfile_information': self._metadata(self._files)}))
+
+
+class _McapFile:
+    """One mcap file of a recording."""
+
+    def __init__(self, path: Path, compressed: bool) -> None:
+        self.path = path
+        self.counts: dict[str, int] = {}
+        self.first: int | None = None
+        self.last: int | None = None
+        self.stream = _SyncedFile(path)
+        self._writer = Writer(
+            self.stream, chunk_size=_CHUNK, enable_data_crcs=True,  # type: ignore[arg-type]
+            compression=CompressionType.ZSTD if compressed else CompressionType.NONE)
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._writer.start(profile='ros2', library='friction_comp')
+        self.stream.flush()
+
+    def declare(self, topic: str, kind: str, definition: str, qos: list[Qos]) -> None:
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(
+                kind, 'ros2msg', definition.encode())
+        self._channels[topic] = self._writer.register_channel(
+            topic, 'cdr', self._schemas[kind], {'offered_qos_profiles': _yaml(qos).strip()})
+        self.counts[topic] = 0
+
+    def write(self, topic: str, time: int, payload: bytes) -> None:
+        """Add a message to the present chunk."""
+        count = self.counts[topic]
+        self._writer.add_message(self._channels[topic], time, payload, time, count)
+        self.counts[topic] = count + 1
+        self.first = time if self.first is None else min(self.first, time)
+        self.last = time if self.last is None else max(self.last, time)
+
+    def flush(self) -> None:
+        """End the chunk and begin to write it."""
+        self._writer.flush()
+        self.stream.flush()
+
+    def finish(self, metadata: str) -> None:
+        """End the file with an index and rosbag2's metadata."""
+        self.flush()
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': metadata})
+        self._writer.finish()
+        self.stream.flush()
+        self.stream.close()
+
+
+class _SyncedFile:
+    """A new file to which whole blocks are appended, each synced to the disk.
+
+    Data are collected in memory until `flush`. A thread then writes and syncs them, so that a slow
+    disk does not block the caller. If a block cannot be written, for instance because the disk is
+    full, the file is truncated to the blocks before it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open('xb', buffering=0)
+        self._block = bytearray()
+        self._size = self._written = 0
+        self._failure: OSError | None = None
+        self._thread = ThreadPoolExecutor(1)
+
+    def write(self, data: bytes) -> int:
+        """Append to the present block."""
+        if len(self._block) > _CHUNK:
+            self.flush()
+        self._block += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the size, including what is not yet written."""
+        return self._size + len(self._block)
+
+    def flush(self) -> None:
+        """End the block and begin to write it; raises OSError if an earlier one was not written."""
+        if self._failure is not None:
+            raise self._failure
+        block, self._block = bytes(self._block), bytearray()
+        self._size += len(block)
+        self._thread.submit(self._write, block)
+        if self._size - self._written > _MAX_PENDING:
+            self.wait()
+
+    def wait(self) -> None:
+        """Wait until all blocks are written; raises OSError if one could not be."""
+        self._thread.submit(int).result()
+        if self._failure is not None:
+            raise self._failure
+
+    def close(self) -> None:
+        """Close the file after the remaining blocks; `join` waits for it."""
+        self._thread.submit(self._file.close)
+        self._thread.shutdown(wait=False)
+
+    def join(self) -> None:
+        """Wait until all blocks are written, and close; raises OSError if one could not be."""
+        self._thread.shutdown()
+        self._file.close()
+        if self._failure is not None:
+            raise self._failure
+
+    def _write(self, block: bytes) -> None:
+        if self._failure is not None:
+            return
+        left = memoryview(block)
         try:
-            with draft.open('w', encoding='utf-8') as stream:
-                stream.write(_yaml({'rosbag2_bagfile_information': self._metadata(parts)}))
-                stream.flush()
-                if sync:
-                    os.fsync(stream.fileno())
-            draft.replace(self.path / METADATA)
-        finally:
-            draft.unlink(missing_ok=True)
+            while left:
+                left = left[self._file.write(left):]
+            self._written += len(block)
+            # Blocks that wait are synced together.
+            if self._written == self._size:
+                os.fsync(self._file.fileno())
+        except OSError as error:
+            self._failure = error
+            self._file.truncate(self._written)
 
 
-def _yaml(document: dict[str, Any]) -> str:
+def _span(files: Sequence[_McapFile]) -> dict[str, Any]:
+    """Return the interval of time of files as rosbag2's metadata hold it."""
+    first = min((file.first for file in files if file.first is not None), default=0)
+    last = max((file.last for file in files if file.last is not None), default=0)
+    return {'starting_time': {'nanoseconds_since_epoch': first},
+            'duration': {'nanoseconds': last - first}}
+
+
+def _yaml(document: Any) -> str:
     return str(yaml.safe_dump(document, sort_keys=False, allow_unicode=True))

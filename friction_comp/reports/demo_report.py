@@ -9,7 +9,6 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.errors import InputError
 from friction_comp.evaluation.conditions import evaluate
 from friction_comp.reports.evaluation_words import peak_text
 from friction_comp.reports.figures import band, COLOURS, new_figure, styled
@@ -29,29 +28,13 @@ _COLOURS = ('grey', 'blue', 'orange', 'green')
 
 
 class EvaluatedTrial:
-    """One recorded trial, evaluated on its own.
-
-    Parameters
-    ----------
-    name, title : str
-        Short name, and title for the reader.
-    samples : Samples
-
-    Attributes
-    ----------
-    evaluation : Evaluation
-    peak_torque, rms_torque : float
-        Mean over both movements, N·m.
-    stuck : int
-        Number of movements in which the joint did not move; the peak torque then is a lower bound.
-    false_starts : int
-        Number of movements that began without the person.
-    """
+    """One recorded trial, evaluated on its own; `title` is for the reader."""
 
     def __init__(self, name: str, title: str, samples: Samples) -> None:
         self.name, self.title = name, title
         self.evaluation = evaluate([samples], [name])
         conditions = self.evaluation.conditions
+        # Means over both movements, N·m. Where the joint was stuck, the peak is a lower bound.
         self.peak_torque = float(np.mean([c.peak_torque for c in conditions]))
         self.rms_torque = float(np.mean([c.rms_torque for c in conditions]))
         self.stuck = sum(c.stuck for c in conditions)
@@ -116,9 +99,9 @@ def identification_figure(model: FrictionModel) -> Figure:
     """Draw look-up table, fitted curve and breakaway currents."""
     figure, axes = new_figure(height=3.2)
     table, breakaway = model.lookup_table, model.breakaway
-    if table is None or breakaway is None:
-        raise InputError('the model was not identified: it has no look-up table or no breakaway '
-                         'currents')
+    # The model was identified.
+    assert table is not None
+    assert breakaway is not None
     speeds, currents = np.array(table['speeds']), np.array(table['currents'])
     fine = np.linspace(1.05 * speeds.min(), 1.05 * speeds.max(), 801)
     axes.plot(fine, 1e3 * model.sigmoid(fine), color=COLOURS['blue'], label='fit of Eq. 6')
@@ -136,16 +119,9 @@ def demo_report(trials: list[EvaluatedTrial], refined: RefineResult, model: Fric
                 undeclared: str | Path) -> Report:
     """Return the page.
 
-    Parameters
-    ----------
-    trials : list of EvaluatedTrial
-        The four trials: without compensation, with the kinetic term, compensated, with the refined
-        model.
-    refined : RefineResult
-    model : FrictionModel
-        The identified model.
-    undeclared : path-like
-        The file with the effects that only the simulation was given.
+    The four trials are: without compensation, with the kinetic term, compensated, and with the
+    refined model. `model` is the identified one; the file `undeclared` contains the effects that
+    only the simulation was given.
     """
     _, kinetic, compensated, last = trials
     before, after = residuals(refined)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.evaluation.compare import effect_size, pairs_to_decide
+from friction_comp.evaluation.compare import effect_size
 from friction_comp.evaluation.repetitions import FIGURES
 from friction_comp.reports.evaluation_words import (
     figure_of,
@@ -123,10 +123,9 @@ def trend_figure(trends: Sequence[Trend], evaluation: Evaluation) -> Figure:
 
 
 def scenes_of(evaluation: Evaluation) -> list[MovingScene]:
-    """Return the mean movement without and with the direction announced.
+    """Return the mean movement without and with the direction announced, if torque was measured.
 
-    Of the two directions of movement, the one with the larger torque. Empty where there are no two
-    such conditions, or torque was not measured.
+    Of the two directions of movement, it is the one with the larger torque.
     """
     pair = evaluation.pair()
     if pair is None:
@@ -196,22 +195,18 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
     if not evaluation.comparisons:
         return
     shown = sorted(evaluation.comparisons, key=lambda c: (
-        list(FIGURES).index(c.figure), c.probability is None, c.probability or 0.0))
+        list(FIGURES).index(c.figure), c.p_value is None, c.p_value or 0.0))
     shown = shown[:_MOST_COMPARISONS]
-    tests = {name: sum(c.figure == name for c in evaluation.comparisons)
-             for name in {c.figure for c in evaluation.comparisons}}
     report.text('## Compared with each other')
     report.table(
         ['figure', 'first', 'second', 'pairs', 'of the first', 'of the second', 'difference',
-         'effect size (d_z)', 'p', 'pairs that decide'],
+         'effect size (d_z)', 'p'],
         [[heading(c.figure), nonbreaking_label(evaluation, c.first),
           nonbreaking_label(evaluation, c.second), c.pairs, *(
               peak_text(mean, evaluation.stuck(condition) * (c.figure == 'peak_torque'))
-              for mean, condition in ((c.before, c.first), (c.after, c.second))),
+              for mean, condition in ((c.mean_first, c.first), (c.mean_second, c.second))),
           with_interval(c.difference), with_interval(effect_size(c)),
-          p_value_text(c.probability),
-          'enough' if c.significant else pairs_to_decide(c, tests[c.figure]) or '> 1000']
-         for c in shown],
+          p_value_text(c.p_value)] for c in shown],
         'The n-th repetition under one condition with the n-th under the other, in the same '
         'movement.')
     omitted = len(evaluation.comparisons) - len(shown)
@@ -220,8 +215,7 @@ def _add_comparisons(report: Report, evaluation: Evaluation) -> None:
         'direction announced or not, with the same model; two models under the same law. '
         "p is the p-value of Wilcoxon's signed-rank test with Holm's correction for all "
         'comparisons of one figure; it needs five pairs. d_z is the mean difference in standard '
-        'deviations of the differences. *Pairs that decide* is the number of pairs with which four '
-        'of five trials would find a difference of the observed size.'
+        'deviations of the differences.'
         + (f' {omitted} more are in `report.json`.' if omitted else ''))
 
 
@@ -239,18 +233,12 @@ def _add_trends(report: Report, evaluation: Evaluation) -> None:
             [[nonbreaking_label(evaluation, t.help), len(t.days),
               with_interval(next(iter(t.days.values()))),
               with_interval(list(t.days.values())[-1]), with_interval(t.per_week),
-              p_value_text(t.probability)] for t in trends],
+              p_value_text(t.p_value)] for t in trends],
             'The change is the slope of a straight line through the daily means.')
 
 
 def evaluation_report(evaluations: Sequence[Evaluation]) -> Report:
-    """Return the page of `evaluate`.
-
-    Parameters
-    ----------
-    evaluations : sequence of Evaluation
-        One for each joint.
-    """
+    """Return the page of `evaluate`, with one evaluation for each joint."""
     several = len(evaluations) > 1
     joints = ', '.join(evaluation.joint or 'the joint' for evaluation in evaluations)
     count = sum(len(evaluation.repetitions) for evaluation in evaluations)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class _Peaks(NamedTuple):
-    """The peak torques of the compared pair, and their change, in words; the test of it."""
+    """The peak torques of the compared pair and their change in words; the test of it."""
 
     pair: tuple[Help, Help]
     before: str
@@ -112,9 +112,9 @@ def verdict(evaluation: Evaluation) -> str:
     words = (f'With {assisted} it took {peaks.after} to set the joint in motion instead of '
              f'{peaks.before} {plain}: {peaks.change}')
     test = peaks.test
-    if test is None or test.probability is None:
+    if test is None or test.p_value is None:
         return words + ', from too few repetitions to rule out chance.'
-    p_value = p_value_text(test.probability)
+    p_value = p_value_text(test.p_value)
     if test.significant:
         return words + f', a significant difference ({p_value}, {test.pairs} pairs).'
     difference = test.difference
@@ -132,7 +132,7 @@ def _trend_sentence(trend: Trend, evaluation: Evaluation) -> str:
     judged = 'better' if rises == (trend.figure == 'smoothness') else 'worse'
     return (f'Over {len(trend.days)} days, {name} with {evaluation.label(trend.help)} '
             f'**{"rises" if rises else "falls"} by {number(abs(trend.per_week.mean))} {unit} '
-            f'a week**, for the {judged} ({p_value_text(trend.probability)}).')
+            f'a week**, for the {judged} ({p_value_text(trend.p_value)}).')
 
 
 def condition_line(condition: Condition) -> str:
@@ -194,11 +194,11 @@ def with_interval(value: Interval | None) -> str:
     return f'{mean}\u00a0±\u00a0{half_text}'
 
 
-def p_value_text(probability: float | None) -> str:
+def p_value_text(p_value: float | None) -> str:
     """Return a p-value as text, a dash where there is none."""
-    if probability is None:
+    if p_value is None:
         return '–'
-    return ('p < 0.001' if probability < 0.001 else f'p = {probability:.2g}').replace(
+    return ('p < 0.001' if p_value < 0.001 else f'p = {p_value:.2g}').replace(
         ' ', '\u00a0')
 
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from friction_comp.excitation.plan import JointPlan
 from friction_comp.excitation.separation import Pair
 from friction_comp.reports.figures import COLOURS, new_figure, styled
@@ -24,11 +26,7 @@ def excitation_report(plans: Sequence[JointPlan],
                       others: Sequence[Mapping[str, Mapping[Pair, float]]]) -> Report:
     """Return the page.
 
-    Parameters
-    ----------
-    plans : sequence of JointPlan
-    others : sequence of dict
-        For each plan, the separations by other motions of the same length, by name.
+    `others` are, for each plan, the separations by other motions of the same length, by name.
     """
     seconds = plans[0].seconds
     report = Report('Planned motion', f'{len(plans)} joint{"s" * (len(plans) > 1)}, {seconds:g} s')
@@ -73,13 +71,7 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
                        command: Sequence[str] = ()) -> Report:
     """Return the page; the refined model has a page of its own, refinement.html beside it.
 
-    Parameters
-    ----------
-    improvement : Improvement
-    names : sequence of str
-        Names of the recordings.
-    command : sequence of str
-        Lines for the footer.
+    `names` are those of the recordings, `command` are lines for the footer.
     """
     last, report = improvement.rounds[-1], improvement.result.report
     unit = report['unit']
@@ -91,8 +83,8 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
     page.numbers([
         (quantity(report['before']['held_out_rmse'], unit),
          'error before: Eq. 6, or the given model'),
-        (quantity(last.held_out, unit), 'error with the effects found, on data not fitted'),
-        (quantity(last.predicted, unit), 'error on the last motion, before it was fitted'),
+        (quantity(last.held_out_rmse, unit), 'error with the effects found, on data not fitted'),
+        (quantity(last.predicted_rmse, unit), 'error on the last motion, before it was fitted'),
         (quantity(report['noise_floor'], unit), 'noise from sample to sample')])
     page.text('What was found: ' + ('; '.join(
         entry['in_words'] for entry in report['effects']) or 'no effect beyond the model')
@@ -107,7 +99,7 @@ def improvement_report(improvement: Improvement, names: Sequence[str],
                 'sample.')
     page.table(['round', 'planned for', 'error predicted', 'error held out', 'effects', 'verdict'],
                [[k + 1, _effect_names(name for pair in round_.asked for name in pair),
-                 quantity(round_.predicted, unit), quantity(round_.held_out, unit),
+                 quantity(round_.predicted_rmse, unit), quantity(round_.held_out_rmse, unit),
                  _effect_names(round_.effects) or 'none', round_.verdict]
                 for k, round_ in enumerate(improvement.rounds)])
     page.bullets(last.reasons, 'What remains open:')
@@ -124,14 +116,13 @@ def _rounds_figure(improvement: Improvement, unit: str) -> Figure:
     rounds = improvement.rounds
     figure, axes = new_figure(1, 1, height=2.6)
     numbers = range(1, len(rounds) + 1)
-    axes.plot(numbers, [round_.predicted for round_ in rounds], 'o-', color=COLOURS['orange'],
+    axes.plot(numbers, [round_.predicted_rmse for round_ in rounds], 'o-', color=COLOURS['orange'],
               label='predicted before it was fitted')
-    axes.plot(numbers, [round_.held_out for round_ in rounds], 's-', color=COLOURS['blue'],
+    axes.plot(numbers, [round_.held_out_rmse for round_ in rounds], 's-', color=COLOURS['blue'],
               label='held out, all rounds fitted')
     axes.axhline(improvement.result.report['noise_floor'], color='0.5', linestyle='--')
-    largest = max(value for round_ in rounds for value in (round_.predicted, round_.held_out)
-                  if value == value)
-    axes.set_ylim(0.0, 1.25 * largest)
+    largest = np.nanmax([(round_.predicted_rmse, round_.held_out_rmse) for round_ in rounds])
+    axes.set_ylim(0.0, 1.25 * float(largest))
     axes.set_xticks(list(numbers))
     axes.set(xlabel='round', ylabel=f'RMS error in motion ({unit})')
     axes.legend(loc='upper right', ncols=2)

@@ -63,13 +63,8 @@ def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: floa
                **options: Any) -> tuple[Figure, Any]:
     """Create a figure with a grid of axes, an ndarray of them where there are several.
 
-    Parameters
-    ----------
-    rows, columns : int
-    width, height : float
-        Width of the figure and height of one row, inches.
-    **options
-        Further arguments of ``Figure.subplots``, such as ``sharex=True``.
+    `width` is that of the figure and `height` that of one row, inches; `options` are further
+    arguments of ``Figure.subplots``, such as ``sharex=True``.
     """
     figure = Figure(figsize=(width, height * rows), layout='constrained')
     FigureCanvasAgg(figure)
@@ -78,16 +73,7 @@ def new_figure(rows: int = 1, columns: int = 1, width: float = 8.0, height: floa
 
 def band(axes: Axes, x: np.ndarray, mean: np.ndarray, spread: np.ndarray, colour: str,
          label: str) -> None:
-    """Draw a mean and a band around it.
-
-    Parameters
-    ----------
-    axes : Axes
-    x, mean, spread : ndarray, shape (N,)
-        `spread` is half the width of the band.
-    colour, label : str
-        `colour` is a key of COLOURS.
-    """
+    """Draw a mean and a band around it, of half width `spread`, in a colour of COLOURS."""
     x, mean, spread = thin(x, mean, spread)
     axes.fill_between(
         x, mean - spread, mean + spread, color=COLOURS[colour], alpha=0.22, linewidth=0)

@@ -22,16 +22,9 @@ _MOST_LABELS = 16
 
 def history_report(model: str, recordings: Sequence[RecordedFriction],
                    notes: Sequence[tuple[str, str]]) -> Report:
-    """Return the page.
+    """Return the page on a model file's recordings in order of date, at least one.
 
-    Parameters
-    ----------
-    model : str
-        Name of the model file.
-    recordings : sequence of RecordedFriction
-        At least one, in order of date.
-    notes : sequence of (str, str)
-        ISO date and maintenance of the drive.
+    `notes` are ISO dates and maintenance of the drive.
     """
     report = Report('History of a drive', f'{model}, {len(recordings)} recordings from '
                     f'{recordings[0].day} to {recordings[-1].day}')

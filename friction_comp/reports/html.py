@@ -108,15 +108,10 @@ class Report:
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[Any]],
               caption: str = '') -> None:
-        """Add a table.
+        """Add a table of strings, numbers, links and None.
 
-        Parameters
-        ----------
-        header : list of str
-        rows : list of list
-            Strings, numbers, links or None. Columns of numbers are aligned to the right, with three
-            significant digits of the largest where their magnitudes are similar, otherwise of each.
-        caption : str
+        Columns of numbers are aligned to the right, with three significant digits of the largest
+        where their magnitudes are similar, otherwise of each.
         """
         rows = list(rows)
         columns = list(zip(*rows, strict=True)) or [()] * len(header)
@@ -138,13 +133,12 @@ class Report:
 
     def figure(self, figure: Figure, caption: str, alternative: str | None = None,
                interactive: bool = False) -> None:
-        """Add a figure.
+        """Add a figure with a text below it.
 
         Parameters
         ----------
         figure : matplotlib.figure.Figure
         caption : str
-            Text below the figure.
         alternative : str, optional
             Alternative text for screen readers; the caption by default.
         interactive : bool
@@ -235,14 +229,7 @@ class Report:
 
 
 def number(value: float | int | None, digits: int = 3) -> str:
-    """Return a number with few significant digits, thousands in full, and a dash for None.
-
-    Parameters
-    ----------
-    value : float, int or None
-    digits : int
-        Significant digits.
-    """
+    """Return a number with few significant digits, thousands in full, and a dash for None."""
     if value is None or math.isnan(value):
         return '–'
     if isinstance(value, (int, np.integer)):

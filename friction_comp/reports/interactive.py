@@ -68,11 +68,7 @@ def thin_extremes(x: np.ndarray, y: np.ndarray, points: int = POINTS
                   ) -> tuple[np.ndarray, np.ndarray]:
     """Thin out a curve to the lowest and the highest point of each stretch, which keeps its peaks.
 
-    Parameters
-    ----------
-    x, y : ndarray, shape (N,)
-    points : int
-        Largest number of points that is returned.
+    At most `points` are returned.
     """
     if len(x) <= points:
         return x, y

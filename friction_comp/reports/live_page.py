@@ -72,19 +72,11 @@ body {
 
 
 class Feed(Protocol):
-    """The source of the page's data.
-
-    Attributes
-    ----------
-    title : str
-    joints : list of str
-    duration : float
-        Duration of a recording, s; 0 for a running system.
-    """
+    """The source of the page's data."""
 
     title: str
     joints: list[str]
-    duration: float
+    duration: float  # of a recording, s; 0 for a running system
 
     def window(self, joint: str, end: float, length: float) -> dict[str, np.ndarray]:
         """Return the `SIGNALS` in `length` s before `end`, or before now for a running system."""

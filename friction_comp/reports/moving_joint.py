@@ -28,24 +28,13 @@ _LETTERS = 'font-family="system-ui, sans-serif" font-size="13"'
 
 @dataclass
 class MovingScene:
-    """A movement to animate.
+    """A movement to animate."""
 
-    Parameters
-    ----------
-    title : str
-        The condition in a few words.
-    time, position, torque : ndarray, shape (N,)
-        Increasing times, s; joint position, rad; torque of the person in N·m, positive in the
-        direction of positive angles.
-    colour : str
-        A key of `friction_comp.reports.figures.COLOURS`.
-    """
-
-    title: str
-    time: np.ndarray
-    position: np.ndarray
-    torque: np.ndarray
-    colour: str = 'blue'
+    title: str  # the condition in a few words
+    time: np.ndarray  # (N,): increasing, s
+    position: np.ndarray  # (N,): rad
+    torque: np.ndarray  # (N,): of the person in N·m, positive in the direction of positive angles
+    colour: str = 'blue'  # a key of `COLOURS`
 
 
 def moving_joint(scenes: Sequence[MovingScene]) -> list[str]:
@@ -70,14 +59,8 @@ def moving_picture(scenes: Sequence[MovingScene]) -> str:
 def still_joint(position: float, torque: float, largest: float, middle: float) -> str:
     """Return a drawing of the joint at one time, for a page that updates it.
 
-    Parameters
-    ----------
-    position, torque : float
-        Joint position, rad, and torque of the person, N·m; NaN where not measured.
-    largest : float
-        Torque of the longest arrow, N·m.
-    middle : float
-        Position that is drawn horizontally, rad.
+    Position, rad, and torque of the person, N·m, are NaN where not measured; `largest` is the
+    torque of the longest arrow, and `middle` the position that is drawn horizontally.
     """
     angle = -np.degrees(position - middle) if np.isfinite(position) else 0.0
     height = np.clip(torque / largest, -1, 1) if np.isfinite(torque) else 0.0

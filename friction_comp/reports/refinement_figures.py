@@ -85,24 +85,6 @@ def friction_figure(result: RefineResult) -> Figure:
 
 
 @styled
-def parts_figure(result: RefineResult) -> Figure:
-    """Draw the error of each held-out part, and of standstill."""
-    figure, axes = new_figure(height=2.6)
-    for side, colour, shift in (('before', 'orange', -0.2), ('after', 'blue', 0.2)):
-        report = result.report[side]
-        errors = [*report['part_rmse']]
-        names = [str(k + 1) for k in range(len(errors))]
-        if report['standstill_rmse'] is not None:
-            errors.append(report['standstill_rmse'])
-            names.append('standstill')
-        axes.bar(np.arange(len(errors)) + shift, errors, 0.38, color=COLOURS[colour], label=side)
-        axes.set_xticks(range(len(names)), names)
-    axes.set(xlabel='part of the recording', ylabel=f"RMS error ({result.report['unit']})")
-    axes.legend()
-    return figure
-
-
-@styled
 def residual_figure(result: RefineResult, name: str, label: str) -> Figure:
     """Draw the residual over a signal, before and after side by side."""
     samples, rows = result.samples, result.usable

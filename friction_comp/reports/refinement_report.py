@@ -16,7 +16,6 @@ from friction_comp.refinement.verdict import in_unit
 from friction_comp.reports.html import number, quantity, Report
 from friction_comp.reports.refinement_figures import (
     friction_figure,
-    parts_figure,
     residual_figure,
     spectrum,
     spectrum_figure,
@@ -37,13 +36,7 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
                       ) -> Report:
     """Return the page on a `RefineResult`.
 
-    Parameters
-    ----------
-    result : RefineResult
-    names : list of str
-        Names of the recordings.
-    command : sequence of str
-        Lines for the footer, such as the command that made the page.
+    `names` are those of the recordings, `command` are lines for the footer.
     """
     report = result.report
     joint = f"joint {report['joint']}" if report['joint'] else 'the joint'
@@ -96,8 +89,6 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
               'the error at standstill is given separately. Elsewhere: the error to expect where '
               'the model was not fitted, from the growth of errors in thirds of position, speed, '
               'time and acceleration that are left out of the fit.')
-    page.figure(parts_figure(result), 'Error of each long part, predicted by a fit to all others, '
-                'and of the samples at standstill.')
     page.heading('The residual, before and after')
     named = {entry['variable'] for part in ('effects', 'unexplained') for entry in report[part]}
     for name, label in (('velocity', 'velocity (rad/s)'), ('position', 'position (rad)'),

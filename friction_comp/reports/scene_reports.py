@@ -35,15 +35,9 @@ _POINTS_PER_TORQUE = 9.0
 
 def two_joints_report(evaluations: list[Evaluation], shown: dict[str, Samples],
                       exercise: Path) -> Report:
-    """Return the page on an exercise of several joints.
+    """Return the page on an exercise of several joints, with one evaluation for each.
 
-    Parameters
-    ----------
-    evaluations : list of Evaluation
-        One for each joint.
-    shown : dict of str to Samples
-        A recording of the exercise by joint, on one time base.
-    exercise : Path
+    `shown` is a recording of the exercise by joint, on one time base.
     """
     page = Report('Two joints that reverse on the way',
                   f'Exercise {exercise.name}: directions announced separately for each joint')
@@ -133,16 +127,9 @@ def wear_report(evaluation: Evaluation, stages: dict[str, list[Repetition]],
                 hidden: Path) -> Report:
     """Return the page on a drive that changed while it ran.
 
-    Parameters
-    ----------
-    evaluation, samples : Evaluation, Samples
-        Of the whole session.
-    stages, marks : dict
-        As returned by and given to `stages_of`.
-    facts : dict
-        Messages of monitoring and refinement.
-    hidden : Path
-        The file with the effects that only the simulation was given.
+    Evaluation and samples are of the whole session, `stages` and `marks` as in `stages_of`, `facts`
+    are messages of monitoring and refinement. The file `hidden` contains the effects that only the
+    simulation was given.
     """
     page = Report('A drive that changes, refined while it runs',
                   'Monitor, refine, load on trial, judge: without a restart')
@@ -206,16 +193,7 @@ def peaks_of(alone: Mapping[str, Samples], helped: Mapping[str, Samples]
 
 def arm_scene_report(alone: Mapping[str, Samples], helped: Mapping[str, Samples],
                      result: ArmResult, exercise: Path) -> Report:
-    """Return the page.
-
-    Parameters
-    ----------
-    alone, helped : dict of str to Samples
-        The same exercise without and with compensation, by joint.
-    result : ArmResult
-        The refined model used in the second one.
-    exercise : Path
-    """
+    """Return the page on the same exercise without and with compensation by a refined model."""
     peaks = peaks_of(alone, helped)
     page = Report('A person guides an arm, without help and with it',
                   f'Exercise {exercise.name}: three joints, moved by MuJoCo')

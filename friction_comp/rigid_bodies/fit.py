@@ -27,13 +27,17 @@ from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.differentiation import METHOD
 from friction_comp.rigid_bodies.link_inertia import Bodies
-from friction_comp.rigid_bodies.products import FOLDS, FRICTION, stretches_of, Sums, sums_of
 from friction_comp.rigid_bodies.solver import (
+    FOLDS,
+    FRICTION,
     link_intervals,
     LinkIntervals,
     Prior,
     solve,
     squares,
+    stretches_of,
+    Sums,
+    sums_of,
     Unknowns,
 )
 from friction_comp.samples import Samples
@@ -47,10 +51,11 @@ FEWEST = 200
 STRENGTHS = tuple(float(value) for value in np.geomspace(1.0, 1e6, 13))
 _FIRST_STRENGTH = 100.0
 # Held-out errors that differ by less are considered equal; the URDF is preferred then.
-_AS_GOOD = 0.01
+_EQUAL_ERRORS = 0.01
 # A direction of gravity other than that of the URDF must lower errors by this share.
 _CLEARLY_BETTER = 0.15
-_SAY = 0.1  # of a joint's current that friction explains, before it tells the efforts' sign
+# Least share of a joint's current that friction explains where its sign is judged.
+_LEAST_FRICTION = 0.1
 _ROUNDS = 3
 _MOST_ROWS = {'choice': 8000, 'final': 40000}
 _BANDWIDTHS = (2.0, 5.0, 10.0, 20.0, 40.0)
@@ -193,11 +198,9 @@ def _trial(
     """Return a fit, infinitely bad where the arm asks of no joint what its current shows."""
     problem = sums_of(chain, joints, settings, _MOST_ROWS['choice'])
     usual = _usual_scale(problem, bodies)
-    if declared is None:
-        known = np.full(len(joints), np.log(usual or 1.0))
-        prior = Prior(bodies, _FIRST_STRENGTH, known, _UNKNOWN_WIDTH)
-    else:
-        prior = Prior(bodies, _FIRST_STRENGTH, np.log(declared), _DECLARED_WIDTH)
+    known = (np.log(declared), _DECLARED_WIDTH) if declared is not None else (
+        np.full(len(joints), np.log(usual or 1.0)), _UNKNOWN_WIDTH)
+    prior = Prior(bodies, _FIRST_STRENGTH, *known)
     unknowns = Unknowns(len(joints))
     x = np.zeros(unknowns.size)
     x[unknowns.scales] = prior.log_scale
@@ -275,7 +278,7 @@ def _usual_scale(problem: Sums, bodies: Bodies) -> float | None:
         if own[-1, -1] > 0.0:
             # As a share of the current; below, the joint stood still or had no friction.
             sliding = math.sqrt(max(coefficients[2:4] @ own[2:4, 2:4] @ coefficients[2:4], 0.0))
-            if sliding > _SAY:
+            if sliding > _LEAST_FRICTION:
                 resisting.append(coefficients[2] / norm[2] + coefficients[3] / norm[3] > 0.0)
         if coefficients[0] > 0.0:
             scales.append(math.log(coefficients[0] * norm[-1] / norm[0]))
@@ -318,4 +321,4 @@ def _choose_strength(problem: Sums, prior: Prior, x: np.ndarray) -> tuple[Prior,
         errors = _held_out(problem, trial, x)
         trials.append((float(np.mean(np.log(errors))), trial, errors))
     least = min(entry[0] for entry in trials)
-    return [entry[1:] for entry in trials if entry[0] <= least + _AS_GOOD][-1]
+    return [entry[1:] for entry in trials if entry[0] <= least + _EQUAL_ERRORS][-1]

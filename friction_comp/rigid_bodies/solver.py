@@ -2,21 +2,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """Links, current per torque and friction of all joints by one regularised least squares.
 
-Everything but the links' possible numbers and the currents per torque is linear, so that sums of
-products of the columns are all that Levenberg's and Marquardt's method needs.
+A recording is a sum of products of columns over stretches: those of the links' parameters, of each
+joint's friction and rotor, and its current. Stretches are left out by subtraction: no sample is
+touched again. Everything but the links' possible numbers and the currents per torque is linear, so
+that these sums are all that Levenberg's and Marquardt's method needs.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from scipy import stats
+from scipy.linalg import block_diag
 
+from friction_comp.model.arm.states import moving_states
 from friction_comp.model.arm.tree import PARAMETERS
 from friction_comp.rigid_bodies.link_inertia import Bodies
-from friction_comp.rigid_bodies.products import FRICTION
+from friction_comp.samples import Samples
 
+if TYPE_CHECKING:
+    from friction_comp.rigid_bodies.urdf import Chain
+
+# Columns of a joint's friction and rotor: constant, Coulomb, viscous and acceleration.
+FRICTION = 4
+STRETCHES, FOLDS = 12, 3
+# Friction of an arm's joint changes its sign within this share of its usual top speed.
+_TRANSITION, _STILL = 0.03, 0.01
 # A step that gains less than this, in squared standard deviations of one sample, is the last.
 _STEPS, _CONVERGED = 60, 0.05
 _STIFFEST = 1e8
@@ -24,6 +37,69 @@ _LEVEL = 0.95
 # Share of the uncertainty of a parameter that the recording must remove for the value to be
 # attributed to it.
 _OWN = 0.5
+
+
+@dataclass
+class Sums:
+    """Sums of products of all columns over stretches of the recordings."""
+
+    # (S, J, 10·J + 5, 10·J + 5): of the columns of the links, of friction and of the current, for
+    # each stretch and joint; in units of `variance`.
+    sums: np.ndarray
+    variance: np.ndarray  # (J,): one unit of each joint's squared error, A²
+    counts: np.ndarray  # (J,): number of samples
+
+    @property
+    def total(self) -> np.ndarray:
+        """The sums over everything."""
+        return np.asarray(self.sums.sum(axis=0))
+
+    @property
+    def folds(self) -> np.ndarray:
+        """The sums over the stretches of each fold, shape (F, J, 10·J + 5, 10·J + 5)."""
+        fold = np.arange(len(self.sums)) % FOLDS
+        return np.array([self.sums[fold == index].sum(axis=0) for index in range(FOLDS)])
+
+
+def sums_of(chain: Chain, joints: list[Samples], settings: dict[str, Any],
+            most_rows: int) -> Sums:
+    """Return the sums over recordings of all joints, in units of the current's variance.
+
+    Of more samples than `most_rows`, every second, third and so on is taken.
+    """
+    q, v, a = moving_states(joints[0], chain.tree.joints, settings)
+    every = max(1, len(q) // most_rows)
+    rows = slice(None, None, every)
+    q, v, a = q[rows], v[rows], a[rows]
+    current = np.column_stack([one.current[rows] for one in joints])
+    top = np.maximum(np.percentile(np.abs(v), 95, axis=0), 1e-9)
+    friction = np.stack((np.ones_like(v), np.tanh(v / (_TRANSITION * top)), v, a), axis=2)
+    # Stiction can take any value at rest; but a joint that hardly ever moves has no other data.
+    moving = np.abs(v) > _STILL * top
+    counts = np.where(moving.mean(axis=0) > 0.2, moving, True) & np.isfinite(current)
+    # A gripper's effort that is always zero is not a measurement.
+    counts &= np.ptp(current, axis=0) > 0.0
+    variance = np.maximum(np.var(current, axis=0), 1e-12)
+    stretch = stretches_of(joints[0].recording)[rows]
+    sums = []
+    for index in range(int(stretch.max()) + 1):
+        own = stretch == index
+        regressor, weights = chain.regressor(q[own], v[own], a[own]), counts[own] / variance
+        columns = [np.hstack((regressor[:, joint], friction[own, joint], current[own, joint, None]))
+                   for joint in range(len(joints))]
+        sums.append([(part * weights[:, joint, None]).T @ part
+                     for joint, part in enumerate(columns)])
+    return Sums(np.array(sums), variance, counts.sum(axis=0).astype(float))
+
+
+def stretches_of(recording: np.ndarray) -> np.ndarray:
+    """Return which stretch each sample belongs to, shape (N,), counted from 0.
+
+    No stretch goes over the edge of a recording.
+    """
+    stretch = np.arange(len(recording)) * STRETCHES // max(len(recording), 1)
+    run = np.cumsum(np.diff(recording, prepend=recording[:1]) != 0)
+    return np.unique(stretch + (STRETCHES + 1) * run, return_inverse=True)[1].reshape(-1)
 
 
 @dataclass(frozen=True)
@@ -93,11 +169,7 @@ def loss_gradient_hessian(matrices: np.ndarray, prior: Prior, unknowns: Unknowns
     """Return half the loss, its gradient and the Gauss-Newton matrix."""
     joints, links = unknowns.joints, unknowns.links
     parameters, slopes = prior.bodies.parameters(x[links])
-    flat = parameters.ravel()
-    inner = np.zeros((flat.size, flat.size))
-    for k, own in enumerate(slopes):
-        rows = slice(PARAMETERS * k, PARAMETERS * (k + 1))
-        inner[rows, rows] = own
+    flat, inner = parameters.ravel(), block_diag(*slopes)
     hessian = np.zeros((x.size, x.size))
     gradient = np.zeros(x.size)
     away = (x[unknowns.scales] - prior.log_scale) / prior.log_width
@@ -171,18 +243,17 @@ def link_intervals(stretches: np.ndarray, prior: Prior, x: np.ndarray) -> LinkIn
 
     parameters, slopes = prior.bodies.parameters(x[unknowns.links])
     _, before = prior.bodies.parameters(np.zeros_like(x[unknowns.links]))
-    bounds, known_share = np.empty((*parameters.shape, 2)), np.empty(parameters.shape)
-    for link, (own, first) in enumerate(zip(slopes, before)):
-        rows = slice(PARAMETERS * link, PARAMETERS * (link + 1))
-        variance = np.einsum('ij,jk,ik->i', own, covariance[rows, rows], own)
-        half = wide * np.sqrt(np.maximum(variance, 0.0))
-        bounds[link] = np.stack((parameters[link] - half, parameters[link] + half), axis=-1)
-        # The mass of a body is positive, whatever the linearised interval says.
-        bounds[link, 0] = np.maximum(bounds[link, 0], 0.0)
-        unseen = np.einsum('ij,ij->i', first, first) / prior.strength
-        known_share[link] = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
-        bounds[link, known_share[link] < _OWN] = -np.inf, np.inf
+    inner = block_diag(*slopes)
+    variance = np.einsum('ij,jk,ik->i', inner, covariance[unknowns.links, unknowns.links],
+                         inner).reshape(parameters.shape)
+    half = wide * np.sqrt(np.maximum(variance, 0.0))
+    bounds = np.stack((parameters - half, parameters + half), axis=-1)
+    # The mass of a body is positive, whatever the linearised interval says.
+    bounds[:, 0] = np.maximum(bounds[:, 0], 0.0)
+    unseen = np.sum(before ** 2, axis=2) / prior.strength
+    told = np.clip(1.0 - variance / np.maximum(unseen, 1e-300), 0.0, 1.0)
+    bounds[told < _OWN] = -np.inf, np.inf
     width = wide * np.sqrt(np.maximum(np.diag(covariance)[unknowns.scales], 0.0))
     middle = x[unknowns.scales]
     return LinkIntervals(bounds, np.exp(np.clip(
-        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), known_share)
+        np.stack((middle - width, middle + width), axis=-1), -50.0, 50.0)), told)

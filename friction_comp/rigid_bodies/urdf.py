@@ -27,23 +27,16 @@ _WORDS = ('joint', 'axis')
 
 
 class Chain:
-    """An arm as a URDF file describes it, with its joints in a given order.
-
-    Parameters
-    ----------
-    path : path-like
-        URDF file.
-    joints : sequence of str
-        Names of the joints whose positions are known, as recordings have them.
+    """An arm as a URDF file describes it, with the joints of recordings in their order.
 
     Attributes
     ----------
     tree : Tree
-        With the file's figures, its joints named as in `joints`.
+        With the file's figures, its joints named as in the recordings.
     locked : list of str
         Joints of the file that are not recorded and taken to stay at position zero.
     unknown : list of str
-        Joints that the file does not describe, such as those of a gripper.
+        Recorded joints that the file does not describe, such as those of a gripper.
 
     Raises
     ------
@@ -101,31 +94,19 @@ class Chain:
 
         Position, velocity and acceleration, shape (N, L), are in the order of `tree.joints`.
         """
-        full = np.zeros((len(q), self._model.nq))
-        for k in range(q.shape[1]):
-            joint = self._model.joints[k + 1]
-            if joint.nq == 1:
-                full[:, joint.idx_q] = q[:, k]
-            else:
-                # Joints without limits are kept as cosine and sine.
-                full[:, joint.idx_q] = np.cos(q[:, k])
-                full[:, joint.idx_q + 1] = np.sin(q[:, k])
         size = q.shape[1]
         result = np.empty((len(q), size, 10 * size))
-        compute = self._library.computeJointTorqueRegressor
+        library, neutral = self._library, self._library.neutral(self._model)
         for n in range(len(q)):
-            result[n] = compute(self._model, self._data, full[n], v[n], a[n])
+            # Pinocchio keeps joints without limits as cosine and sine.
+            full = library.integrate(self._model, neutral, q[n])
+            result[n] = library.computeJointTorqueRegressor(
+                self._model, self._data, full, v[n], a[n])
         return result
 
 
 def pinocchio() -> Any:
-    """Return the library, or say how to get it.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
+    """Return the library; an InputError says how to get it."""
     try:
         import pinocchio as library
     except ImportError as error:
@@ -183,12 +164,8 @@ def match_names(recorded: Sequence[str], described: Sequence[str],
     """Return the name in a URDF file of each recorded joint, and the joints that it lacks.
 
     Names that are equal belong together; else those that are equal without the robot's prefix
-    and without case, underscores and the word joint, where that leaves no choice.
-
-    Raises
-    ------
-    InputError
-        If a joint may be one of several, or most are not in the file.
+    and without case, underscores and the word joint, where that leaves no choice. Raises InputError
+    if a joint may be one of several, or most are not in the file.
     """
     pairs: dict[str, str] = {}
     unknown: list[str] = []

@@ -58,10 +58,7 @@ class Arguments(argparse.ArgumentParser):
     def parse(self, argv: Sequence[str] | None = None) -> Namespace:
         """Return the parsed arguments; `command` is the whole command, marked as code for a page.
 
-        Raises
-        ------
-        InputError
-            If the output cannot be written: known before the work, which may take minutes.
+        Output that cannot be written is an error before the work, which may take minutes.
         """
         given = list(sys.argv[1:] if argv is None else argv)
         own = itertools.takewhile(lambda word: word != '--ros-args', given)
@@ -155,43 +152,38 @@ def output_folder(path: Path) -> Iterator[Path]:
 
     Until then they are in a hidden folder inside, which is removed if the block raises. Files with
     the same names in `path` are replaced, others are kept.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be made or written.
     """
     if path.exists() and not path.is_dir():
         raise InputError(f'{path}: exists and is not a folder')
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
-    room = None
+    unfinished = None
     try:
         path.mkdir(parents=True, exist_ok=True)
-        room = Path(tempfile.mkdtemp(prefix='.unfinished.', dir=path))
-        yield room
-        _move_content(room, path)
+        unfinished = Path(tempfile.mkdtemp(prefix='.unfinished.', dir=path))
+        yield unfinished
+        _move_content(unfinished, path)
         made = []
     except OSError as error:
-        name = error.filename if error.filename and room is None else path
+        name = error.filename if error.filename and unfinished is None else path
         raise InputError(f'{name}: cannot be written: {error.strerror or error}') from None
     finally:
-        if room is not None:
-            shutil.rmtree(room, ignore_errors=True)
+        if unfinished is not None:
+            shutil.rmtree(unfinished, ignore_errors=True)
         # Without success, folders that were made are removed as well, the innermost first.
         for folder in made:
             with suppress(OSError):
                 folder.rmdir()
 
 
-def _move_content(room: Path, path: Path) -> None:
-    sources = sorted(room.rglob('*'))
+def _move_content(unfinished: Path, path: Path) -> None:
+    sources = sorted(unfinished.rglob('*'))
     for source in sources:
-        target = path / source.relative_to(room)
+        target = path / source.relative_to(unfinished)
         kind = 'folder' if source.is_dir() else 'file'
         if target.exists() and not (target.is_dir() if kind == 'folder' else target.is_file()):
             raise InputError(f'{target}: is in the way, and is no ordinary {kind}')
     for source in sources:
-        target = path / source.relative_to(room)
+        target = path / source.relative_to(unfinished)
         if source.is_dir():
             target.mkdir(exist_ok=True)
         else:
@@ -202,13 +194,9 @@ def _move_content(room: Path, path: Path) -> None:
 def progress(description: str) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error while the block runs, if a person is watching.
 
-    A program that watches sets the environment variable FRICTION_COMP_PROGRESS to ``lines`` and
-    gets a line ``progress SHARE DESCRIPTION`` for each report.
-
-    Yields
-    ------
-    callable
-        ``report(share, description=None)`` with the share 0..1 that is done; None where it stays.
+    Yields ``report(share, description=None)``, for the share 0..1 that is done, None where it
+    stays. A program that watches sets the environment variable FRICTION_COMP_PROGRESS to ``lines``
+    and gets a line ``progress SHARE DESCRIPTION`` for each report.
     """
     if os.environ.get('FRICTION_COMP_PROGRESS') == 'lines':
         yield _progress_lines(description)

@@ -24,8 +24,7 @@ def main(argv: list[str] | None = None) -> int:
                         help='.csv, .parquet or .npz file, or a new folder')
     arguments = parser.parse(argv)
     from friction_comp.recordings import read_joints, write_samples
-    from friction_comp.recordings.table_writer import write_table
-    from friction_comp.recordings.tables import is_table
+    from friction_comp.recordings.tables import is_table, write_table
 
     output = arguments.output
     to_table = is_table(output)

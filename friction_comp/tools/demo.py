@@ -51,7 +51,7 @@ def main(argv: list[str] | None = None) -> int:
             '--seed', str(arguments.seed), '--output', str(arguments.output)])
     with private_domain():
         # Importing ROS 2 may restart Python, so it comes first.
-        from friction_comp.nodes.demo_client import DemoClient
+        import friction_comp.nodes.tool_client  # noqa: F401
         from friction_comp.tools.demo_loop import play_loop
         from friction_comp.tools.demo_scenes import play_arm, play_two_joints, play_wear
         from friction_comp.tools.demo_stage import open_stage
@@ -60,7 +60,7 @@ def main(argv: list[str] | None = None) -> int:
                 'wear': play_wear}[arguments.scene]
         previous = signal.signal(signal.SIGTERM, _interrupt)
         try:
-            with open_stage(arguments, DemoClient) as stage:
+            with open_stage(arguments) as stage:
                 play(stage)
         finally:
             signal.signal(signal.SIGTERM, previous)

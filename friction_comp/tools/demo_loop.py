@@ -100,7 +100,7 @@ def _record_trial(stage: Stage, name: str, title: str, announced: bool,
                          repetitions=stage.arguments.repetitions, **MOVEMENT)
     meanwhile()
     stage.wait_for_recorder()
-    with stage.ros.hearing_directions():
+    with stage.ros.subscribed_to_direction():
         stage.follow(f'trial: {title}')
     stage.nodes.stop('recorder')
 

@@ -23,25 +23,14 @@ from friction_comp.tools.common import progress, write_report
 from friction_comp.tools.processes import IN_LOCKSTEP, Nodes, plant_parameters, SAMPLE_TIME
 
 if TYPE_CHECKING:
-    from friction_comp.nodes.demo_client import DemoClient
+    from friction_comp.nodes.tool_client import ToolClient
     from friction_comp.reports.html import Report
 
 
 class Stage:
-    """Simulated joints in lockstep, the nodes around them, and a clock for what is said.
+    """Simulated joints in lockstep, the nodes around them, and a clock for what is said."""
 
-    Attributes
-    ----------
-    arguments : argparse.Namespace
-        Of the tool.
-    nodes : Nodes
-    ros : DemoClient
-    output : Path
-    joints : list of str
-        Those that were started.
-    """
-
-    def __init__(self, arguments: Namespace, nodes: Nodes, ros: DemoClient) -> None:
+    def __init__(self, arguments: Namespace, nodes: Nodes, ros: ToolClient) -> None:
         self.arguments, self.nodes, self.ros = arguments, nodes, ros
         self.output = arguments.output.absolute()
         self.joints: list[str] = []
@@ -126,12 +115,15 @@ class Stage:
 
 
 @contextmanager
-def open_stage(arguments: Namespace, client: type[DemoClient]) -> Iterator[Stage]:
-    """Yield a stage whose nodes end with the block; `client` is the demo's part in ROS 2."""
+def open_stage(arguments: Namespace) -> Iterator[Stage]:
+    """Yield a stage whose nodes end with the block."""
+    # Importing ROS 2 may restart Python, so it comes first.
+    from friction_comp.nodes.tool_client import ToolClient
+
     output = arguments.output.absolute()
     clear_results(output)
     os.environ['ROS_LOG_DIR'] = str(output / 'logs' / 'ros')
-    with Nodes(output / 'logs') as nodes, client(nodes.check) as ros:
+    with Nodes(output / 'logs') as nodes, ToolClient(nodes.check) as ros:
         page = _open_page(output) if arguments.watch else None
         try:
             yield Stage(arguments, nodes, ros)

@@ -58,8 +58,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse(argv)
     import numpy as np
 
-    from friction_comp.excitation.comparison import fourier_series, staircase
-    from friction_comp.excitation.plan import plan_joint, trajectory_of
+    from friction_comp.excitation.plan import fourier_series, plan_joint, staircase, trajectory_of
     from friction_comp.excitation.separation import scene_within, separations
     from friction_comp.reports.excitation_report import excitation_report
 

@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
     if not recorded:
         raise InputError(f'{arguments.model}: in none of the recordings kept does the joint slide')
     content = {'model': str(arguments.model),
-               'recordings': [one.as_dict() for one in recorded],
+               'recordings': [vars(one) for one in recorded],
                'notes': [{'day': day, 'text': text} for day, text in history.notes]}
     with output_folder(arguments.output) as folder:
         write_report(folder, content, history_report(

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from friction_comp.drive import Drive
     from friction_comp.excitation.improve import Improvement
     from friction_comp.excitation.plan import JointPlan
-    from friction_comp.nodes.trajectory_client import TrajectoryClient
+    from friction_comp.nodes.tool_client import ToolClient
     from friction_comp.samples import Samples
 
 # Points of a trajectory a second, and s within which the other nodes must answer.
@@ -96,9 +96,9 @@ def main(argv: list[str] | None = None) -> int:
             schedule=Schedule(arguments.seconds, arguments.budget, arguments.seed), progress=show,
             done=lambda so_far: _write(arguments, names, so_far))
     for k, one in enumerate(improvement.rounds):
-        words = '' if one.predicted != one.predicted else (
-            f'predicted with {1e3 * one.predicted:.3g} mA, ')
-        print(f'round {k + 1}: {words}held out {1e3 * one.held_out:.3g} mA; '
+        words = '' if one.predicted_rmse != one.predicted_rmse else (
+            f'predicted with {1e3 * one.predicted_rmse:.3g} mA, ')
+        print(f'round {k + 1}: {words}held out {1e3 * one.held_out_rmse:.3g} mA; '
               f'{", ".join(one.effects) or "no effect"}; {one.verdict}')
     print(f'verdict: {improvement.verdict} after {improvement.seconds:g} s of motion: '
           f'{improvement.ended}')
@@ -109,17 +109,17 @@ def main(argv: list[str] | None = None) -> int:
 
 
 @contextmanager
-def _system(arguments: Namespace, joint: str) -> Iterator[tuple[TrajectoryClient, Nodes]]:
+def _system(arguments: Namespace, joint: str) -> Iterator[tuple[ToolClient, Nodes]]:
     """Give the tool's part in ROS 2, and its nodes: with --simulate, plant and identification."""
     output = arguments.output.absolute()
     with ExitStack() as stack:
         if arguments.simulate:
             stack.enter_context(private_domain())
         os.environ.setdefault('ROS_LOG_DIR', str(output / 'logs' / 'ros'))
-        from friction_comp.nodes.trajectory_client import TrajectoryClient
+        from friction_comp.nodes.tool_client import ToolClient
 
         nodes = stack.enter_context(Nodes(output / 'logs'))
-        ros = stack.enter_context(TrajectoryClient(nodes.check, _PATIENCE))
+        ros = stack.enter_context(ToolClient(nodes.check, _PATIENCE))
         if arguments.simulate:
             nodes.start('plant', {**plant_parameters(
                 [joint], [arguments.simulate], arguments.undeclared, arguments.seed),
@@ -130,7 +130,7 @@ def _system(arguments: Namespace, joint: str) -> Iterator[tuple[TrajectoryClient
         yield ros, nodes
 
 
-def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: TrajectoryClient,
+def _played(arguments: Namespace, names: list[str], plan: JointPlan, ros: ToolClient,
             nodes: Nodes, drive: Drive, show: Callable[..., None]) -> Samples:
     """Have a plan played and recorded, add the recording to the names, and return it."""
     from friction_comp.excitation.plan import trajectory_of

@@ -32,9 +32,9 @@ def main(argv: list[str] | None = None) -> int:
     trajectory = Trajectory.load(arguments.trajectory)
     if arguments.joint:
         trajectory = trajectory.of(arguments.joint)
-    from friction_comp.nodes.trajectory_client import TrajectoryClient
+    from friction_comp.nodes.tool_client import ToolClient
 
-    with TrajectoryClient(patience=_PATIENCE) as ros, progress('plays') as show:
+    with ToolClient(patience=_PATIENCE) as ros, progress('plays') as show:
         if arguments.controller:
             ros.play_on(arguments.controller, trajectory,
                         lambda share, word: show(share, f'plays: {word}'))

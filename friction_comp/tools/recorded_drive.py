@@ -1,6 +1,6 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Derives the recorded drive's constants and units from a tool's arguments, and refines it."""
+"""Reads drive and units from the arguments of a tool, refines the drive, and prints the result."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 import re
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from friction_comp.columns import Layout, read_pairs
 from friction_comp.drive import Drive
@@ -121,3 +121,37 @@ def refine_recordings(arguments: Namespace, paths: Sequence[Path], joint: str | 
 def folder_name(joint: str) -> str:
     """Return a joint's name as a folder may be called."""
     return re.sub(r'[^\w.-]', '_', joint).lstrip('.') or '_'
+
+
+def print_summary(report: dict[str, Any]) -> None:
+    """Print what was found, in a few lines."""
+    from friction_comp.reports.html import number, quantity
+
+    unit = report['unit']
+    print(f"verdict: {report['verdict']}")
+    for line in report['reasons']:
+        print(f'  {line}')
+    for line in report['record_again']:
+        print(f'  record: {line}')
+    before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
+    print(f"before: {quantity(before, unit)} RMS on data not fitted ({report['before']['model']})")
+    for effect in report['effects']:
+        print(f"  + {effect['name']} ({effect['variable']}): "
+              f"{quantity(effect['held_out_rmse'], unit)}   {effect['in_words']} (chosen in "
+              f"{100 * effect['chosen']:.0f} % of the searches)")
+    if not report['effects']:
+        print('  no effect beyond the model shows in the recordings')
+    print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
+          f"{quantity(report['noise_floor'], unit)}")
+    own = report['after']
+    print(f"        {quantity(own['worst_part_rmse'], unit)} in the worst part; to expect "
+          f"elsewhere: {quantity(own['elsewhere_motion_rmse'], unit)} in motion, "
+          f"{quantity(own['elsewhere_rmse'], unit)} with standstill, where friction is whatever "
+          'holds the joint')
+    for entry in report['unexplained']:
+        print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
+              'variance)')
+    for entry in report['ambiguous']:
+        print(f"ambiguous: {' or '.join(entry['between'])}: {entry['why']}")
+    for line in report['warnings']:
+        print(f'note: {line}')

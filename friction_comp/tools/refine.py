@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import (
@@ -16,7 +15,7 @@ from friction_comp.tools.common import (
     to_json,
     write_report,
 )
-from friction_comp.tools.recorded_drive import refine_recordings
+from friction_comp.tools.recorded_drive import print_summary, refine_recordings
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -81,37 +80,3 @@ def main(argv: list[str] | None = None) -> int:
     print_summary(result.report)
     print(arguments.output / 'report.html')
     return 0
-
-
-def print_summary(report: dict[str, Any]) -> None:
-    """Print what was found, in a few lines."""
-    from friction_comp.reports.html import number, quantity
-
-    unit = report['unit']
-    print(f"verdict: {report['verdict']}")
-    for line in report['reasons']:
-        print(f'  {line}')
-    for line in report['record_again']:
-        print(f'  record: {line}')
-    before, after = report['before']['held_out_rmse'], report['after']['held_out_rmse']
-    print(f"before: {quantity(before, unit)} RMS on data not fitted ({report['before']['model']})")
-    for effect in report['effects']:
-        print(f"  + {effect['name']} ({effect['variable']}): "
-              f"{quantity(effect['held_out_rmse'], unit)}   {effect['in_words']} (chosen in "
-              f"{100 * effect['chosen']:.0f} % of the searches)")
-    if not report['effects']:
-        print('  no effect beyond the model shows in the recordings')
-    print(f"after:  {quantity(after, unit)} RMS on data not fitted; noise floor "
-          f"{quantity(report['noise_floor'], unit)}")
-    own = report['after']
-    print(f"        {quantity(own['worst_part_rmse'], unit)} in the worst part; to expect "
-          f"elsewhere: {quantity(own['elsewhere_motion_rmse'], unit)} in motion, "
-          f"{quantity(own['elsewhere_rmse'], unit)} with standstill, where friction is whatever "
-          'holds the joint')
-    for entry in report['unexplained']:
-        print(f"unexplained: {entry['variable']} ({number(entry['strength'])} of the remaining "
-              'variance)')
-    for entry in report['ambiguous']:
-        print(f"ambiguous: {' or '.join(entry['between'])}: {entry['why']}")
-    for line in report['warnings']:
-        print(f'note: {line}')

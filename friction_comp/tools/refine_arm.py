@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING
 
 from friction_comp.errors import InputError
 from friction_comp.tools.common import output_folder, progress, write_report
-from friction_comp.tools.recorded_drive import drive_of, folder_name, layout_of, with_current_limit
+from friction_comp.tools.recorded_drive import (
+    drive_of,
+    folder_name,
+    layout_of,
+    print_summary,
+    with_current_limit,
+)
 
 if TYPE_CHECKING:
     from friction_comp.model.friction_model import FrictionModel
@@ -58,7 +64,11 @@ def refine_whole_arm(arguments: Namespace) -> int:
     if arguments.json:
         print((arguments.output / 'report.json').read_text(encoding='utf-8'), end='')
         return 0
-    _print(result)
+    for line in result.notes:
+        print(f'note: {line}')
+    for name, one in result.results.items():
+        print(f'{name}:')
+        print_summary(one.report)
     print(arguments.output / 'report.html')
     return 0
 
@@ -85,7 +95,7 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
 def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None) -> None:
     from friction_comp.files import write_yaml
     from friction_comp.model.arm_document import arm_document
-    from friction_comp.reports.arm_report import arm_report
+    from friction_comp.reports.refinement_overviews import arm_report
     from friction_comp.reports.refinement_report import refinement_report
 
     arm = result.report()
@@ -103,19 +113,3 @@ def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None)
         result, names, {name: own.name for name, own in folders.items()}))
     write_yaml(folder / 'model.yaml', arm_document(
         {name: one.model.to_dict() for name, one in result.results.items()}))
-
-
-def _print(result: ArmResult) -> None:
-    """Print what was found, a line for each joint and effect."""
-    from friction_comp.reports.html import number
-
-    for line in result.notes:
-        print(f'note: {line}')
-    for name, one in result.results.items():
-        report = one.report
-        unit = report['unit']
-        print(f"{name}: {number(report['before']['held_out_rmse'])} {unit} RMS on data not fitted, "
-              f"then {number(report['after']['held_out_rmse'])} {unit}")
-        for effect in report['effects']:
-            print(f"  + {effect['name']} ({effect['variable']}): "
-                  f"{number(effect['held_out_rmse'])} {unit}   {effect['in_words']}")

@@ -37,7 +37,7 @@ def refine_each(arguments: Namespace) -> int:
     if arguments.urdf:
         raise InputError('--each and --urdf exclude each other: the links are fitted once for all')
     from friction_comp.evaluation.sessions import pieces_of
-    from friction_comp.reports.each_report import each_report
+    from friction_comp.reports.refinement_overviews import each_report
 
     begin = time.monotonic()
     rows: dict[int, dict[str, Any]] = {}
@@ -124,8 +124,8 @@ def _write(path: Path, files: dict[str, str]) -> None:
 
 
 def _print(content: dict[str, Any]) -> None:
-    from friction_comp.reports.each_report import verdict
     from friction_comp.reports.html import number
+    from friction_comp.reports.refinement_overviews import verdict
 
     print(verdict(content).replace('**', ''))
     for row in content['recordings']:

@@ -1,17 +1,14 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Compares the model of a joint, and a new model on trial, with measured currents."""
+"""Converts serialised messages to rows of measurements of each joint."""
 
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from dataclasses import dataclass
 import math
 
 import numpy as np
 
-from friction_comp.model.friction_model import FrictionModel
-from friction_comp.monitoring.live_residual import LiveResidual
 from friction_comp.recordings.cdr import decode
 from friction_comp.topics import TOPICS
 
@@ -21,10 +18,6 @@ _STEP, _LOAD_AGE, _TEMPERATURE_AGE = 8_000_000, 200_000_000, 60_000_000_000
 # long for the load of their time, ns; other messages are kept for ten seconds at a kilohertz.
 _PATIENCE = 5_000_000_000
 _MAX_KEPT = 10_000
-# Fewest blocks of motion to judge a new model, and blocks after which its trial ends.
-_FEWEST_BLOCKS, _TRIAL_BLOCKS = 30, 300
-# A new model is worse if its error is larger by this factor.
-_WORSE_FACTOR = 1.05
 # Topics, and which fields of their messages are used.
 STATES, _LOAD, _TEMPERATURE = 'joint_states', 'interaction_wrench', 'motor_temperature'
 _FIELDS = {STATES: ('position', 'velocity', 'effort'), _LOAD: ('wrench',),
@@ -126,64 +119,3 @@ def _columns(topic: str, fields: dict[str, np.ndarray], column: int) -> np.ndarr
     return np.column_stack([
         fields[name][:, column] if fields[name].shape[1] > column
         else np.full(len(fields[name]), math.nan) for name in _FIELDS[topic]])
-
-
-@dataclass(frozen=True)
-class Trial:
-    """The model that a new one replaced, compared on the same motion."""
-
-    file: str
-    residual: LiveResidual
-
-
-class JointWatch:
-    """Watches the model in one joint's `file`, and a new model while it is on trial."""
-
-    def __init__(self, tolerance: float, path: str) -> None:
-        self._tolerance = tolerance
-        # Stamp of the last sample with a measured load, s.
-        self.last_load = -math.inf
-        self.trial: Trial | None = None
-        self.file, self.residual = path, self._load(path)
-
-    def _load(self, path: str) -> LiveResidual:
-        return LiveResidual(FrictionModel.load(path), self._tolerance)
-
-    def use(self, path: str) -> None:
-        """Compare with the model of a file, unless it is in use already."""
-        if path != self.file:
-            self.residual = self._load(path)
-            self.file, self.trial = path, None
-
-    def start_trial(self, path: str) -> None:
-        """Compare a new model and the present one on the same motion."""
-        trial = Trial(self.file, self._load(self.file))
-        self.use(path)
-        self.trial = trial
-
-    def take(self, rows: np.ndarray) -> None:
-        """Add measurements, as in `LiveResidual`."""
-        self.residual.take(rows)
-        if self.trial is not None:
-            self.trial.residual.take(rows)
-
-    def end_trial(self) -> tuple[str, str] | None:
-        """End the trial if the new model is worse, or if there was enough motion.
-
-        Return the file of the previous model and why the new one is worse; None if it is not.
-        """
-        if self.trial is None:
-            return None
-        previous, old, new = self.trial.file, self.trial.residual.monitor, self.residual.monitor
-        blocks = min(old.blocks, new.blocks)
-        if blocks < _FEWEST_BLOCKS:
-            return None
-        errors = old.error(blocks), new.error(blocks)
-        worse = errors[1] > _WORSE_FACTOR * errors[0]
-        if worse or blocks >= _TRIAL_BLOCKS:
-            self.trial = None
-        if not worse:
-            return None
-        return previous, (
-            f'on {blocks} blocks of motion its error is {1e3 * errors[1]:.3g} mA, that of the '
-            f'previous model {1e3 * errors[0]:.3g} mA')

@@ -1,0 +1,283 @@
+# Copyright 2026 The friction_comp authors
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS 2 node for tools: actions, parameters and diagnostics of the running nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, ExitStack
+from dataclasses import replace
+import importlib
+import time
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticArray
+from friction_comp_interfaces.action import IdentifyFriction, PlayTrajectory, RefineModel
+import numpy as np
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from rclpy.action import ActionClient
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Int8MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from friction_comp.errors import InputError
+from friction_comp.nodes.ros_start import own_node
+from friction_comp.trajectory import Trajectory
+
+# Time after which an unanswered request is sent again, and time to send a cancellation, s.
+_ANSWER_TIME, _CANCEL_TIME = 5.0, 0.5
+_MAX_PARAMETERS = 500
+# Shortest duration of the approach to the first point, s, and its speed relative to the trajectory.
+_MIN_APPROACH_TIME, _APPROACH_SPEED = 2.0, 0.3
+
+
+def message_of(trajectory: Trajectory, later: float = 0.0) -> Any:
+    """Return a trajectory as a message, delayed by `later` s."""
+    message = JointTrajectory(joint_names=list(trajectory.joints))
+    moved = replace(trajectory, time=trajectory.time + later)
+    for (sec, nanosec), position, velocity, acceleration in zip(
+            moved.stamps(), moved.position, moved.velocity, moved.acceleration):
+        message.points.append(JointTrajectoryPoint(
+            positions=position.tolist(), velocities=velocity.tolist(),
+            accelerations=acceleration.tolist(),
+            time_from_start=Duration(seconds=sec, nanoseconds=nanosec).to_msg()))
+    return message
+
+
+class ToolClient:
+    """A separate node for a tool; closed with the ``with`` block.
+
+    `check` is called while waiting and may raise an error to stop it. `patience` is the timeout in
+    s of everything but the result of an action. `arguments` are ROS arguments. Methods raise
+    InputError where a node does not answer, refuses or fails.
+
+    The attribute `node` is the node in ROS 2.
+    """
+
+    def __init__(self, check: Callable[[], object] = lambda: None, patience: float = 60.0,
+                 name: str = 'demo', arguments: Sequence[str] = ()) -> None:
+        self._check, self._patience = check, patience
+        self._name, self._arguments = name, arguments
+        self._status: dict[str, dict[str, str]] = {}
+
+    def __enter__(self) -> ToolClient:
+        self._stack = ExitStack()
+        self.node = self._stack.enter_context(own_node(self._name, self._arguments))
+        self._executor = SingleThreadedExecutor(context=self.node.context)
+        self._stack.callback(self._executor.shutdown)
+        self._executor.add_node(self.node)
+        self.node.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, 50)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            # As diagnostic_updater names it: 'node: task'.
+            name = status.name.partition(':')[0]
+            self._status[name] = {'hardware_id': status.hardware_id,
+                                  **{item.key: item.value for item in status.values}}
+
+    def value(self, node: str, key: str) -> str | None:
+        """Return the last value of a key in a node's diagnostics or its hardware_id, or None."""
+        return self._status.get(node, {}).get(key)
+
+    def forget(self, node: str) -> None:
+        """Discard a node's diagnostics so far."""
+        self._status.pop(node, None)
+
+    def wait(self, seconds: float) -> None:
+        """Process messages for a while."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._check()
+            self._executor.spin_once(timeout_sec=max(0.0, end - time.monotonic()))
+
+    def until(self, condition: Callable[[], object], what: str,
+              patience: float | None = None) -> None:
+        """Wait until a condition, named `what`, holds; raise InputError if it does not in time."""
+        patience = patience or self._patience
+        end = time.monotonic() + patience
+        while not condition():
+            if time.monotonic() > end:
+                raise InputError(f'{what}: nothing within {patience:g} s')
+            self._check()
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def subscriptions(self, topic: str) -> int:
+        """Return the number of subscriptions of a topic."""
+        return self.node.count_subscribers(topic)
+
+    def until_connected(self, topic: str, publishers: int, subscriptions: int) -> None:
+        """Wait until a topic has the given numbers of publishers and subscriptions."""
+        self.until(
+            lambda: (self.node.count_publishers(topic) >= publishers
+                     and self.subscriptions(topic) >= subscriptions),
+            f'{topic} with {publishers} publishers and {subscriptions} subscriptions')
+
+    @contextmanager
+    def subscribed(self, kind: Any, topic: str, take: Callable[[Any], object] = lambda _: None,
+                   qos: Any = 10) -> Iterator[None]:
+        """Subscribe to a topic within the block."""
+        subscription = self.node.create_subscription(kind, topic, take, qos)
+        try:
+            yield
+        finally:
+            self.node.destroy_subscription(subscription)
+
+    def subscribed_to_direction(self) -> Any:
+        """Subscribe to the direction within a block: the exercise waits for a subscription."""
+        return self.subscribed(Int8MultiArray, 'direction')
+
+    def set_parameter(self, node: str, name: str, value: Any) -> None:
+        """Set a parameter of a running node."""
+        result = self._call(SetParameters, f'{node}/set_parameters', SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()])).results[0]
+        if not result.successful:
+            raise InputError(f'{node} refuses {name}: {result.reason}')
+
+    def parameters(self, node: str) -> dict[str, Any]:
+        """Return the parameters of a running node."""
+        listed = self._call(
+            ListParameters, f'{node}/list_parameters', ListParameters.Request()).result
+        names = list(listed.names)[:_MAX_PARAMETERS]
+        values = self._call(
+            GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values
+        return dict(zip(names, map(parameter_value_to_python, values)))
+
+    def _call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self.node.create_client(kind, name)
+        try:
+            self.until(client.service_is_ready, f'the service {name}')
+            return self._request(lambda: client.call_async(request), f'the service {name}')
+        finally:
+            self.node.destroy_client(client)
+
+    def identify(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
+        """Send a goal to the identification node and return its result.
+
+        `goal` has the fields of IdentifyFriction's goal; `report` gets each feedback message.
+        """
+        return self._identify_or_refine(
+            IdentifyFriction, 'identify_friction', goal, report, 'identification')
+
+    def refine(self, goal: dict[str, Any], report: Callable[[Any], None]) -> Any:
+        """Send a goal to the refinement node and return its result, as `identify` does."""
+        return self._identify_or_refine(RefineModel, 'refine_model', goal, report, 'refinement')
+
+    def _identify_or_refine(self, kind: Any, name: str, goal: dict[str, Any],
+                            report: Callable[[Any], None], what: str) -> Any:
+        return self.reach(kind, name, kind.Goal(**goal), kind.Goal(**{**goal, 'joint': 'nobody'}),
+                          report, what)
+
+    def play(self, trajectory: Trajectory, report: Callable[[float, str], None]) -> None:
+        """Move one joint along a trajectory by the node `identification`.
+
+        `report` gets progress 0..1 and the present phase.
+        """
+        self.reach(
+            PlayTrajectory, 'play_trajectory',
+            PlayTrajectory.Goal(trajectory=message_of(trajectory)), PlayTrajectory.Goal(),
+            lambda feedback: report(feedback.progress, feedback.phase), 'identification')
+
+    def play_on(self, controller: str, trajectory: Trajectory,
+                report: Callable[[float, str], None]) -> None:
+        """Move joints along a trajectory by a robot's trajectory controller, as `play` does.
+
+        The joints first approach the first point slowly. `controller` is its name, without
+        ``/follow_joint_trajectory``.
+        """
+        try:
+            kind = importlib.import_module('control_msgs.action').FollowJointTrajectory
+        except ModuleNotFoundError:
+            raise InputError('the action of trajectory controllers is missing: install '
+                             'ros-jazzy-control-msgs') from None
+        distance = np.abs(trajectory.position[0] - self._positions(trajectory.joints)).max()
+        speed = _APPROACH_SPEED * np.abs(trajectory.velocity).max()
+        later = max(_MIN_APPROACH_TIME, 1.875 * distance / speed)
+        end = later + trajectory.time[-1]
+
+        def tell(feedback: Any) -> None:
+            at = feedback.desired.time_from_start
+            report((at.sec + 1e-9 * at.nanosec) / end, 'trajectory')
+        # A trajectory of unknown joints is refused.
+        self.reach(kind, f'{controller}/follow_joint_trajectory',
+                   kind.Goal(trajectory=message_of(trajectory, later)),
+                   kind.Goal(trajectory=JointTrajectory(joint_names=['nobody'])), tell, controller)
+
+    def _positions(self, joints: tuple[str, ...]) -> np.ndarray:
+        """Return the positions of the joints, rad."""
+        positions: dict[str, float] = {}
+        with self.subscribed(
+                JointState, 'joint_states',
+                lambda message: positions.update(zip(message.name, message.position)),
+                qos_profile_sensor_data):
+            self.until(
+                lambda: set(joints) <= set(positions), f'joint_states of {", ".join(joints)}')
+        return np.array([positions[joint] for joint in joints])
+
+    def reach(self, kind: Any, name: str, goal: Any, refused: Any,
+              report: Callable[[Any], None], what: str) -> Any:
+        """Send a goal to node `what` until it is accepted, and return its result.
+
+        `refused` is a goal that is always refused: its answer shows that the connection works both
+        ways. If waiting is interrupted, the goal is cancelled.
+        """
+        action = ActionClient(self.node, kind, name)
+        try:
+            self.until(action.server_is_ready, f'the action of {what}')
+            self._request(lambda: action.send_goal_async(refused), 'an answer to the goal')
+            outcome = self._result(self._send(action, goal, report, what), what)
+        finally:
+            action.destroy()
+        if outcome.status != GoalStatus.STATUS_SUCCEEDED:
+            result = outcome.result
+            text = getattr(result, 'message', '') or getattr(result, 'error_string', '')
+            raise InputError(f'{what} failed: {text}')
+        return outcome.result
+
+    def _send(self, action: Any, goal: Any, report: Callable[[Any], None], what: str) -> Any:
+        """Send a goal until it is accepted: a node without joint states refuses it."""
+        end = time.monotonic() + self._patience
+        while time.monotonic() < end:
+            future = action.send_goal_async(goal, lambda feedback: report(feedback.feedback))
+            self.until(future.done, 'an answer to the goal')
+            if future.result().accepted:
+                return future.result()
+            self.wait(0.2)
+        reason = self.value(what, 'last refusal')
+        raise InputError(f'{what} refuses the goal{": " if reason else ""}{reason or ""}')
+
+    def _result(self, handle: Any, what: str) -> Any:
+        try:
+            future = handle.get_result_async()
+            self.until(future.done, f'the result of {what}', 3600.0)
+        except BaseException:
+            # Not every server notices that its client is gone.
+            handle.cancel_goal_async()
+            end = time.monotonic() + _CANCEL_TIME
+            while time.monotonic() < end:
+                self._executor.spin_once(timeout_sec=0.05)
+            raise
+        return future.result()
+
+    def _request(self, send: Callable[[], Any], what: str) -> Any:
+        """Return the answer to an idempotent request, which is repeated until it is answered.
+
+        A reply is lost if it is sent before both ends have discovered each other.
+        """
+        end = time.monotonic() + self._patience
+        while time.monotonic() < end:
+            future, again = send(), time.monotonic() + _ANSWER_TIME
+            while not future.done() and time.monotonic() < again:
+                self.wait(0.05)
+            if future.done():
+                return future.result()
+        raise InputError(f'{what}: nothing within {self._patience:g} s')
