@@ -38,9 +38,12 @@ class Steps:
         from friction_comp.compensation.law import law_parameters
         from friction_comp.compensation.records import STATE
         from friction_comp.model.friction_model import FrictionModel
-        from friction_comp.simulation import joint_kernel as kernel
-        from friction_comp.simulation.joint_parameters import joint_parameters
-        from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
+        from friction_comp.simulation import joint as kernel
+        from friction_comp.simulation.joint_parameters import (
+            joint_parameters,
+            JOINT_STATE,
+            MEASURED,
+        )
         from friction_comp.simulation.random_sequence import random_states
         from friction_comp.simulation.undeclared import COLUMNS
 

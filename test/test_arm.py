@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from friction_comp.errors import InputError
-from friction_comp.model.arm.states import moving_states
+from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, Tree
 from friction_comp.rigid_bodies.fit import fit_arm
 from friction_comp.rigid_bodies.link_inertia import Bodies, nearest_possible, pseudo_inertia

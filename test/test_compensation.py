@@ -12,9 +12,8 @@ from friction_comp.compensation.law import CompensationLaw, law_parameters
 from friction_comp.compensation.law_parameters import SHARE
 from friction_comp.errors import InputError
 from friction_comp.exercise.reference_movement import ReferenceMovement
-from friction_comp.model.effects.drift_effects import Temperature
-from friction_comp.model.effects.load_effects import LoadFriction
-from friction_comp.model.effects.torque_effects import Inertia
+from friction_comp.model.effects.history_effects import Temperature
+from friction_comp.model.effects.torque_effects import Inertia, LoadFriction
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.simulation.batch import closed_loops

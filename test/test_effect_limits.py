@@ -11,7 +11,7 @@ from test_prepare import swings
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects import EFFECTS, Scene
-from friction_comp.model.effects.edges import with_range
+from friction_comp.model.effects.base import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples

@@ -12,8 +12,7 @@ from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.drift_effects import Temperature
-from friction_comp.model.effects.history_effects import Hysteresis
+from friction_comp.model.effects.history_effects import Hysteresis, Temperature
 from friction_comp.model.effects.position_effects import FrictionRipple
 from friction_comp.model.effects.torque_effects import Gravity
 from friction_comp.model.friction_model import Breakaway, FrictionModel

@@ -15,10 +15,8 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.simulation.batch import closed_loops
 from friction_comp.simulation.friction_level import draw_levels, friction_level
-from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.joint_kernel import bank_sample, start_joint
-from friction_comp.simulation.joint_parameters import joint_parameters
-from friction_comp.simulation.joint_records import JOINT_STATE
+from friction_comp.simulation.joint import bank_sample, Plant, start_joint
+from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE
 from friction_comp.simulation.person import ARRIVED, ReferenceHold
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import Undeclared

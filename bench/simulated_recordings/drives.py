@@ -19,9 +19,8 @@ from friction_comp.identification import velocity_control
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.samples import Samples
-from friction_comp.simulation.joint_kernel import joint_sample, start_joint
-from friction_comp.simulation.joint_parameters import joint_parameters
-from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
+from friction_comp.simulation.joint import joint_sample, start_joint
+from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE, MEASURED
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque, warmed_up
 from simulated_recordings.cases import CASES, Scale

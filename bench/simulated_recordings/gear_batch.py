@@ -24,7 +24,7 @@ def run_gears(parameters: Sequence[np.void], laws: Sequence[np.ndarray], referen
 
     Parameters
     ----------
-    parameters : sequence of joint_records.JOINT records, length R
+    parameters : sequence of joint_parameters.JOINT records, length R
     laws : sequence of compensation.records.PARAMETERS arrays of shape (1,), length R
     reference : array_like, shape (3, N) or (R, 3, N)
         Position and velocity that the person follows, rad and rad/s, and the direction announced.

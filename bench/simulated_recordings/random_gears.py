@@ -28,8 +28,12 @@ from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.model.friction_model import Breakaway, FrictionModel, Presliding
 from friction_comp.model.sigmoid import Sigmoid
-from friction_comp.simulation.joint_parameters import GEARS, joint_parameters, set_presliding
-from friction_comp.simulation.joint_records import ELEMENTS
+from friction_comp.simulation.joint_parameters import (
+    ELEMENTS,
+    GEARS,
+    joint_parameters,
+    set_presliding,
+)
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class RandomGear:
 
     Parameters
     ----------
-    parameters : record of joint_records.JOINT
+    parameters : record of joint_parameters.JOINT
     model : FrictionModel
         What a perfect identification would say of it.
     """

@@ -15,8 +15,7 @@ from friction_comp.model.friction_model import Breakaway
 from friction_comp.note.published import FALSE_START
 from friction_comp.samples import Samples
 from friction_comp.simulation.batch import closed_loops
-from friction_comp.simulation.joint_parameters import joint_parameters
-from friction_comp.simulation.joint_records import FRICTION
+from friction_comp.simulation.joint_parameters import FRICTION, joint_parameters
 from friction_comp.simulation.random_sequence import random_states
 
 if TYPE_CHECKING:

@@ -17,10 +17,8 @@ from friction_comp.identification.goal import IdentificationGoal
 from friction_comp.identification.run import IdentificationRun
 from friction_comp.identification.script import CUT_COUNTS, CUT_SPEED, CUT_WINDOW
 from friction_comp.note.published import RAMP_PERIOD
-from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
-from friction_comp.simulation.joint_parameters import joint_parameters
-from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED
+from friction_comp.simulation.joint import joint_sample, measure, Plant, start_joint
+from friction_comp.simulation.joint_parameters import joint_parameters, JOINT_STATE, MEASURED
 from friction_comp.simulation.random_sequence import random_states
 from friction_comp.simulation.undeclared import COLUMNS
 

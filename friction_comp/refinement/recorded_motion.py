@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter1d
 
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.arm.states import moving_states
+from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.differentiation import differentiate, METHOD
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.sums import held_out, sums_of

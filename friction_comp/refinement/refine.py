@@ -14,7 +14,7 @@ from friction_comp.drive import Drive
 from friction_comp.model.arm.arm import Arm
 from friction_comp.model.arm.coupling import Coupling
 from friction_comp.model.effects import Effect, EFFECTS, Scene
-from friction_comp.model.effects.edges import with_range
+from friction_comp.model.effects.base import with_range
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds

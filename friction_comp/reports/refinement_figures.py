@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from friction_comp.model.effects.spectrum import highest_frequency, position_spectrum
+from friction_comp.model.effects.position_effects import highest_frequency, position_spectrum
 from friction_comp.reports.figures import COLOURS, new_figure, scatter, styled
 
 if TYPE_CHECKING:

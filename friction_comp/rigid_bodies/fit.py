@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 import numpy as np
 
 from friction_comp.errors import InputError
-from friction_comp.model.arm.states import moving_states
+from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import FREE_FALL, PARAMETERS, Tree
 from friction_comp.model.differentiation import METHOD
 from friction_comp.rigid_bodies.link_inertia import Bodies

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import stats
 from scipy.linalg import block_diag
 
-from friction_comp.model.arm.states import moving_states
+from friction_comp.model.arm.arm import moving_states
 from friction_comp.model.arm.tree import PARAMETERS
 from friction_comp.rigid_bodies.link_inertia import Bodies
 from friction_comp.samples import Samples

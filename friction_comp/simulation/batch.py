@@ -15,8 +15,8 @@ import numpy as np
 from friction_comp.compensation.guards import observe
 from friction_comp.compensation.law_kernel import decide
 from friction_comp.compensation.records import STATE
-from friction_comp.simulation.joint_kernel import joint_sample, measure, start_joint
-from friction_comp.simulation.joint_records import JOINT_STATE, MEASURED, Record
+from friction_comp.simulation.joint import joint_sample, measure, start_joint
+from friction_comp.simulation.joint_parameters import JOINT_STATE, MEASURED, Record
 from friction_comp.simulation.undeclared import COLUMNS
 
 SIGNALS = ('position', 'velocity', 'current', 'interaction_torque', 'temperature', 'command',
@@ -73,7 +73,7 @@ def closed_loops(
 
     Parameters
     ----------
-    parameters : ndarray of joint_records.JOINT, shape (R,)
+    parameters : ndarray of joint_parameters.JOINT, shape (R,)
         Of the joints: `joint_parameters`.
     random : ndarray of uint64, shape (R, 1)
         `random_states`.

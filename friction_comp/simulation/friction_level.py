@@ -18,7 +18,7 @@ from numba import njit
 import numpy as np
 
 from friction_comp.model.compiled import compiled_kinetic_current
-from friction_comp.simulation.joint_records import Record
+from friction_comp.simulation.joint_parameters import Record
 from friction_comp.simulation.random_sequence import normal
 
 LEAST_LEVEL = 0.05

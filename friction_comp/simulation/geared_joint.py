@@ -31,7 +31,7 @@ import numpy as np
 
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
-from friction_comp.simulation.joint_records import LUGRE, Record
+from friction_comp.simulation.joint_parameters import LUGRE, Record
 from friction_comp.simulation.person import follow_reference
 from friction_comp.simulation.undeclared import undeclared_torque
 
@@ -87,7 +87,7 @@ def _advance_current(p: Record, s: Record, command: float, v: float, follow: flo
 def move_geared(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                 sample_time: float, command: float, reference_position: float,
                 reference_velocity: float, active: bool) -> None:
-    """Move the joint over one sample; parameters as for `joint_kernel.joint_sample`.
+    """Move the joint over one sample; parameters as for `joint.joint_sample`.
 
     The person holds the link; undeclared effects act on the rotor.
     """

@@ -21,9 +21,8 @@ from friction_comp.errors import InputError
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.simulation.friction_level import friction_level
-from friction_comp.simulation.joint import Plant
-from friction_comp.simulation.joint_kernel import delayed_command, end_sample
-from friction_comp.simulation.joint_records import RIGID
+from friction_comp.simulation.joint import delayed_command, end_sample, Plant
+from friction_comp.simulation.joint_parameters import RIGID
 from friction_comp.simulation.person import follow_reference
 from friction_comp.simulation.rigid_joint import clamped_friction, move_bristle, SUBSTEPS
 from friction_comp.simulation.undeclared import Undeclared, undeclared_torque

@@ -17,7 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from friction_comp.simulation.joint_records import Record
+    from friction_comp.simulation.joint_parameters import Record
 
 ARRIVED = 0.1
 """A joint no farther than this from where the movement shown has ended has arrived, rad. The joints

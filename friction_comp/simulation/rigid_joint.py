@@ -22,7 +22,7 @@ import numpy as np
 
 from friction_comp.low_pass import low_pass_weight
 from friction_comp.simulation.friction_level import draw_levels, friction_level, LEAST_LEVEL
-from friction_comp.simulation.joint_records import Record
+from friction_comp.simulation.joint_parameters import Record
 from friction_comp.simulation.person import follow_reference
 from friction_comp.simulation.undeclared import undeclared_torque
 
@@ -74,7 +74,7 @@ def move_bristle(p: Record, s: Record, random: np.ndarray, v: float, friction: f
 def move_rigid(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                sample_time: float, command: float, reference_position: float,
                reference_velocity: float, active: bool) -> None:
-    """Move the joint over one sample; parameters as for `joint_kernel.joint_sample`."""
+    """Move the joint over one sample; parameters as for `joint.joint_sample`."""
     h = sample_time / SUBSTEPS
     # The amplifier is fast; an undeclared lag is applied between the current and the torque.
     s.current = command

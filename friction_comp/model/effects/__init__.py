@@ -3,15 +3,14 @@
 """Effects that a model can have beside the sigmoid: one class each, and one name in the list."""
 
 from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.drift_effects import OffsetDrift, Temperature, WarmUp
-from friction_comp.model.effects.history_effects import Hysteresis, RestTime
-from friction_comp.model.effects.live_term import LiveTerm
-from friction_comp.model.effects.load_effects import (
-    CarriedLoadFriction,
-    InnerLoadFriction,
-    LoadFriction,
-    LoadTorque,
+from friction_comp.model.effects.history_effects import (
+    Hysteresis,
+    OffsetDrift,
+    RestTime,
+    Temperature,
+    WarmUp,
 )
+from friction_comp.model.effects.live_term import LiveTerm
 from friction_comp.model.effects.position_effects import Bump, Cogging, FrictionRipple
 from friction_comp.model.effects.scene import (
     CARRIES,
@@ -24,8 +23,12 @@ from friction_comp.model.effects.scene import (
     VARIABLES,
 )
 from friction_comp.model.effects.torque_effects import (
+    CarriedLoadFriction,
     Gravity,
     Inertia,
+    InnerLoadFriction,
+    LoadFriction,
+    LoadTorque,
     OtherJoints,
     RigidBody,
     Spring,

@@ -1,17 +1,22 @@
 # Copyright 2026 The friction_comp authors
 # SPDX-License-Identifier: Apache-2.0
-"""Torques of the limb, which do not depend on the direction: weight, springs, inertia, the arm."""
+"""Torques of the limb, and friction that they cause by pressing the teeth together.
+
+Weight, springs, inertia, the arm and a measured load, which do not depend on the direction; and
+load-dependent friction.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import math
 from typing import Any
 
 import numpy as np
 
-from friction_comp.model.effects.base import Effect
-from friction_comp.model.effects.scene import CARRIES, Scene, Signals
+from friction_comp.drive import Drive
+from friction_comp.model.effects.base import Effect, geometric
+from friction_comp.model.effects.scene import CARRIES, NEITHER, Scene, SearchRange, Signals
 
 
 class Gravity(Effect):
@@ -152,3 +157,147 @@ class OtherJoints(Effect):
     @staticmethod
     def columns(x: Signals, c: Any) -> tuple[Any, ...]:
         return (x.coupling,)
+
+
+class LoadTorque(Effect):
+    """``A·τ_b``: the current that the measured back-driving torque saves the motor.
+
+    By mechanics A = -1/(k_t·n); another value means that the declared torque constant is wrong.
+    """
+
+    name = 'load_torque'
+    numbers = (('current per load', 'A/(N·m)'),)
+    variable = 'load'
+    role = NEITHER
+    physics = True
+    needs = ('load',)
+    not_fed_back = (
+        'feeding the measured interaction torque back is admittance control, which this '
+        'compensator is not: the torque sensor is for evaluation only')
+    words = 'Load: {A:+.4g} A per N·m of measured back-driving torque'
+    equation = '{A:+.4g}·τ_b'
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        return (x.load,)
+
+    @classmethod
+    def by_mechanics(cls, drive: Drive) -> list[float] | None:
+        """Return the motor current that 1 N·m of load replaces, -1/(k_t·n)."""
+        return [-1.0 / drive.torque_per_current]
+
+
+class LoadFriction(Effect):
+    """``A·tanh(v/v_t)·|τ_b|^p``: friction that grows with the measured load on the teeth."""
+
+    name = 'load_friction'
+    numbers = (('friction at 1 N·m', 'A'),)
+    variable = 'load'
+    needs = ('load',)
+    signs = (1,)
+    held = {'load': 0.25}
+    # With a lower power it is Coulomb friction once more.
+    constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.3, 3.0)), 'transition': None}
+    words = ('Load-dependent friction: {A:+.4g} A at 1 N·m of load, growing with its power '
+             '{exponent:.3g}')
+    equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_b|^{exponent:.3g}'
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        return [{'exponent': exponent, 'transition': scene.transition} for exponent in (1.0, 2.0)]
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        return (x.side * abs(x.load) ** c.exponent,)
+
+
+class CarriedLoadFriction(LoadFriction):
+    """``A·tanh(v/v_t)·|τ|^p``: friction that grows with the links' torque on the teeth.
+
+    The same as friction that grows with a measured load, where the load is known of the model.
+    """
+
+    name = 'carried_load_friction'
+    needs = ('rigid_body',)
+    held = {}
+    constants = {'exponent': SearchRange(1.6, limits=lambda *_: (0.5, 3.0)), 'transition': None}
+    words = ('Load-dependent friction: {A:+.4g} A at 1 N·m that the links ask of the joint, '
+             'growing with its power {exponent:.3g}')
+    equation = '{A:+.4g}·tanh(v/{transition:.3g})·|τ_links|^{exponent:.3g}'
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        return (x.side * abs(x.rigid_body) ** c.exponent,)
+
+
+def _speed_of_fading(scene: Scene, constants: dict[str, float]) -> tuple[float, float]:
+    """Fading as slowly as this it does not fade; where it does not, the speed is idle."""
+    if constants['fading']:
+        return scene.slowest, 2.0 * scene.speed
+    return constants['velocity'], constants['velocity']
+
+
+class InnerLoadFriction(Effect):
+    """``A·tanh(v/v_t)·|L|^p``, fading with speed where `fading` is 1: load-dependent friction.
+
+    L is the current that the other effects of the model carry: gravity, springs, inertia. Its
+    constants say that load once more, so that the effect needs no other one to be evaluated; a fit
+    keeps them those of the model. p = 1 and 2 are the linear and the quadratic load dependence, and
+    ``fading`` the Stribeck one, exp(-|v|/v_s), of Duclusaud et al. 2025 (BAM, models M3 to M6).
+    Live, where accelerations come too late, the load is that of rest.
+    """
+
+    name = 'inner_load_friction'
+    numbers = (('friction per load', 'A per A'),)
+    variable = 'load'
+    uses_inner_load = True
+    most = 2
+    signs = (1,)
+    constants = {'cosine': None, 'sine': None, 'slope': None, 'offset': None, 'inertia': None,
+                 'with_inertia': None, 'exponent': None, 'fading': None,
+                 'velocity': SearchRange(1.6, limits=_speed_of_fading), 'transition': None}
+
+    @classmethod
+    def grid(cls, scene: Scene) -> list[dict[str, float]]:
+        """Linear and quadratic, with and without the load of acceleration; fading with speed."""
+        still = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
+        shapes = [(1.0, 0.0, scene.speed), (2.0, 0.0, scene.speed)]
+        shapes += [(1.0, 1.0, value) for value in geometric(0.05 * scene.speed, scene.speed, 4)]
+        return [{**still, 'with_inertia': with_inertia, 'exponent': exponent, 'fading': fading,
+                 'velocity': velocity, 'transition': scene.transition}
+                for exponent, fading, velocity in shapes for with_inertia in (0.0, 1.0)]
+
+    @classmethod
+    def with_loads(cls, constants: dict[str, float],
+                   shares: Iterable[dict[str, float]]) -> dict[str, float]:
+        """Return the constants with the load of others in them: the sum of their shares."""
+        total = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
+        for share in shares:
+            for name, value in share.items():
+                total[name] += float(value)
+        return {**constants, **total}
+
+    @staticmethod
+    def columns(x: Signals, c: Any) -> tuple[Any, ...]:
+        load = (c.cosine * np.cos(x.position) + c.sine * np.sin(x.position)
+                + c.slope * x.position + c.offset + c.with_inertia * c.inertia * x.acceleration)
+        fade = np.exp(-c.fading * np.minimum(abs(x.velocity) / c.velocity, 700.0))
+        return (x.side * abs(load) ** c.exponent * fade,)
+
+    def describe(self) -> str:
+        c = self.values
+        how = ('growing with its square' if c['exponent'] == 2.0 else
+               f'fading at about {c["velocity"]:.3g} rad/s' if c['fading'] else 'in proportion')
+        size = math.hypot(c['cosine'], c['sine']) + abs(c['slope'])
+        return (f'Load-dependent friction: {self.coefficients[0]:.3g} A of friction for 1 A of the '
+                f'load that gravity or a spring makes ({size:.3g} A), {how}')
+
+    def formula(self) -> str:
+        c = self.values
+        load = (f'{c["cosine"]:+.4g}·cos(q) {c["sine"]:+.4g}·sin(q) {c["slope"]:+.4g}·q '
+                f'{c["offset"]:+.4g}')
+        if c['with_inertia']:
+            load += f' {c["inertia"]:+.4g}·dv/dt'
+        fade = f'·exp(-|v|/{c["velocity"]:.3g})' if c['fading'] else ''
+        return (f'{self.coefficients[0]:+.4g}·tanh(v/{c["transition"]:.3g})·|{load}|'
+                f'^{c["exponent"]:g}{fade}')
