@@ -27,20 +27,11 @@ _SIGNALS = ('time', 'position', 'current', *_OPTIONAL)
 
 @dataclass(frozen=True)
 class JointStates:
-    """Motion of all joints that were recorded together, on the time base of one of them.
-
-    Parameters
-    ----------
-    joints : tuple of str, length J
-    position : ndarray, shape (N, J)
-        rad.
-    velocity : ndarray, shape (N, J), optional
-        rad/s.
-    """
+    """Motion of all J joints that were recorded together, on the time base of one of them."""
 
     joints: tuple[str, ...]
-    position: np.ndarray
-    velocity: np.ndarray | None = None
+    position: np.ndarray                    # (N, J), rad
+    velocity: np.ndarray | None = None      # (N, J), rad/s
 
     def __post_init__(self) -> None:
         for name in ('position', 'velocity'):

@@ -212,27 +212,14 @@ class VelocityCheck:
 # Measured against commanded current.
 
 class Answer(NamedTuple):
-    """The measured current as a multiple of the commanded one.
+    """The measured current as a multiple of the commanded one."""
 
-    Attributes
-    ----------
-    gain : float
-        Measured over commanded current.
-    likeness : float
-        Their correlation about zero.
-    error : float
-        Standard error of the gain.
-    delay : float
-        s by which the measured current is late.
-    earliest : float
-        Root mean square in A of the commanded current that had time to be answered, even by the
-        latest answer that is looked for.
-    """
-
-    gain: float
-    likeness: float
-    error: float = 0.0
-    delay: float = 0.0
+    gain: float             # measured over commanded current
+    likeness: float         # their correlation about zero
+    error: float = 0.0      # standard error of the gain
+    delay: float = 0.0      # s by which the measured current is late
+    # Root mean square in A of the commanded current that had time to be answered, even by the
+    # latest answer that is looked for.
     earliest: float = math.inf
 
 

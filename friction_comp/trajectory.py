@@ -19,22 +19,13 @@ _STATES = ('positions', 'velocities', 'accelerations')
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion of some joints.
-
-    Parameters
-    ----------
-    joints : tuple of str
-    time : ndarray, shape (N,)
-        s, from zero.
-    position, velocity, acceleration : ndarray, shape (N, J)
-        rad, rad/s, rad/s².
-    """
+    """Motion of J joints in N points."""
 
     joints: tuple[str, ...]
-    time: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    time: np.ndarray            # (N,), s, from zero
+    position: np.ndarray        # (N, J), rad
+    velocity: np.ndarray        # (N, J), rad/s
+    acceleration: np.ndarray    # (N, J), rad/s²
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:

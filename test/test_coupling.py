@@ -44,7 +44,7 @@ def test_the_weight_of_the_next_link_is_found_without_a_urdf():
             continue
         found = {effect['variable']: effect['in_words'] for effect in result.report['effects']}
         assert 'elbow' in found['other joints'] or 'shoulder' in found['other joints']
-        coupling = result.model.arm.coupling
+        coupling = result.model.arm.source
         weights = [group.angles for group in coupling.groups if group.kind == 'weight']
         assert (('shoulder', 1), ('elbow', 1)) in weights
         again = Coupling.from_dict(coupling.to_dict())

@@ -267,7 +267,7 @@ class CompensationLaw:
         if all(name in known for name in arm.joints):
             value = arm.at_rest(np.array([known[name] for name in arm.joints]),
                                 self.models[joint].joint)
-            signals['coupling' if arm.tree is None else 'rigid_body'] = value
+            signals[arm.signal] = value
         return signals
 
     def _why_left_out(self, effect: Effect) -> str:

@@ -57,21 +57,11 @@ class Breakaway:
 
 @dataclass(frozen=True)
 class Presliding:
-    """Displacement of the gear before it slides, from current ramps.
+    """Displacement of the gear before it slides, from current ramps."""
 
-    Parameters
-    ----------
-    distance : float
-        rad, from rest without load until friction is at 95 % of breakaway.
-    stiffness : float, optional
-        A/rad, of friction up to a third of breakaway.
-    std : float, optional
-        Standard deviation between single rests, rad. None if unknown.
-    """
-
-    distance: float
-    stiffness: float | None = None
-    std: float | None = None
+    distance: float     # rad, from rest without load until friction is at 95 % of breakaway
+    stiffness: float | None = None      # A/rad, of friction up to a third of breakaway
+    std: float | None = None            # standard deviation between single rests, rad
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -152,11 +142,6 @@ class FrictionModel:
         Friction is overcome by the motor and the person together. Where the load was recorded, the
         person's share ``τ_b/(k_t·n)`` is therefore added to the motor current, unless the model has
         an effect of the load torque, which already describes that share.
-
-        Parameters
-        ----------
-        samples : Samples
-            As recorded.
         """
         if samples.load is None or any(
                 effect.by_mechanics(self.drive) is not None for effect in self.effects):
@@ -180,10 +165,7 @@ class FrictionModel:
     def current(self, samples: Samples) -> np.ndarray:
         """Return the motor current in A, shape (N,), for samples that are differentiated already.
 
-        Parameters
-        ----------
-        samples : Samples
-            With velocity, and with what the effects ask for.
+        They have velocity, and what the effects ask for.
         """
         current = np.asarray(self.sigmoid(np.asarray(samples.velocity)), dtype=float)
         for effect in self.effects:

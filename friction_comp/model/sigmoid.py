@@ -23,15 +23,9 @@ def kinetic_current(velocity: Any, upper: float, lower: float, steepness: float,
                     viscous: float) -> Any:
     """Return Eq. 6 at a velocity: the one place where it is written.
 
-    Arrays and single numbers alike; `compiled.compiled_kinetic_current` is the same function in
-    compiled code. Current or torque, in the unit of the plateaus.
-
-    Parameters
-    ----------
-    velocity : float or ndarray
-        rad/s.
-    upper, lower, steepness, shift, viscous : float
-        As in `Sigmoid`.
+    Arrays and single numbers alike, rad/s; `compiled.compiled_kinetic_current` is the same function
+    in compiled code. Current or torque, in the unit of the plateaus; parameters are those of
+    `Sigmoid`.
     """
     return viscous * velocity + lower + (upper - lower) / (
         1.0 + np.exp(-steepness * (velocity - shift)))
@@ -48,29 +42,18 @@ class Sigmoid:
 
     with ``upper = c1/c4``, ``lower = -c3/c5``, ``steepness = c2``,
     ``shift = -ln(c4/c5)/c2`` and ``viscous = c6``.
-
-    Parameters
-    ----------
-    upper, lower : float
-        Current in A that the transition tends to at high positive and negative velocity.
-    steepness : float
-        s/rad.
-    shift : float
-        Velocity of the transition's middle in rad/s.
-    viscous : float
-        A·s/rad.
     """
 
-    upper: float
-    lower: float
-    steepness: float
-    shift: float = 0.0
-    viscous: float = 0.0
+    upper: float            # A, to which the transition tends at high positive velocity
+    lower: float            # A, the same at high negative velocity
+    steepness: float        # s/rad
+    shift: float = 0.0      # velocity of the transition's middle, rad/s
+    viscous: float = 0.0    # A·s/rad
 
     def __post_init__(self) -> None:
-        for name in ('upper', 'lower', 'steepness', 'shift', 'viscous'):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError(f'sigmoid.{name} must be finite, not {getattr(self, name)!r}')
+        for name, value in vars(self).items():
+            if not math.isfinite(value):
+                raise InputError(f'sigmoid.{name} must be finite, not {value!r}')
         if self.steepness <= 0:
             raise InputError(f'sigmoid.steepness must be positive, not {self.steepness!r}')
 

@@ -48,11 +48,7 @@ class SimulatorJoint:
 def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> SimulatorJoint:
     """Return the parameters of a simulator's joint that come nearest to a model.
 
-    Parameters
-    ----------
-    model : FrictionModel
-    top_speed : float, optional
-        rad/s; the largest of the model's look-up table, else 1.
+    The top speed is in rad/s; the largest of the model's look-up table when omitted, else 1.
     """
     top_speed = top_speed or model.largest_speed(_TOP_SPEED)
     gain = model.drive.torque_per_current
@@ -115,18 +111,8 @@ def table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = Non
           ) -> tuple[list[str], np.ndarray]:
     """Return friction torque over speed, position and load, without weight and inertia.
 
-    Parameters
-    ----------
-    model : FrictionModel
-    loads : ndarray, shape (L,)
-        N·m; used where friction depends on the load.
-    top_speed : float, optional
-        rad/s.
-
-    Returns
-    -------
-    list of str, ndarray of shape (N, 4)
-        Names of the columns: velocity, position, load, torque; and the rows.
+    Names of the columns (velocity, position, load, torque), and the rows, shape (N, 4). Loads,
+    shape (L,), N·m, are used where friction depends on the load.
     """
     kept = replace(model, arm=None, effects=[
         effect for effect in model.effects

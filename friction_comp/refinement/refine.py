@@ -191,9 +191,9 @@ def model_of(fit: Fit, question: Question) -> FrictionModel:
     arm = None
     if groups:
         effects.append(EFFECTS['other_joints']({'coefficients': [1.0]}))
-        arm = Arm(coupling=Coupling(tuple(groups), tuple(gains)),
-                  # The model applies the lag to these torques, as to all others.
-                  differentiation=settings_for_arm(rows.samples, {**settings, 'lag': 0.0}))
+        # The model applies the lag to these torques, as to all others.
+        arm = Arm(Coupling(tuple(groups), tuple(gains)),
+                  settings_for_arm(rows.samples, {**settings, 'lag': 0.0}))
     if rows.load_by_mechanics:
         effects.append(EFFECTS['load_torque']({'coefficients': [rows.load_by_mechanics]}))
     given = question.model

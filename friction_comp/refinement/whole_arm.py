@@ -104,7 +104,7 @@ def refine_arm(recorded: dict[str, list[Samples]], urdf: str | Path,
         direction = ', '.join(f'{value:.2f}' for value in fit.tree.gravity / 9.81)
         notes.append(f'the currents fit gravity along ({direction}) of the base far better than '
                      'along its -z: the arm is assumed to be mounted so')
-    arm = Arm(tree=fit.tree, differentiation=fit.differentiation)
+    arm = Arm(fit.tree, fit.differentiation)
     refined = list(only or names)
     results: dict[str, RefineResult] = {}
     for index, name in enumerate(refined):

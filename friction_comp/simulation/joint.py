@@ -151,28 +151,14 @@ def start_bank(p: np.ndarray, s: np.ndarray, random: np.ndarray, sample_time: fl
 
 @dataclass(frozen=True)
 class PlantState:
-    """What a plant's sensors show at one instant; arrays of shape (J,).
+    """What a plant's sensors show at one instant; arrays of shape (J,)."""
 
-    Attributes
-    ----------
-    time : float
-        s since the start.
-    position, velocity : ndarray
-        rad, whole encoder counts, and their first difference, rad/s.
-    current : ndarray
-        Measured motor current in A.
-    interaction_torque : ndarray
-        τ_b at the torque sensor S2 in N·m, positive where the person pushes forward.
-    temperature : ndarray
-        Motor temperature in degrees Celsius.
-    """
-
-    time: float
-    position: np.ndarray
-    velocity: np.ndarray
-    current: np.ndarray
-    interaction_torque: np.ndarray
-    temperature: np.ndarray
+    time: float                     # s since the start
+    position: np.ndarray            # rad, whole encoder counts
+    velocity: np.ndarray            # their first difference, rad/s
+    current: np.ndarray             # measured motor current, A
+    interaction_torque: np.ndarray  # τ_b at sensor S2, N·m, positive: the person pushes forward
+    temperature: np.ndarray         # of the motor, degrees Celsius
 
 
 class Plant:

@@ -90,31 +90,16 @@ _MEMORY = {HYSTERESIS: 3, REST: 4}
 
 @dataclass
 class Undeclared:
-    """Undeclared effects of one joint.
+    """Undeclared effects of one joint."""
 
-    Attributes
-    ----------
-    table : ndarray, shape (n, 10)
-        Rows of `undeclared_torque`: code and up to nine parameters. The last column is the place
-        of the row's own state in the memory.
-    memory_size : int
-        Floats of state that the effects need; they start as zeros.
-    inertia : float
-        Inertia in kg·m² to add to the joint's own.
-    actuation_lag : float
-        Time constant in s of a first-order lag between current and torque.
-    torque_constant_factor : float
-        True over declared torque constant.
-    thermal : ndarray, shape (4,)
-        Ambient and initial temperature in degrees Celsius, heating in K/A², time constant in s:
-        see `warmed_up`.
-    """
-
+    # Rows of `undeclared_torque`: code and up to nine parameters, of which the last is the place of
+    # the row's own state in the memory.
     table: np.ndarray = field(default_factory=lambda: np.zeros((0, COLUMNS)))
-    memory_size: int = 0
-    inertia: float = 0.0
-    actuation_lag: float = 0.0
-    torque_constant_factor: float = 1.0
+    memory_size: int = 0        # floats of state that the effects need; they start as zeros
+    inertia: float = 0.0        # kg·m², added to the joint's own
+    actuation_lag: float = 0.0  # s, of a first-order lag between current and torque
+    torque_constant_factor: float = 1.0     # true over declared torque constant
+    # Ambient and initial temperature, degrees Celsius, heating K/A², time constant s: `warmed_up`.
     thermal: np.ndarray = field(default_factory=lambda: np.array([25.0, 25.0, 0.0, 600.0]))
 
     @classmethod

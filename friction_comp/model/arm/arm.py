@@ -45,36 +45,21 @@ def moving_states(samples: Samples, joints: Sequence[str], settings: dict[str, A
 
 @dataclass(frozen=True)
 class Arm:
-    """The rest of the arm, as the model of one of its joints holds it.
+    """The rest of the arm, as the model of one of its joints holds it."""
 
-    Parameters
-    ----------
-    tree : Tree, optional
-        Rigid bodies; gives the samples' `rigid_body`.
-    coupling : Coupling, optional
-        Terms found without a URDF; gives the samples' `coupling`.
-    differentiation : dict
-        How velocity and acceleration of all joints are derived from a recording.
-    """
-
-    tree: Tree | None = None
-    coupling: Coupling | None = None
+    source: Tree | Coupling     # rigid bodies, or terms found without a URDF
+    # How velocity and acceleration of all joints are derived from a recording.
     differentiation: dict[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if (self.tree is None) == (self.coupling is None):
-            raise InputError('arm: either links or groups are needed')
-
-    @property
-    def _part(self) -> Tree | Coupling:
-        part = self.coupling if self.tree is None else self.tree
-        assert part is not None, 'checked when the arm was made'
-        return part
 
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints whose motion is needed."""
-        return tuple(self._part.joints)
+        return tuple(self.source.joints)
+
+    @property
+    def signal(self) -> str:
+        """The signal of `Samples` that it gives."""
+        return 'coupling' if isinstance(self.source, Coupling) else 'rigid_body'
 
     def on(self, samples: Samples, joint: str = '') -> Samples:
         """Return recorded samples, with `arm`, with `rigid_body` or `coupling` for a joint.
@@ -83,11 +68,10 @@ class Arm:
         joint is not one of the arm's.
         """
         motion = moving_states(samples, self.joints, self.differentiation)
-        part = self._part
-        if isinstance(part, Coupling):
-            return samples.with_(coupling=part.current(self.joints, *motion))
+        if isinstance(self.source, Coupling):
+            return samples.with_(coupling=self.source.current(self.joints, *motion))
         return samples.with_(
-            rigid_body=part.torques(*motion)[:, self._index(joint or samples.joint)])
+            rigid_body=self.source.torques(*motion)[:, self._index(joint or samples.joint)])
 
     def _index(self, joint: str) -> int:
         if joint not in self.joints:
@@ -100,23 +84,19 @@ class Arm:
 
         Positions are in rad, in the order of `joints`.
         """
-        part = self._part
-        if isinstance(part, Tree):
-            return float(part.weight(position)[self._index(joint)])
-        return part.weight(self.joints, np.asarray(position, dtype=float))
+        if isinstance(self.source, Tree):
+            return float(self.source.weight(position)[self._index(joint)])
+        return self.source.weight(self.joints, np.asarray(position, dtype=float))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the arm as the plain values of a model file."""
-        return {**self._part.to_dict(), 'differentiation': dict(self.differentiation)}
+        return {**self.source.to_dict(), 'differentiation': dict(self.differentiation)}
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> Arm:
         """Make an arm of the plain values of a model file."""
-        if not isinstance(document, dict):
-            raise InputError('arm is not a mapping')
         settings = document.get('differentiation')
         if not isinstance(settings, dict):
             raise InputError('arm.differentiation is missing or not a mapping')
-        if 'groups' in document:
-            return cls(coupling=Coupling.from_dict(document), differentiation=settings)
-        return cls(tree=Tree.from_dict(document), differentiation=settings)
+        kind = Coupling if 'groups' in document else Tree
+        return cls(kind.from_dict(document), settings)

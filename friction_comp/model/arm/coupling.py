@@ -25,19 +25,13 @@ _JOINTS = {'weight': 0, 'kinetic': 3}
 class Group:
     """Terms that belong together.
 
-    Parameters
-    ----------
-    kind : {'weight', 'kinetic'}
-        Cosine and sine of a sum of angles; or what a kinetic energy of two velocities, alone or
-        times these, asks of a joint.
-    angles : tuple of (str, int)
-        Joint and sign of each angle in the sum.
-    joints : tuple of str
-        Of a kinetic energy: the joint it is asked of, and the two whose velocities it has.
+    Of kind 'weight' they are cosine and sine of a sum of angles; of kind 'kinetic', the torque on a
+    joint of a kinetic energy of two velocities, alone or times these.
     """
 
     kind: str
-    angles: tuple[tuple[str, int], ...] = ()
+    angles: tuple[tuple[str, int], ...] = ()    # joint and sign of each angle in the sum
+    # Of a kinetic energy: the joint on which it acts, and the two whose velocities it has.
     joints: tuple[str, ...] = ()
 
     def columns(self, names: Sequence[str], q: np.ndarray, v: np.ndarray,

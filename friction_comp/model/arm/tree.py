@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_comp.errors import InputError
 
-# Of each link: m, m·c (three), and Ixx, Ixy, Iyy, Ixz, Iyz, Izz about its joint's origin.
+# Numbers of each link: see `Tree`.
 PARAMETERS = 10
 FREE_FALL = (0.0, 0.0, -9.81)
 # Rotation matrices in a file are rounded; if it is farther from orthonormal than this, it is no
@@ -22,40 +22,22 @@ _KINDS = ('revolute', 'prismatic')
 
 @dataclass(frozen=True)
 class Tree:
-    """Joints, each carried by an earlier one, and the link that each carries.
+    """L joints, each carried by an earlier one, and the link that each carries.
 
-    Parameters
-    ----------
-    joints : tuple of str, length L
-        Names, as recordings have them.
-    kinds : tuple of str, length L
-        'revolute' or 'prismatic'.
-    parents : ndarray of int, shape (L,)
-        Number of the joint each is carried by; -1 for the base.
-    rotations, places : ndarray, shape (L, 3, 3) and (L, 3)
-        Frame of each joint at position zero in the frame of its parent; m.
-    axes : ndarray, shape (L, 3)
-        Unit vectors in the joints' own frames.
-    parameters : ndarray, shape (L, 10)
-        Of each link, in the frame of its joint: mass kg, first moment kg·m (three), and the entries
-        Ixx, Ixy, Iyy, Ixz, Iyz, Izz of the inertia about the frame's origin, kg·m².
-    gravity : ndarray, shape (3,)
-        Acceleration of free fall in the frame of the base, m/s².
-
-    Raises
-    ------
-    InputError
-        If shapes or values make no tree.
+    Raises InputError if shapes or values make no tree.
     """
 
-    joints: tuple[str, ...]
-    kinds: tuple[str, ...]
-    parents: np.ndarray
-    rotations: np.ndarray
-    places: np.ndarray
-    axes: np.ndarray
+    joints: tuple[str, ...]     # names, as recordings have them
+    kinds: tuple[str, ...]      # 'revolute' or 'prismatic'
+    parents: np.ndarray         # (L,), index of the joint each is carried by; -1 for the base
+    # Frame of each joint at position zero in the frame of its parent, m.
+    rotations: np.ndarray       # (L, 3, 3)
+    places: np.ndarray          # (L, 3)
+    axes: np.ndarray            # (L, 3), unit vectors in the joints' own frames
+    # (L, 10), of each link, in the frame of its joint: mass kg, first moment kg·m (three), and the
+    # entries Ixx, Ixy, Iyy, Ixz, Iyz, Izz of the inertia about the frame's origin, kg·m².
     parameters: np.ndarray
-    gravity: np.ndarray
+    gravity: np.ndarray         # (3,), of free fall in the frame of the base, m/s²
 
     def __post_init__(self) -> None:
         size = len(self.joints)
@@ -88,15 +70,8 @@ class Tree:
     def torques(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return the torque that each joint has to supply, without friction and rotors.
 
-        Parameters
-        ----------
-        q, v, a : ndarray, shape (N, L)
-            Position, velocity and acceleration; rad or m, and s.
-
-        Returns
-        -------
-        ndarray, shape (N, L)
-            N·m, or N of prismatic joints.
+        In N·m, or N of prismatic joints, shape (N, L), for position, velocity and acceleration of
+        the same shape; rad or m, and s.
         """
         # Imported here, so that a model without an arm needs no compiler.
         from friction_comp.model.arm.recursion import joint_torques

@@ -174,13 +174,8 @@ class Effect(ABC):
     def step(state: float, dt: float, dq: float, velocity: float, c: Any) -> float:
         """Return the state one sample later, for effects with `has_memory`.
 
-        Parameters
-        ----------
-        state : float
-        dt, dq, velocity : float
-            Time and position since the sample before, s and rad; velocity now, rad/s.
-        c : namedtuple
-            The constants by name.
+        `dt` and `dq` are time and position since the sample before, s and rad; `velocity` is that
+        of now, rad/s; `c` has the constants by name.
         """
         return state
 

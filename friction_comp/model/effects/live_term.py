@@ -20,16 +20,7 @@ show a thousandth, but then every encoder count would switch the whole term."""
 class LiveTerm:
     """An effect as the compensator evaluates it, one sample at a time.
 
-    Parameters
-    ----------
-    effect : Effect
-
-    Attributes
-    ----------
-    needs : tuple of str
-        Live signals that it needs besides position and velocity.
-    has_memory : bool
-        Whether evaluation changes it, so that it cannot be evaluated at other positions.
+    With `has_memory`, evaluation changes it, so that it cannot be evaluated at other positions.
     """
 
     def __init__(self, effect: Effect) -> None:

@@ -77,22 +77,13 @@ class Look:
 
 @dataclass(frozen=True)
 class SearchRange:
-    """How a constant is searched around a first value.
+    """How a constant is searched around a first value."""
 
-    Parameters
-    ----------
-    width : float
-        Half width of the bracket: a factor, or a number of units where there is one.
-    unit : callable, optional
-        ``unit(scene, constants)``: size of one unit of the constant, for constants that are
-        searched on a linear scale; the scale is logarithmic when omitted.
-    limits : callable, optional
-        ``limits(scene, constants)``: lowest and highest value at which the effect is what its name
-        says.
-    """
-
+    # Half width of the bracket: a factor, or a number of units where there is one.
     width: float
+    # Size of one unit, for constants searched on a linear scale; the scale is logarithmic without.
     unit: Callable[[Scene, dict[str, float]], float] | None = None
+    # Lowest and highest value at which the effect is what its name says.
     limits: Callable[[Scene, dict[str, float]], tuple[float, float]] | None = None
 
 
