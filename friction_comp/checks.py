@@ -14,21 +14,10 @@ from friction_comp.errors import InputError
 
 def check_number(value: Any, name: str, *, above: float = -math.inf, least: float = -math.inf,
                  most: float = math.inf) -> float:
-    """Return a number from outside as a float.
+    """Return a number from outside, called `name` in errors, as a float.
 
-    Parameters
-    ----------
-    value : object
-        What was given; True and False are no numbers.
-    name : str
-        Name used in error messages.
-    above, least, most : float
-        Bounds: the first excluded, the others included.
-
-    Raises
-    ------
-    InputError
-        If it is no number, not finite, or out of bounds.
+    Raises InputError if it is no number (True and False are none), not finite, or out of bounds, of
+    which `above` is excluded, the others are included.
     """
     if (isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
             and above < float(value) and least <= float(value) <= most):
@@ -58,10 +47,7 @@ def _wanted(kind: str, above: float, least: float, most: float) -> str:
 def check_mapping(value: Any, name: str, known: Collection[str] | None = None) -> dict[str, Any]:
     """Return a section of a file, called `name` in errors, with `known` entries if these are given.
 
-    Raises
-    ------
-    InputError
-        If it is no mapping, or has unknown entries.
+    Raises InputError if it is no mapping, or has unknown entries.
     """
     if not isinstance(value, dict):
         raise InputError(f'{name} is missing or not a mapping')
@@ -83,17 +69,8 @@ def check_document(value: Any, kind: str, format_name: str, version: int,
                    known: Collection[str] | None = None) -> dict[str, Any]:
     """Return the plain values of a file, of which entries `format` and `version` must be these.
 
-    Parameters
-    ----------
-    kind : str
-        What to call such a file in the error.
-    known : collection of str, optional
-        The entries that it may have.
-
-    Raises
-    ------
-    InputError
-        If it is another kind of file, of another version, or has unknown entries.
+    Raises InputError, which calls such a file `kind`, if it is another one, of another version, or
+    has entries that are not `known`, where these are given.
     """
     if not isinstance(value, dict) or value.get('format') != format_name:
         raise InputError(f"not {kind}: 'format: {format_name}' is missing")

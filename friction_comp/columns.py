@@ -134,10 +134,7 @@ class Assignment:
 def factor_of(signal: str, unit: str) -> float:
     """Return the factor that converts a column's numbers to SI units.
 
-    Raises
-    ------
-    InputError
-        If the unit is not known for this signal.
+    Raises InputError if the unit is not known for this signal.
     """
     known = _UNITS[signal]
     if unit in known:
@@ -155,13 +152,7 @@ def factor_of(signal: str, unit: str) -> float:
 
 
 def read_pairs(text: str, what: str) -> dict[str, str]:
-    """Return ``a=b,c=d`` as a dictionary.
-
-    Raises
-    ------
-    InputError
-        If it has another form.
-    """
+    """Return ``a=b,c=d`` as a dictionary; raises InputError if it has another form."""
     pairs: dict[str, str] = {}
     for part in text.split(','):
         name, sign, value = (piece.strip() for piece in part.partition('='))
@@ -177,10 +168,7 @@ def read_pairs(text: str, what: str) -> dict[str, str]:
 def assign(names: Sequence[str], layout: Layout | None, where: str) -> Assignment:
     """Decide which of a table's columns hold what; `where` names the table in messages.
 
-    Raises
-    ------
-    InputError
-        If a column is not there, or time, position or effort cannot be found.
+    Raises InputError if a column is not there, or time, position or effort cannot be found.
     """
     layout = layout or Layout()
     listed = ', '.join(map(repr, names))

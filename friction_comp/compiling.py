@@ -40,13 +40,7 @@ def begin_plain() -> None:
 
 
 def njit(*, cache: bool = False) -> Callable[[F], F]:
-    """Return numba's decorator of that name, or in its place one whose functions begin plain.
-
-    Parameters
-    ----------
-    cache : bool
-        Whether compiled code is kept on disk.
-    """
+    """Return numba's decorator of that name, or in its place one whose functions begin plain."""
     if _later is None:
         import numba
         return numba.njit(cache=cache)
@@ -83,12 +77,8 @@ def compiling() -> bool:
 def compile_rest() -> int:
     """Compile the kernels that started as plain Python, for the arguments they were called with.
 
-    To be called in another thread than the one that runs the kernels.
-
-    Returns
-    -------
-    int
-        Number of kernels exchanged.
+    To be called in another thread than the one that runs the kernels. Returns how many were
+    exchanged.
     """
     global _plain, _compiling
     if not _later or not _plain:
@@ -117,13 +107,6 @@ class Kernel:
 
     Structured arrays reach the plain function as lists of `Row`, since numpy's own records are
     slow to read by name; what it writes there is written back.
-
-    Parameters
-    ----------
-    function : callable
-        What numba can compile.
-    cache : bool
-        Whether compiled code is kept on disk.
     """
 
     def __init__(self, function: Callable[..., Any], cache: bool) -> None:

@@ -18,13 +18,7 @@ class InputError(ValueError):
 
 @contextmanager
 def errors_name(thing: object) -> Iterator[None]:
-    """Put what the input came from before the text of an InputError.
-
-    Parameters
-    ----------
-    thing : object
-        A path, mostly.
-    """
+    """Put what the input came from, a path mostly, before the text of an InputError."""
     try:
         yield
     except InputError as error:

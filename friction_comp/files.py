@@ -78,11 +78,8 @@ LARGEST = 1_000_000
 def read_yaml(path: str | Path, largest: int = LARGEST) -> Any:
     """Return the plain values of a YAML document of no more than `largest` bytes.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is no ordinary file, is too large, or is not YAML in which
-        each value has one meaning.
+    Raises InputError if the file cannot be read, is no ordinary file, is too large, or is not YAML
+    in which each value has one meaning.
     """
     path = Path(path)
     try:
@@ -117,12 +114,8 @@ def encodable(text: str) -> str:
 def write_atomically(path: str | Path, content: str | bytes) -> None:
     """Write text or bytes to a file by way of a temporary file beside it.
 
-    Only an ordinary file is replaced; a device or pipe is written to as it stands.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written.
+    Only an ordinary file is replaced; a device or pipe is written to as it stands. Raises
+    InputError if the folder cannot be written.
     """
     path = Path(path)
     data = encodable(content).encode('utf-8') if isinstance(content, str) else content

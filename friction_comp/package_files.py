@@ -15,17 +15,8 @@ def package_file(*parts: str) -> Path:
     """Return the path of a file or folder that comes with the package.
 
     Looks into the source tree when the package runs from one, then into every sourced workspace,
-    then into the Python environment.
-
-    Parameters
-    ----------
-    *parts : str
-        The path below ``share/friction_comp``, such as ``'config', 'armin_configuration_1.yaml'``.
-
-    Raises
-    ------
-    InputError
-        When there is no such file.
+    then into the Python environment, for a path below ``share/friction_comp``, such as ``'config',
+    'armin_configuration_1.yaml'``. Raises InputError when there is no such file.
     """
     root = Path(__file__).resolve().parent.parent
     folders = [root] if (root / 'package.xml').is_file() else []

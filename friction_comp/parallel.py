@@ -49,21 +49,11 @@ def attempt(work: Callable[[T], U], item: T) -> U | Failure:
 
 
 def run_each(work: Callable[[T], U], items: Sequence[T], jobs: int = 1) -> Outcomes[U]:
-    """Do work on each of several items; an item that fails costs no other.
+    """Do work on each of several items; yield the index of each and its outcome, or a `Failure`.
 
-    Parameters
-    ----------
-    work : callable
-    items : sequence
-        Pickled, as `work` is, if there is more than one job. An error on the only item is raised.
-    jobs : int
-        Number of processes; with one the work is done in this process. A process that is killed,
-        for want of memory say, is replaced, and costs the item that it had.
-
-    Yields
-    ------
-    int, object or Failure
-        Index of the item, and the outcome.
+    With more than one job, work and items are pickled and done in so many processes. A process that
+    is killed, for want of memory say, is replaced, and costs the item that it had, but no other. An
+    error on the only item is raised.
     """
     if len(items) == 1:
         yield 0, work(items[0])

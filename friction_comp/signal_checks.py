@@ -92,21 +92,12 @@ def _name_unit(ratio: float, units: Mapping[float, str]) -> str:
 
 def velocity_ratios(time: np.ndarray, position: np.ndarray, velocity: np.ndarray,
                     resolution: float = 0.0) -> np.ndarray:
-    """Return integrated velocity over change of position, block by block.
+    """Return integrated velocity over change of position, block by block, shape (K,).
 
-    Parameters
-    ----------
-    time, position, velocity : ndarray, shape (N,)
-        s, rad, rad/s; samples that are not finite are left out.
-    resolution : float
-        rad of an encoder count, where it is known.
-
-    Returns
-    -------
-    ndarray, shape (K,)
-        One ratio for each block of `BLOCK` s in which the joint moved: infinite if the position
-        is constant, 0 if the velocity is zero, and 1 if a delayed velocity explains the difference.
-        Blocks with gaps in them are left out.
+    Signals have shape (N,), in s, rad and rad/s; samples that are not finite are left out, and so
+    are blocks with gaps. `resolution` is that of the encoder, rad, where it is known. There is one
+    ratio for each block of `BLOCK` s in which the joint moved: infinite if the position is
+    constant, 0 if the velocity is zero, and 1 if a delayed velocity explains the difference.
     """
     good = np.isfinite(time) & np.isfinite(position) & np.isfinite(velocity)
     time, position, velocity = time[good], position[good], velocity[good]
@@ -157,21 +148,10 @@ def velocity_fault(ratios: np.ndarray, factor: float) -> str:
 class VelocityCheck:
     """Compares velocity with position, sample by sample.
 
-    Parameters
-    ----------
-    factor : float
-        By which the ratio of both may differ from one either way.
-    blocks : int
-        Number of latest blocks of motion that are judged together, by their median.
-    resolution : float
-        rad of an encoder count, where it is known.
-    zeros : bool
-        Whether a velocity that was always zero contradicts nothing: some drivers do not measure it.
-
-    Attributes
-    ----------
-    fault : str
-        What is wrong, in words, until the joint moves as it should; empty where nothing is.
+    The median of the latest `blocks` of motion may differ from one by a factor either way;
+    `resolution` is that of the encoder, rad, where it is known. With `zeros`, a velocity that was
+    always zero contradicts nothing: some drivers do not measure it. `fault` says in words what is
+    wrong, until the joint moves as it should; it is empty where nothing is.
     """
 
     def __init__(self, factor: float, blocks: int = 1, resolution: float = 0.0,
@@ -224,13 +204,7 @@ class Answer(NamedTuple):
 
 
 def current_answer(command: np.ndarray, measured: np.ndarray) -> Answer:
-    """Return how the measured current follows the commanded one, without delay.
-
-    Parameters
-    ----------
-    command, measured : ndarray, shape (N,)
-        Finite, A.
-    """
+    """Return how the measured current follows the commanded one without delay; finite, A, (N,)."""
     power, product = float(command @ command), float(command @ measured)
     likeness = product / math.sqrt(max(power * float(measured @ measured), 1e-300))
     gain = product / max(power, 1e-300)
@@ -240,10 +214,7 @@ def current_answer(command: np.ndarray, measured: np.ndarray) -> Answer:
 def late_answer(time: np.ndarray, command: np.ndarray, measured: np.ndarray) -> Answer:
     """Return how the measured current follows the commanded one, late, in the last 0.8 s.
 
-    Parameters
-    ----------
-    time, command, measured : ndarray, shape (N,)
-        s and A; both currents are smoothed alike.
+    Both are smoothed alike, A, shape (N,); time is in s.
     """
     back = np.arange(round(_MEMORY / _GRID)) * _GRID
     answered = np.interp(time[-1] - back, time, measured, left=0.0)
@@ -287,11 +258,7 @@ class CurrentCheck:
     """Compares the measured current with the commanded one, sample by sample.
 
     Both are smoothed alike. What is measured before anything was commanded is the sensor's zero.
-
-    Attributes
-    ----------
-    commanded : float
-        The commanded current in A, smoothed.
+    `commanded` is the commanded current in A, smoothed.
     """
 
     def __init__(self) -> None:
@@ -322,14 +289,10 @@ class CurrentCheck:
             self._all[k] += step * value
 
     def gain(self, least: float, lately: bool = True) -> float:
-        """Return measured over commanded current; NaN where there is too little data.
+        """Return measured over commanded current, of the last half second or of all.
 
-        Parameters
-        ----------
-        least : float
-            Root mean square in A that the commanded current must have.
-        lately : bool
-            Whether the last half second counts, or all.
+        NaN where there is too little data: the commanded current must have a root mean square of at
+        least so many A.
         """
         power, product, duration = self._recent if lately else self._all
         if duration < 0.3 * _MEMORY or power <= duration * least ** 2:

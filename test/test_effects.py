@@ -108,9 +108,9 @@ class TestEffect:
         term = effect.live()
         if name in LEFT_OUT:
             assert term is None
-            assert len(effect.why_left_out()) > 20
+            assert len(effect.not_fed_back) > 20
             return
-        assert not effect.why_left_out()
+        assert not effect.not_fed_back
         live = [term.update(*row) for row in zip(
             motion.time, motion.position, motion.velocity, motion.temperature, motion.load,
             motion.rigid_body, motion.coupling)]

@@ -3,6 +3,7 @@
 """The breakaway level follows what the model's effects say of the place."""
 
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ from friction_comp.compensation.effect_currents import EffectCurrents
 from friction_comp.compensation.law import CompensationLaw
 from friction_comp.drive import Drive
 from friction_comp.errors import InputError
-from friction_comp.model.effects.base import Effect
 from friction_comp.model.effects.history_effects import Hysteresis, Temperature
 from friction_comp.model.effects.position_effects import FrictionRipple
 from friction_comp.model.effects.torque_effects import Gravity
@@ -22,6 +22,7 @@ PLACE = 0.1
 RIPPLE = FrictionRipple({'coefficients': [0.02, 0.0], 'frequency': 20.0, 'growth': 0.0,
                          'speed': 0.5, 'transition': 0.001})
 GRAVITY = Gravity({'coefficients': [0.0, 0.03]})
+NOT_FED_BACK = attrgetter('not_fed_back')
 
 
 def model(effects, place=PLACE):
@@ -72,7 +73,7 @@ def test_friction_of_effects_is_asked_for_in_both_directions_of_sliding():
                           'transition': 0.001})
     bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
                            'transition': 0.001})
-    effects = EffectCurrents(model([RIPPLE, GRAVITY, warmth, bristles]), Effect.why_left_out)
+    effects = EffectCurrents(model([RIPPLE, GRAVITY, warmth, bristles]), NOT_FED_BACK)
     for temperature, more in ((None, 0.0), (35.0, 0.02)):
         for position in (-0.4, 0.0, 0.23):
             currents = effects.by_direction(1.0, position, 0.0, {
@@ -88,7 +89,7 @@ def test_friction_of_effects_is_asked_for_in_both_directions_of_sliding():
 def test_the_bound_is_asked_without_moving_what_remembers():
     bristles = Hysteresis({'coefficients': [0.05, 0.0], 'distance': 0.01, 'exponent': 1.0,
                            'transition': 0.001})
-    effects, fresh = (EffectCurrents(model([bristles]), Effect.why_left_out) for _ in range(2))
+    effects, fresh = (EffectCurrents(model([bristles]), NOT_FED_BACK) for _ in range(2))
     assert effects.largest(1.0)[0] == pytest.approx(0.05)
     for time, position in ((0.0, 0.3), (0.01, 0.301), (0.02, 0.304)):
         assert effects.total(time, position, 0.3, {}) == fresh.total(time, position, 0.3, {})

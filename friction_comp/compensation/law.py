@@ -273,7 +273,7 @@ class CompensationLaw:
     def _why_left_out(self, effect: Effect) -> str:
         if effect.weight and self._gravity == 'left_to_robot':
             return "the limb's weight is left to the robot's controller"
-        return effect.why_left_out()
+        return effect.not_fed_back
 
     def _collect_never_applied(self) -> None:
         self.never_applied = [

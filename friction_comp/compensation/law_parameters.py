@@ -194,7 +194,7 @@ def _set_turning(p: Any, model: FrictionModel) -> None:
     """Set the friction of effects that reverse over a longer distance than presliding."""
     p['turning_distance'] = p['distance']
     for effect in model.effects:
-        turning = None if effect.why_left_out() else effect.turning()
+        turning = None if effect.not_fed_back else effect.turning()
         if turning is not None and turning[0] > 0.0:
             p['turning'] += turning[0]
             p['turning_distance'] = max(float(p['turning_distance'][0]), LONGER * turning[1])

@@ -28,26 +28,13 @@ def differentiate(samples: Samples, settings: dict[str, Any]) -> Samples:
     The signal is filtered forwards and backwards by a second-order Butterworth low pass, and
     differentiated by central differences, stretch by stretch. Where the stamps are uneven they are
     filtered in the same way: the unevenness is then in both, and drops out of their ratio to first
-    order, whether the samples or only their stamps came unevenly.
+    order, whether the samples or only their stamps came unevenly. Time is then from the start of
+    each recording; position stays as recorded.
 
-    Parameters
-    ----------
-    samples : Samples
-    settings : dict
-        ``source``: 'position' or 'velocity'; ``bandwidth``: Hz, the -3 dB point of one pass;
-        None leaves the signal unfiltered. ``lag``: s by which torque follows the recorded
-        current; motion, load and temperature are those of the time t + lag then.
-
-    Returns
-    -------
-    Samples
-        With `velocity` in rad/s and `acceleration` in rad/s²; `position` as recorded, `time` from
-        the start of each recording.
-
-    Raises
-    ------
-    InputError
-        If the settings are unknown or the velocity they ask for is not recorded.
+    Settings are ``source``, 'position' or 'velocity'; ``bandwidth``, Hz, the -3 dB point of one
+    pass, None without filter; and ``lag``, s by which torque follows the recorded current: motion,
+    load and temperature are those of the time t + lag then. Raises InputError if they are unknown,
+    or the velocity that they ask for is not recorded.
     """
     source, bandwidth = settings.get('source', 'position'), settings.get('bandwidth')
     if source not in ('position', 'velocity'):
@@ -96,15 +83,9 @@ def advance(samples: Samples, lag: float) -> Samples:
 
 
 def earlier(values: np.ndarray, samples: Samples, lag: float) -> np.ndarray:
-    """Return values as they will be at the time t + lag, stretch by stretch.
+    """Return values, shape (N,) or (N, M), as they will be at the time t + lag of their samples.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N,) or (N, M)
-    samples : Samples
-        Of the same time base.
-    lag : float
-        s. Beyond the ends of a stretch the last values are held.
+    Beyond the ends of a stretch the last values are held.
     """
     source = np.reshape(np.asarray(values, dtype=float), (len(values), -1)).T
     moved = np.empty_like(source)

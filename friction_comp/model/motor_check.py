@@ -43,20 +43,10 @@ _MISS = 0.5
 
 
 def check_for_motor(model: FrictionModel, joint: str = '', joints: Collection[str] = ()) -> None:
-    """Refuse a model that no motor should be given.
+    """Raise InputError for a model that no motor should be given, naming what is wrong with it.
 
-    Parameters
-    ----------
-    model : FrictionModel
-    joint : str
-        The joint that it is to serve.
-    joints : collection of str
-        All joints that are driven together: the model of one of them does not serve another.
-
-    Raises
-    ------
-    InputError
-        Naming what is wrong with it.
+    `joint` is the one that it is to serve, `joints` are all that are driven together: the model of
+    one of them does not serve another.
     """
     if model.joint != joint and model.joint in joints:
         raise InputError(f"this is the model of joint '{model.joint}', not of '{joint}'")
@@ -94,12 +84,15 @@ def _check_sigmoid(model: FrictionModel, motion: Samples) -> float:
     if (np.maximum.accumulate(current) - current).max() > _DIP * span:
         raise InputError('sigmoid: it falls with speed; friction that does is the effect stribeck')
     largest = np.abs(current).max()
-    if largest > model.drive.current_limit:
-        raise InputError(
-            f'sigmoid: {largest:.3g} A at {speeds[-1]:.3g} rad/s is more than drive.current_limit '
-            f'of {model.drive.current_limit:g} A')
+    _check_limit(model, largest, f'sigmoid: {largest:.3g} A at {speeds[-1]:.3g} rad/s is')
     _check_table(model)
     return float(largest)
+
+
+def _check_limit(model: FrictionModel, current: float, what: str) -> None:
+    if current > model.drive.current_limit:
+        raise InputError(
+            f'{what} more than drive.current_limit of {model.drive.current_limit:g} A')
 
 
 def _check_table(model: FrictionModel) -> None:
@@ -132,10 +125,7 @@ def _check_effect(model: FrictionModel, effect: Effect, motion: Samples,
                 f"effect '{effect.name}': {largest:.3g} A are too many beside sliding friction of "
                 f'{friction:.3g} A')
         return largest
-    if largest > model.drive.current_limit:
-        raise InputError(
-            f"effect '{effect.name}': {largest:.3g} A are more than drive.current_limit of "
-            f'{model.drive.current_limit:g} A')
+    _check_limit(model, largest, f"effect '{effect.name}': {largest:.3g} A are")
     return 0.0
 
 
@@ -147,10 +137,7 @@ def _check_breakaway(model: FrictionModel, friction: float) -> None:
              model.sigmoid.upper),
             ('negative', -model.breakaway.negative_mean, model.breakaway.negative_std,
              -model.sigmoid.lower)):
-        if mean > model.drive.current_limit:
-            raise InputError(
-                f'breakaway.{side}: {mean:.4g} A is more than drive.current_limit of '
-                f'{model.drive.current_limit:g} A')
+        _check_limit(model, mean, f'breakaway.{side}: {mean:.4g} A is')
         if mean > _MOST * friction or mean < _LEAST * plateau:
             raise InputError(
                 f'breakaway.{side}: {mean:.4g} A does not go with sliding friction of '

@@ -110,7 +110,7 @@ def refinement_report(result: RefineResult, names: list[str], command: Sequence[
     page.code(formula(result.model, unit))
     # The compensator cannot apply every effect.
     page.bullets(f'{effect.name}: ' + (
-        f'left out by the compensator, since {reason}' if (reason := effect.why_left_out())
+        f'left out by the compensator, since {reason}' if (reason := effect.not_fed_back)
         else 'applied by the compensator') for effect in result.model.effects)
     page.heading('What the recordings cannot tell')
     page.bullets(limitations(report))

@@ -73,12 +73,8 @@ def closed_loops(
 
     Parameters
     ----------
-    parameters : ndarray of joint_parameters.JOINT, shape (R,)
-        Of the joints: `joint_parameters`.
-    random : ndarray of uint64, shape (R, 1)
-        `random_states`.
-    laws : ndarray of records.PARAMETERS, shape (R,)
-        `CompensationLaw.parameters` of each run, joined.
+    parameters, random, laws : ndarray, shape (R,), (R, 1) and (R,)
+        Of each run: `joint_parameters`, `random_states` and `CompensationLaw.parameters`.
     reference : tuple of ndarray, each of shape (M, L)
         Position, velocity and direction at every sample, as `ReferenceMovement.at` gives them;
         they begin again after L samples.
@@ -86,8 +82,6 @@ def closed_loops(
         The movement of each run; the first for all when omitted.
     count : int, optional
         Samples to run; L when omitted.
-    sample_time : float
-        s.
     every : int
         Log every n-th sample; 0 logs nothing.
     released : int, optional

@@ -75,27 +75,12 @@ def measure(p: Record, s: Record, random: np.ndarray, sample_time: float, out: R
 def joint_sample(p: Record, s: Record, random: np.ndarray, table: np.ndarray, memory: np.ndarray,
                  sample_time: float, command: float, reference_position: float,
                  reference_velocity: float, active: bool, out: Record) -> None:
-    """Take one joint through one sample and measure it at the end.
+    """Take one joint through one sample, and write what is measured at its end into `out`.
 
-    Parameters
-    ----------
-    p, s : records of JOINT and JOINT_STATE
-        The state is changed in place.
-    random : ndarray of uint64, shape (1,)
-        The run's own random sequence.
-    table, memory : ndarray
-        Undeclared effects; rows of code -1 do nothing.
-    sample_time : float
-        s.
-    command : float
-        Current in A held over the sample, whole samples late by the joint's delay; clipped to the
-        limit, 0 where it is not finite.
-    reference_position, reference_velocity : float
-        What the person sees at the beginning of the sample, rad and rad/s.
-    active : bool
-        Whether the person holds the joint at all.
-    out : record of MEASURED
-        Written in place.
+    `p`, `s` and `out` are records of JOINT, JOINT_STATE and MEASURED, `random` the run's own
+    sequence, `table` and `memory` its undeclared effects. `command` is held over the sample, A, see
+    `delayed_command`; the person, who holds the joint where `active`, sees the reference, rad and
+    rad/s, at its beginning.
     """
     command = delayed_command(p, s, command)
     if p.kind == RIGID:

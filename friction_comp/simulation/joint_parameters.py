@@ -107,19 +107,11 @@ DEFAULT_GEAR_DAMPING = 0.05
 
 
 def joint_parameters(model: FrictionModel, undeclared: Undeclared | None = None) -> np.void:
-    """Return the kernel's parameters of one joint, a record of `joint_parameters.JOINT`.
+    """Return the kernel's parameters of one joint, a record of `JOINT`.
 
-    Parameters
-    ----------
-    model : FrictionModel
-        Sigmoid, breakaway with its scatter, and the section `simulation`, which
-        msg_docs/model_file.md describes. What is missing follows from the drive.
-    undeclared : Undeclared, optional
-
-    Raises
-    ------
-    InputError
-        If an entry is unknown, not a number or out of range.
+    They are from sigmoid, breakaway with its scatter, and the section `simulation`, which
+    msg_docs/model_file.md describes; what is missing follows from the drive. Raises InputError if
+    an entry is unknown, not a number or out of range.
     """
     undeclared = Undeclared() if undeclared is None else undeclared
     section = model.simulation
@@ -212,19 +204,11 @@ def _set_gear(p: np.void, model: FrictionModel, presliding: float) -> None:
 
 
 def set_presliding(p: np.void, distance: float, shares: np.ndarray, damping: float) -> None:
-    """Set how a gear gives before it slides.
+    """Set how a gear gives before it slides, in a record of JOINT.
 
-    Parameters
-    ----------
-    p : record of joint_parameters.JOINT
-        Changed in place.
-    distance : float
-        rad; of the Maxwell-slip element that slips last, or g_b/σ0 of LuGre.
-    shares : ndarray, shape (n,)
-        Of the Maxwell-slip elements, whose distances lie evenly up to `distance`; they are scaled
-        to a sum of 1.
-    damping : float
-        Share of critical damping of the rotor on the unslipped elements.
+    The distance in rad is that of the Maxwell-slip element that slips last, or g_b/σ0 of LuGre. The
+    distances of the elements lie evenly up to it; their shares are scaled to a sum of 1. Damping is
+    a share of the critical one of the rotor on the unslipped elements.
     """
     count = len(shares)
     shares = np.asarray(shares, dtype=float) / np.sum(shares)

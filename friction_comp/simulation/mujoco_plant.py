@@ -31,21 +31,11 @@ from friction_comp.simulation.undeclared import Undeclared, undeclared_torque
 class MujocoPlant(Plant):
     """Simulated joints on the links of an MJCF or URDF, stepped one sample at a time.
 
-    Parameters
-    ----------
-    file : path-like
-        Read by MuJoCo. Where it has a keyframe, the first one is where the arm begins.
-    joints : sequence of str
-        Names of hinges or slides in the file, in the order of the models. Joints of the file that
-        are not named move freely.
-    models, seed, undeclared, sample_time
-        As for `Plant`. The drive's own inertia, `simulation.inertia`, is added to the armature
-        that the file gives a joint. Gears with a compliance of their own are refused.
-
-    Raises
-    ------
-    InputError
-        If MuJoCo is not installed, or the file cannot be used.
+    MuJoCo reads the file; where it has a keyframe, the first one is where the arm begins. `joints`
+    are names of hinges or slides in it, in the order of the models; its other joints move freely.
+    The drive's own inertia, `simulation.inertia`, is added to the armature that the file gives a
+    joint. Gears with a compliance of their own are refused. Other parameters are those of `Plant`.
+    Raises InputError if MuJoCo is not installed, or the file cannot be used.
     """
 
     def __init__(self, file: str | Path, joints: Sequence[str], models: Sequence[FrictionModel],

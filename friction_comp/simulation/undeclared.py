@@ -104,14 +104,9 @@ class Undeclared:
 
     @classmethod
     def from_effects(cls, effects: Iterable[Any], thermal: Any = None) -> Undeclared:
-        """Make them of a list of mappings with `name` and `parameters`.
+        """Make them of mappings with `name` and `parameters`: see `EFFECTS` and `JOINT_EFFECTS`.
 
-        Parameters
-        ----------
-        effects : list of dict
-            Names and parameters as in `EFFECTS` and `JOINT_EFFECTS`.
-        thermal : dict, optional
-            As in `THERMAL`; `initial` is the ambient temperature when omitted.
+        `thermal` is as in `THERMAL`; its `initial` is the ambient temperature when omitted.
         """
         rows, result = [], cls()
         for entry in effects:
@@ -173,27 +168,11 @@ def _read(given: Any, wanted: dict[str, Bounds], where: str) -> dict[str, float]
 def undeclared_torque(table: np.ndarray, memory: np.ndarray, t: float, x: float, v: float,
                       load: float, temperature: float, rest_time: float, base_level: float
                       ) -> tuple[float, float]:
-    """Return what the undeclared effects add at one instant; to be called in time order.
+    """Return driving torque and level of friction, N·m, that undeclared effects add at an instant.
 
-    Parameters
-    ----------
-    table, memory : ndarray
-        `Undeclared.table` and `memory_size` zeros of the run's own, changed in place.
-    t, x, v : float
-        Time, joint position and velocity: s, rad, rad/s.
-    load, temperature : float
-        Torque that the person applies, N·m; that of the motor, degrees Celsius.
-    rest_time : float
-        How long the joint has been sticking, s; 0 while it slides.
-    base_level : float
-        Friction level that the declared model has at this velocity, N·m, positive.
-
-    Returns
-    -------
-    load_torque : float
-        N·m to add to the joint's right-hand side (driving torques count positive).
-    level : float
-        N·m to add to the level of friction.
+    To be called in time order, with `memory_size` zeros of the run's own as `memory`. `t`, `x` and
+    `v` are in s, rad and rad/s; the person applies `load` N·m; the joint has been sticking for
+    `rest_time` s, 0 while it slides; the declared friction at this velocity is `base_level` N·m.
     """
     resisting = 0.0
     level = 0.0

@@ -14,8 +14,7 @@ from typing import Any, TYPE_CHECKING
 from friction_comp.errors import InputError
 from friction_comp.evaluation.sessions import evaluate_recordings
 from friction_comp.files import write_yaml
-from friction_comp.model.arm_document import arm_document
-from friction_comp.model.friction_model import FrictionModel
+from friction_comp.model.friction_model import arm_document, FrictionModel
 from friction_comp.package_files import package_file
 from friction_comp.recordings import read_arm
 from friction_comp.refinement.whole_arm import refine_arm

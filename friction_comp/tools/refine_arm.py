@@ -76,8 +76,7 @@ def refine_whole_arm(arguments: Namespace) -> int:
 def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
     """Return the models to start from by joint."""
     from friction_comp.files import read_yaml
-    from friction_comp.model.arm_document import joints_of
-    from friction_comp.model.friction_model import FrictionModel
+    from friction_comp.model.friction_model import FrictionModel, joints_of
 
     if not arguments.model:
         return {}
@@ -94,7 +93,7 @@ def _start_models(arguments: Namespace) -> dict[str, FrictionModel]:
 
 def _write(folder: Path, result: ArmResult, names: list[str], joint: str | None) -> None:
     from friction_comp.files import write_yaml
-    from friction_comp.model.arm_document import arm_document
+    from friction_comp.model.friction_model import arm_document
     from friction_comp.reports.refinement_overviews import arm_report
     from friction_comp.reports.refinement_report import refinement_report
 

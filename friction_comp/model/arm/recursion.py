@@ -80,17 +80,9 @@ def joint_torques(parents: np.ndarray, prismatic: np.ndarray, rotations: np.ndar
                   places: np.ndarray, axes: np.ndarray, parameters: np.ndarray,
                   gravity: np.ndarray, q: np.ndarray, v: np.ndarray, a: np.ndarray,
                   torques: np.ndarray) -> None:
-    """Compute the torque that every joint has to supply in every sample.
+    """Write the torque that every joint has to supply in every sample, N·m or N, shape (N, L).
 
-    Parameters
-    ----------
-    parents, rotations, places, axes, parameters, gravity : ndarray
-        As in `Tree`.
-    prismatic : ndarray of bool, shape (L,)
-    q, v, a : ndarray, shape (N, L)
-        Position, velocity and acceleration: rad or m, s.
-    torques : ndarray, shape (N, L)
-        N·m or N; written.
+    Other arguments are those of `Tree` and `Tree.torques`.
     """
     # The base is the last frame and body, so that a parent of -1 is the base. It accelerates
     # upwards instead of gravity.

@@ -112,13 +112,7 @@ class Effect(ABC):
         """Return the columns, of the shape of the signals: the formula, written once.
 
         Only arithmetic, `abs` and numpy's functions of one element: arrays, single numbers and
-        compiled code all run it.
-
-        Parameters
-        ----------
-        x : Signals
-        c : namedtuple
-            The constants by name.
+        compiled code all run it. `c` has the constants by name.
         """
 
     @classmethod
@@ -245,10 +239,6 @@ class Effect(ABC):
             raise InputError(f"effect '{self.name}' takes {matrix.shape[1]} coefficients, "
                              f'not {len(self.coefficients)}')
         return matrix @ np.asarray(self.coefficients)
-
-    def why_left_out(self) -> str:
-        """Return why the compensator does not apply the effect; empty where it does."""
-        return self.not_fed_back
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model file's entry."""

@@ -40,16 +40,9 @@ class LiveTerm:
     def update(self, time: float, position: float, velocity: float,
                temperature: float | None = None, load: float | None = None,
                rigid_body: float | None = None, coupling: float | None = None) -> float:
-        """Return the current in A for this sample.
+        """Return the current in A for this sample; units are those of `Signals`.
 
-        Parameters
-        ----------
-        time, position, velocity : float
-            s, rad, rad/s.
-        temperature, load : float, optional
-            Degrees Celsius and N·m.
-        rigid_body, coupling : float, optional
-            What the arm asks of the joint at rest, N·m and A.
+        `rigid_body` and `coupling` are the torques of the arm at rest.
         """
         side = math.tanh(velocity / self._transition) if self._transition else 0.0
         state = self._remember(time, position, velocity)

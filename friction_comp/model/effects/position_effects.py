@@ -40,21 +40,10 @@ def highest_frequency(velocity: np.ndarray, sample_time: float, resolution: floa
 def position_spectrum(position: np.ndarray, signal: np.ndarray, amplitude: np.ndarray,
                       highest: float, periods: float = FEWEST_PERIODS
                       ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sum of squares that cos and sin over position explain, by spatial frequency.
+    """Return spatial frequencies in rad/rad, and the sum of squares that each would explain, (M,).
 
-    Parameters
-    ----------
-    position, signal, amplitude : ndarray, shape (N,)
-        The signal is modelled as amplitude · (a·cos(kq) + b·sin(kq)).
-    highest : float
-        Largest k, rad/rad (periods a turn).
-    periods : float
-        Fewest periods that the range of position has to hold.
-
-    Returns
-    -------
-    k, power : ndarray, shape (M,)
-        Spatial frequencies in rad/rad, and the sum of squares that each would explain.
+    The signal, shape (N,), is modelled as amplitude · (a·cos(kq) + b·sin(kq)), for k up to the
+    highest, rad/rad (periods a turn), and at least so many periods over the range of position.
     """
     span = float(np.ptp(position))
     energy = float(amplitude @ amplitude)

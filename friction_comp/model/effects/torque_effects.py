@@ -18,6 +18,9 @@ from friction_comp.drive import Drive
 from friction_comp.model.effects.base import Effect, geometric
 from friction_comp.model.effects.scene import CARRIES, NEITHER, Scene, SearchRange, Signals
 
+# Parts of the load that other effects put on the gear.
+_LOADS = ('cosine', 'sine', 'slope', 'offset', 'inertia')
+
 
 class Gravity(Effect):
     """``A·cos(q) + B·sin(q)``, independent of the direction of motion."""
@@ -253,14 +256,13 @@ class InnerLoadFriction(Effect):
     uses_inner_load = True
     most = 2
     signs = (1,)
-    constants = {'cosine': None, 'sine': None, 'slope': None, 'offset': None, 'inertia': None,
-                 'with_inertia': None, 'exponent': None, 'fading': None,
+    constants = {**dict.fromkeys(_LOADS), 'with_inertia': None, 'exponent': None, 'fading': None,
                  'velocity': SearchRange(1.6, limits=_speed_of_fading), 'transition': None}
 
     @classmethod
     def grid(cls, scene: Scene) -> list[dict[str, float]]:
         """Linear and quadratic, with and without the load of acceleration; fading with speed."""
-        still = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
+        still = dict.fromkeys(_LOADS, 0.0)
         shapes = [(1.0, 0.0, scene.speed), (2.0, 0.0, scene.speed)]
         shapes += [(1.0, 1.0, value) for value in geometric(0.05 * scene.speed, scene.speed, 4)]
         return [{**still, 'with_inertia': with_inertia, 'exponent': exponent, 'fading': fading,
@@ -271,7 +273,7 @@ class InnerLoadFriction(Effect):
     def with_loads(cls, constants: dict[str, float],
                    shares: Iterable[dict[str, float]]) -> dict[str, float]:
         """Return the constants with the load of others in them: the sum of their shares."""
-        total = dict.fromkeys(('cosine', 'sine', 'slope', 'offset', 'inertia'), 0.0)
+        total = dict.fromkeys(_LOADS, 0.0)
         for share in shares:
             for name, value in share.items():
                 total[name] += float(value)
