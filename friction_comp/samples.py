@@ -258,19 +258,13 @@ class Samples:
         ----------
         frame : DataFrame or dict of str to array_like
         layout : Layout, optional
-            Which column is what, in which unit; the rest is guessed from the columns' names, as
-            from a file's.
+            Which column is what, in which unit; the rest is guessed from the columns' names.
         torque_constant, gear_ratio : float
             k_t in N·m/A and n, where the frame holds an effort in N·m.
         joint : str, optional
             Needed where the frame has several.
         notes : list of str, optional
             Gets what was guessed.
-
-        Raises
-        ------
-        InputError
-            If a column is missing or several joints could be meant.
 
         Examples
         --------
@@ -315,7 +309,9 @@ class Samples:
     @cached_property
     def position_step(self) -> float:
         """Smallest step in rad that the position makes, 0 where it never moves: the encoder's."""
-        return smallest_step(self.position)
+        steps = np.abs(np.diff(self.position))
+        steps = steps[steps > 0.0]
+        return float(np.min(steps)) if steps.size else 0.0
 
     @cached_property
     def _segments(self) -> dict[float, list[slice]]:
@@ -324,11 +320,8 @@ class Samples:
     def segments(self, largest_gap: float = 5.0) -> list[slice]:
         """Return slices of unbroken data.
 
-        Parameters
-        ----------
-        largest_gap : float
-            A step longer than this many median steps, a step backwards, or the start of another
-            recording begins a new segment.
+        A step longer than so many median steps, a step backwards, or the start of another recording
+        begins a new segment.
         """
         if largest_gap not in self._segments:
             step = np.diff(self.time)
@@ -362,10 +355,3 @@ class Samples:
             numbers.append(part.recording + offset)
             offset = int(numbers[-1].max(initial=offset - 1)) + 1
         return Samples(recording=np.concatenate(numbers), joint=parts[0].joint, **signals)
-
-
-def smallest_step(values: np.ndarray) -> float:
-    """Return the smallest step between neighbouring values, shape (N,); 0 where there is none."""
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 0.0]
-    return float(np.min(steps)) if steps.size else 0.0

@@ -10,7 +10,7 @@ import pytest
 
 from friction_comp.checks import check_number, check_whole_number
 from friction_comp.errors import InputError
-from friction_comp.samples import smallest_step
+from friction_comp.samples import Samples
 
 
 @given(st.floats(), st.floats(-10, 10), st.floats(0, 20))
@@ -40,5 +40,7 @@ def test_what_is_no_whole_number_in_range(value):
 
 
 def test_the_smallest_step_is_the_encoders_and_zero_without_motion():
-    assert smallest_step(np.array([0.0, 0.0, 0.2, 0.1, 0.1])) == pytest.approx(0.1)
-    assert smallest_step(np.zeros(4)) == smallest_step(np.zeros(0)) == 0.0
+    for position, step in (([0.0, 0.0, 0.2, 0.1, 0.1], 0.1), ([0.0] * 4, 0.0), ([], 0.0)):
+        nothing = np.zeros(len(position))
+        samples = Samples(time=nothing, position=np.array(position), current=nothing)
+        assert samples.position_step == pytest.approx(step)

@@ -200,18 +200,9 @@ class FrictionModel:
 
     @classmethod
     def load(cls, path: str | Path, joint: str | None = None) -> FrictionModel:
-        """Read a model file.
+        """Read a model file; of one that holds those of a whole arm, the model of a joint.
 
-        Parameters
-        ----------
-        path : path-like
-        joint : str, optional
-            Which model is wanted of a file that holds those of a whole arm.
-
-        Raises
-        ------
-        InputError
-            Naming the file and what is wrong with it.
+        Raises InputError, which names the file and what is wrong with it.
         """
         document = read_yaml(path)
         with errors_name(path):

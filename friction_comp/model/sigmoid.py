@@ -69,16 +69,8 @@ class Sigmoid:
                           velocity_unit: str = 'rad/s') -> Sigmoid:
         """Make a sigmoid of c1..c6 of Eq. 6.
 
-        Parameters
-        ----------
-        coefficients : sequence of float, shape (6,)
-        velocity_unit : {'rad/s', 'deg/s'}
-            Unit of ω in which c2 and c6 are given; Eq. 11 of the note uses deg/s.
-
-        Raises
-        ------
-        InputError
-            If there are not six finite numbers with c2, c4 and c5 positive.
+        The unit of ω in which c2 and c6 are given is rad/s or deg/s, as in Eq. 11 of the note.
+        Raises InputError if there are not six finite numbers with c2, c4 and c5 positive.
         """
         unit = _unit(velocity_unit)
         try:

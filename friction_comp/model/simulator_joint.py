@@ -70,11 +70,12 @@ def simulator_joint(model: FrictionModel, top_speed: float | None = None) -> Sim
                           error / whole if whole else 0.0, top_speed, left_out)
 
 
-def joint_friction_only(model: FrictionModel) -> tuple[FrictionModel, list[str]]:
-    """Return the model with what a joint's friction may depend on, and what was left out."""
+def joint_friction_only(model: FrictionModel, known: tuple[str, ...] = ('acceleration', 'velocity')
+                        ) -> tuple[FrictionModel, list[str]]:
+    """Return the model with what friction of known signals depends on, and what was left out."""
     kept, left_out = [], []
     for effect in model.effects:
-        unknown = [name for name in effect.needs if name not in ('acceleration', 'velocity')]
+        unknown = [name for name in effect.needs if name not in known]
         if effect.name in _LINKS:
             left_out.append(f'{effect.name}: belongs to the links and what they touch')
         elif effect.name in _OWN_ELEMENTS:
@@ -114,10 +115,7 @@ def table(model: FrictionModel, loads: np.ndarray, top_speed: float | None = Non
     Names of the columns (velocity, position, load, torque), and the rows, shape (N, 4). Loads,
     shape (L,), N·m, are used where friction depends on the load.
     """
-    kept = replace(model, arm=None, effects=[
-        effect for effect in model.effects
-        if effect.name not in (*_LINKS, *_OWN_ELEMENTS) and effect.holds_on_another_day
-        and not {'temperature', 'rigid_body', 'coupling'} & set(effect.needs)])
+    kept, _ = joint_friction_only(model, ('acceleration', 'velocity', 'load'))
     motion, late = sweeps(model, top_speed or model.largest_speed(_TOP_SPEED))
     if not any('load' in effect.needs for effect in kept.effects):
         loads = np.zeros(1)

@@ -149,16 +149,8 @@ class PlantState:
 class Plant:
     """Simulated joints that are stepped one sample at a time.
 
-    Parameters
-    ----------
-    models : list of FrictionModel
-        One per joint: see `joint_parameters`.
-    seed : int
-        Of all noise and scatter; the same seed and commands give the same numbers.
-    undeclared : list of Undeclared or None, optional
-        One per joint.
-    sample_time : float
-        s.
+    There is one model per joint, see `joint_parameters`, and one `Undeclared` or None. The seed is
+    that of all noise and scatter: the same seed and commands give the same numbers.
     """
 
     def __init__(self, models: Iterable[FrictionModel], seed: int | Sequence[int] = 0,
