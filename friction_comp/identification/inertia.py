@@ -6,12 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.signal import savgol_filter
 
-if TYPE_CHECKING:
-    from friction_comp.identification.ramp import Sample
+from friction_comp.identification.supervision import Sample
 
 _TRANSIENT = 2.5e-3  # s after a step of current that are left to the current controller
 _CYCLE_SMOOTHING = 0.02  # of a cycle over which its acceleration is taken
@@ -87,8 +86,6 @@ def local_parabolas(values: np.ndarray, count: int,
     Savitzky and Golay, Analytical Chemistry 36(8), 1964. Returns its value, slope and second
     derivative in the middle, each of shape (N - count + 1,).
     """
-    from scipy.signal import savgol_filter
-
     inner = slice(count // 2, len(values) - count // 2)
     value, slope, bend = (
         savgol_filter(values, count, 2, deriv=order, delta=step)[inner] for order in range(3))

@@ -6,15 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from friction_comp.errors import InputError
 from friction_comp.identification.excitation import constant_velocity_windows
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 # s that a constant-velocity phase is given to settle.
 _SETTLING = 0.25
@@ -38,15 +35,9 @@ def constant_velocity_currents(time: ArrayLike, position: ArrayLike, current: Ar
                                ) -> tuple[KineticPoint, KineticPoint]:
     """Average the current over the phases of one cycle of Eq. 3 at +ω_c and at -ω_c.
 
-    Parameters
-    ----------
-    time, position, current : array_like, shape (N,)
-        s since the cycle began, rad, measured motor current in A.
-    speed, cycle_time : float
-        ω_c in rad/s and T in s.
-    acceleration_per_current : float, optional
-        k_t·n/J in rad/s² per A. With it the small current that still accelerates the joint
-        during the phase is taken off the mean.
+    `time` is in s since the cycle began, `position` in rad, `current` the measured one in A, each
+    of shape (N,). With k_t·n/J, in rad/s² per A, the small current that still accelerates the joint
+    during a phase is taken off its mean.
     """
     time, position, current = (
         np.asarray(values, dtype=float) for values in (time, position, current))

@@ -3,14 +3,13 @@
 """Identification of a drive, sample by sample (note, sections 2.3 and 2.4).
 
 Whatever calls `IdentificationRun.update` once a sample runs the procedure, be it a ROS node or a
-plain loop. The procedure itself is `script.Script`, the safety about it `supervised_run`; here is
+plain loop. The procedure itself is `script.Script`, the safety about it `supervision`; here is
 the evaluation of what it measured.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from friction_comp.drive import Drive
 from friction_comp.identification.goal import (
     IdentificationError,
     IdentificationGoal,
@@ -21,14 +20,7 @@ from friction_comp.identification.kinetic import merge_points
 from friction_comp.identification.ramp_evaluation import evaluate_ramps
 from friction_comp.identification.script import Script
 from friction_comp.identification.sigmoid_fit import fit_sigmoid
-from friction_comp.identification.supervised_run import SupervisedRun
-from friction_comp.identification.supervision import loaded
-
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
-
-__all__ = ['IdentificationError', 'IdentificationGoal', 'IdentificationResult',
-           'IdentificationRun']
+from friction_comp.identification.supervision import loaded, SupervisedRun
 
 
 class IdentificationRun(SupervisedRun):

@@ -11,26 +11,23 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator, Sequence
 import math
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
+from friction_comp.drive import Drive
 from friction_comp.errors import InputError
 from friction_comp.identification.excitation import at_position, at_ramp, at_velocity
-from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.kinetic import constant_velocity_currents
-from friction_comp.identification.motion import Motion, STILL_TIME
-from friction_comp.identification.ramp import Ramp, Sample, speed_over, STOP_TIME, time_of_ramp
+from friction_comp.identification.goal import IdentificationError, IdentificationGoal
+from friction_comp.identification.kinetic import constant_velocity_currents, KineticPoint
+from friction_comp.identification.motion import Motion, speed_over, STILL_TIME
+from friction_comp.identification.ramp_evaluation import Ramp, STOP_TIME, time_of_ramp
+from friction_comp.identification.supervision import Sample
 from friction_comp.identification.velocity_control import (
-    velocity_controller_parameters,
+    Controller,
     velocity_controller_state,
     velocity_controller_step,
 )
-
-if TYPE_CHECKING:
-    from friction_comp.drive import Drive
-    from friction_comp.identification.goal import IdentificationGoal
-    from friction_comp.identification.kinetic import KineticPoint
 
 # The joint runs, well above the run-away threshold, at this speed in rad/s for this time in s, and
 # for more than this many encoder counts. A ramp ends when it has run this far, rad: a rotor that
@@ -51,31 +48,20 @@ PLACES_SHARE = 0.015
 STOPPING_CYCLES, FIRST_STOP, STOP_STEP = 4, 0.8, 0.025
 
 # Measured and commanded currents at one speed, forwards and backwards.
-_Cycle: TypeAlias = tuple[tuple['KineticPoint', ...], tuple['KineticPoint', ...]]
+_Cycle: TypeAlias = tuple[tuple[KineticPoint, ...], tuple[KineticPoint, ...]]
 
 
 class Script(Motion):
-    """The steps of one identification and what they measured.
-
-    Attributes
-    ----------
-    points : list of KineticPoint
-        The look-up table so far, of measured currents.
-    ramps, stopping : list of Ramp
-        Without stops, and with.
-    cycles_driven : list of ndarray, shape (N, 3)
-        Time in s, position and current of each cycle of Eq. 3 that was evaluated.
-    ...
-        And those of `Motion`; its `acceleration` is the push's.
-    """
+    """The steps of one identification and what they measured."""
 
     goal: IdentificationGoal
 
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
         super().__init__(goal, drive)
-        self.points: list[KineticPoint] = []
-        self.ramps: list[Ramp] = []
-        self.stopping: list[Ramp] = []
+        self.points: list[KineticPoint] = []    # of measured currents: the look-up table so far
+        self.ramps: list[Ramp] = []             # without stops
+        self.stopping: list[Ramp] = []          # with stops
+        # Time in s, position and current, shape (N, 3), of each evaluated cycle of Eq. 3.
         self.cycles_driven: list[np.ndarray] = []
         self._highest_gain = math.inf      # of GAIN_LADDER
         self._uneven = False               # whether the current varies whatever the gain
@@ -243,5 +229,5 @@ def _current_scatter(points: Sequence[KineticPoint]) -> float:
 def _compile() -> None:
     """Have every kernel of the control loop compiled before the first sample comes."""
     at_ramp(0.1, 1.0, 1.0)
-    velocity_controller_step(velocity_controller_parameters(1.0, 1.0),
-                             velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)
+    velocity_controller_step(
+        Controller(1.0, 1.0), velocity_controller_state(), 0.0, 0.0, 0.0, 1e-3)

@@ -14,16 +14,12 @@ data show.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import optimize, sparse
 
 from friction_comp.errors import InputError
 from friction_comp.model.sigmoid import Sigmoid
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 TOLERANCE = 3e-4
 """Share by which the error may rise for the sake of a well-behaved transition."""
