@@ -19,8 +19,15 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.constants import adjust_constants
-from friction_comp.refinement.effect_columns import base_columns, Key, PLAIN, proposals, Table, Term
-from friction_comp.refinement.joint_groups import neighbourhood
+from friction_comp.refinement.effect_columns import (
+    base_columns,
+    Key,
+    neighbourhood,
+    PLAIN,
+    proposals,
+    Table,
+    Term,
+)
 from friction_comp.refinement.naming import Intervals, Stability
 from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
 from friction_comp.refinement.recorded_motion import differentiations, plain_columns

@@ -15,11 +15,18 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.attempt import Fit, Question
 from friction_comp.refinement.effect_columns import Key
-from friction_comp.refinement.judge import ambiguities, errors_of, findings, noise_floor, rms
+from friction_comp.refinement.judge import (
+    ambiguities,
+    errors_of,
+    findings,
+    in_unit,
+    noise_floor,
+    rms,
+    verdict_of,
+)
 from friction_comp.refinement.leftover import Dependence, leftover
 from friction_comp.refinement.naming import Elsewhere, Parameter
 from friction_comp.refinement.prepare import Rows
-from friction_comp.refinement.verdict import in_unit, verdict_of
 
 # Number of ranges of a variable in which samples at a limit are counted.
 _RANGES = 15
