@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from friction_comp.model.effects import Scene
-from friction_comp.refinement.effect_columns import Key, Table, Term
+from friction_comp.refinement.effect_columns import Table, Term
 
 _STEP = 1e-3
 _RIDGE = 1e-6
@@ -40,11 +40,11 @@ def stepped(term: Term, name: str, step: float, scene: Scene) -> Term:
     return replace(term, constants={**term.constants, name: value})
 
 
-def free_constants(terms: Sequence[Term], only: Container[Key] | None = None
+def free_constants(terms: Sequence[Term], only: Container[Term] | None = None
                    ) -> list[tuple[int, str]]:
     """Return the constants of terms that have a search range: index of the term, and name."""
     return [(index, name) for index, term in enumerate(terms)
-            if term.group is None and (only is None or term.key in only)
+            if term.group is None and (only is None or term in only)
             for name, search in term.kind.constants.items() if search is not None]
 
 
@@ -53,39 +53,38 @@ def at_limit(term: Term, scene: Scene) -> bool:
 
     A warm-up slower than the recording is a drift; a bump as wide as the range is a spring.
     """
-    return any(stepped(term, name, step, scene).key == term.key
+    return any(stepped(term, name, step, scene) == term
                for _, name in free_constants([term]) if name in _DEFINING
                for step in (_STEP, -_STEP))
 
 
-def slopes(table: Table, keys: Sequence[Key], free: Sequence[tuple[int, str]]) -> np.ndarray:
+def slopes(table: Table, terms: Sequence[Term], free: Sequence[tuple[int, str]]) -> np.ndarray:
     """Return the derivatives of a fit's prediction by each constant's step, shape (Q, R)."""
-    coefficients, rows = table.coefficients(keys), []
+    coefficients, rows = table.coefficients(terms), []
     for index, name in free:
-        columns = table.columns_of[keys[index]]
-        changed = stepped(table.terms[keys[index]], name, _STEP, table.rows.scene)
+        columns = table.columns_of[terms[index]]
+        changed = stepped(terms[index], name, _STEP, table.rows.scene)
         gain = np.array([coefficients[column] for column in columns])
         new = table.rows.averaged(changed.columns(table.rows)).T
         rows.append(gain @ (new - table.columns[columns]) / _STEP)
     return np.array(rows).reshape(len(free), table.columns.shape[1])
 
 
-def adjust_constants(table: Table, keys: Sequence[Key], rounds: int = 3,
-                     only: Container[Key] | None = None) -> list[Key]:
+def adjust_constants(table: Table, terms: Sequence[Term], rounds: int = 3,
+                     only: Container[Term] | None = None) -> list[Term]:
     """Adjust the constants of terms together, by the Gauss-Newton method, and return the terms.
 
     Each round solves for the coefficients and for small changes of the constants (of `only` some
     terms) at once, and halves the step until the error decreases. Terms that depend on the load of
     others get the loads of the new fit.
     """
-    keys = _with_current_loads(table, list(keys))
+    terms = _with_current_loads(table, list(terms))
     for _ in range(rounds):
-        terms = [table.terms[key] for key in keys]
         free = free_constants(terms, only)
         if not free:
             break
-        residual = table.residual(keys, derivatives=False)
-        design = np.vstack((table.columns[table.indices(keys)], slopes(table, keys, free)))
+        residual = table.residual(terms, derivatives=False)
+        design = np.vstack((table.columns[table.indices(terms)], slopes(table, terms, free)))
         norm = np.sqrt(np.einsum('ij,ij->i', design, design)) + 1e-300
         scaled = design / norm[:, None]
         gram = scaled @ scaled.T
@@ -97,25 +96,24 @@ def adjust_constants(table: Table, keys: Sequence[Key], rounds: int = 3,
             changed = list(terms)
             for (index, name), size in zip(free, share * step):
                 changed[index] = stepped(changed[index], name, float(size), table.rows.scene)
-            distinct = len({term.key for term in changed}) == len(changed)
+            distinct = len(set(changed)) == len(changed)
             if distinct and (error := table.error_with(changed)) < initial:
                 break
         else:
-            return keys
+            return terms
         trial = table.add(changed)
         only = only and [*trial]
-        keys = _with_current_loads(table, trial)
+        terms = _with_current_loads(table, trial)
         if error > (1.0 - 1e-3) * initial:
             break
-    return keys
+    return terms
 
 
-def _with_current_loads(table: Table, keys: list[Key]) -> list[Key]:
+def _with_current_loads(table: Table, terms: list[Term]) -> list[Term]:
     """Return terms with the loads that follow from the coefficients of the other terms."""
-    for index, key in enumerate(keys):
-        term = table.terms[key]
+    for index, term in enumerate(terms):
         if term.kind.uses_inner_load:
-            constants = term.kind.with_loads(term.constants, table.loads(keys))
+            constants = term.kind.with_loads(term.constants, table.loads(terms))
             added = table.add([Term(term.kind, constants)])
-            keys[index] = added[0] if added else key
-    return keys
+            terms[index] = added[0] if added else term
+    return terms

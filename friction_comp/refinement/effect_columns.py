@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import functools
 from itertools import combinations
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -31,26 +31,25 @@ _FLATTEST, _STEEPEST = 2.0, 6000.0
 MOST_SHIFT = 0.3
 
 
-class Key(NamedTuple):
-    """What distinguishes a term: its effect's name, the values of its constants, its group."""
-
-    effect: str
-    constants: tuple[Any, ...]
-    group: Group | None
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Term:
     """An effect with its constants, or a group of terms of other joints, whose effect is a sum."""
 
     kind: type[Effect]
     constants: dict[str, Any] = field(default_factory=dict)
     group: Group | None = None
+    # What distinguishes a term, hashable.
+    _identity: tuple[Any, ...] = field(init=False, repr=False)
 
-    @property
-    def key(self) -> Key:
-        """The term's key."""
-        return Key(self.kind.name, tuple(self.constants.values()), self.group)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, '_identity', (
+            self.kind.name, tuple(self.constants.values()), self.group))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Term) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
 
     def columns(self, rows: Rows) -> np.ndarray:
         """Return the term's columns on all samples, shape (N, M)."""
@@ -103,8 +102,7 @@ class Table:
     def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
         self.rows, self.target = rows, rows.averaged(rows.target)
         self.steepness, self.shift = steepness, shift
-        self.terms: dict[Key, Term] = {}
-        self.columns_of: dict[Key, list[int]] = {}  # indices of each term's columns
+        self.columns_of: dict[Term, list[int]] = {}  # indices of the columns of each term added
         cells, cell = np.unique(
             rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
         order = np.argsort(cell, kind='stable')
@@ -121,41 +119,39 @@ class Table:
 
     def _columns_for(self, term: Term) -> np.ndarray | None:
         """Return a term's columns, shape (M, R); None where they are not finite."""
-        if term.key in self.terms:
-            return self.columns[self.columns_of[term.key]]
+        if term in self.columns_of:
+            return self.columns[self.columns_of[term]]
         columns = self.rows.averaged(term.columns(self.rows)).T
         return columns if np.isfinite(columns).all() else None
 
-    def add(self, terms: Sequence[Term]) -> list[Key]:
-        """Add terms; return the keys of those whose columns are finite."""
+    def add(self, terms: Sequence[Term]) -> list[Term]:
+        """Add terms; return those whose columns are finite."""
         fresh: list[np.ndarray] = []
         signs: list[int] = []
         for term in terms:
-            columns = None if term.key in self.terms else self._columns_for(term)
+            columns = None if term in self.columns_of else self._columns_for(term)
             if columns is not None:
-                self._register(term, len(self.columns) + len(fresh), len(columns))
+                first = len(self.columns) + len(fresh)
+                self.columns_of[term] = list(range(first, first + len(columns)))
                 fresh += list(columns)
                 signs += _signs_of(term, len(columns))
         if fresh:
             self._append(np.array(fresh), signs)
-        return [term.key for term in terms if term.key in self.terms]
+        return [term for term in terms if term in self.columns_of]
 
-    def keep(self, keys: Container[Key]) -> None:
+    def keep(self, terms: Container[Term]) -> None:
         """Remove all other terms."""
-        remaining = [term for key, term in self.terms.items() if key in keys]
-        if len(remaining) == len(self.terms):
+        remaining = [term for term in self.columns_of if term in terms]
+        if len(remaining) == len(self.columns_of):
             return
-        sizes = [len(self.columns_of[term.key]) for term in remaining]
-        columns = self.indices([term.key for term in remaining])
+        sizes = [len(self.columns_of[term]) for term in remaining]
+        columns = self.indices(remaining)
         retained = [*columns, len(self.columns)]
         self.sums = BlockSums(self.sums.gram[:, retained][:, :, retained], self.sums.rows,
                               self.sums.signs[columns])
-        self.columns, self.terms, self.columns_of = self.columns[columns], {}, {}
+        self.columns, self.columns_of = self.columns[columns], {}
         for term, stop, size in zip(remaining, np.cumsum(sizes), sizes):
-            self._register(term, BASE + int(stop) - size, size)
-
-    def _register(self, term: Term, first: int, count: int) -> None:
-        self.terms[term.key], self.columns_of[term.key] = term, list(range(first, first + count))
+            self.columns_of[term] = list(range(BASE + int(stop) - size, BASE + int(stop)))
 
     def _append(self, fresh: np.ndarray, signs: Sequence[int]) -> None:
         old = len(self.columns)
@@ -176,14 +172,14 @@ class Table:
             gram[changed, :-1], gram[:-1, changed] = products, products.T
             gram[changed, -1] = gram[-1, changed] = columns[changed] @ target
 
-    def indices(self, keys: Sequence[Key], derivatives: bool = True) -> list[int]:
+    def indices(self, terms: Sequence[Term], derivatives: bool = True) -> list[int]:
         """Return the column indices of Eq. 6 and of some terms."""
         base = range(BASE if derivatives else PLAIN)
-        return [*base, *(column for key in keys for column in self.columns_of[key])]
+        return [*base, *(column for term in terms for column in self.columns_of[term])]
 
-    def residual(self, keys: Sequence[Key], derivatives: bool = True) -> np.ndarray:
+    def residual(self, terms: Sequence[Term], derivatives: bool = True) -> np.ndarray:
         """Return the residual of a fit of some terms to all blocks, shape (R,)."""
-        indices = self.indices(keys, derivatives)
+        indices = self.indices(terms, derivatives)
         return np.asarray(self.target - self.sums.fit(indices) @ self.columns[indices])
 
     def error_with(self, terms: Sequence[Term]) -> float:
@@ -199,9 +195,9 @@ class Table:
         columns = range(len(signs))
         return float(sums.squares(columns, sums.fit(columns)[None])[0])
 
-    def coefficients(self, keys: Sequence[Key], derivatives: bool = False) -> dict[int, float]:
+    def coefficients(self, terms: Sequence[Term], derivatives: bool = False) -> dict[int, float]:
         """Return the coefficient of each column index, fitted to all blocks."""
-        indices = self.indices(keys, derivatives)
+        indices = self.indices(terms, derivatives)
         return dict(zip(indices, map(float, self.sums.fit(indices))))
 
     def draw_blocks(self, rng: np.random.Generator) -> np.ndarray:
@@ -213,11 +209,11 @@ class Table:
         """Return the squared error of each cell by the fit to all other blocks, shape (K,)."""
         return self.sums.left_out(columns, self.block)
 
-    def fit_transition(self, keys: Sequence[Key], rounds: int = 4) -> None:
+    def fit_transition(self, terms: Sequence[Term], rounds: int = 4) -> None:
         """Move the transition of Eq. 6 to its optimum beside some terms, by Gauss-Newton steps."""
         speed = self.rows.scene.speed
-        others = self.columns[self.indices(keys)[BASE:]]
-        signs = self.sums.signs[self.indices(keys)]
+        others = self.columns[self.indices(terms)[BASE:]]
+        signs = self.sums.signs[self.indices(terms)]
         plain = [*range(PLAIN), *range(BASE, BASE + len(others))]
 
         def sums_at(steepness: float, shift: float) -> tuple[float, BlockSums]:
@@ -258,26 +254,25 @@ class Table:
             self.columns[:BASE] = self._base(steepness, shift)
             self._update_sums(slice(0, BASE))
 
-    def loads(self, keys: Sequence[Key]) -> list[dict[str, float]]:
+    def loads(self, terms: Sequence[Term]) -> list[dict[str, float]]:
         """Return the loads that follow from the terms of a fit; see `Effect.load_share`."""
-        coefficients, shares, carries_load = self.coefficients(keys), [], False
-        for key in keys:
-            term = self.terms[key]
+        coefficients, shares, carries_load = self.coefficients(terms), [], False
+        for term in terms:
             if term.group is None and not term.kind.uses_inner_load:
-                values = [coefficients[column] for column in self.columns_of[key]]
+                values = [coefficients[column] for column in self.columns_of[term]]
                 shares.append(term.kind.load_share(values, term.constants))
                 carries_load = carries_load or term.kind.gives_load
                 if term.kind.gives_load and term.kind.holds_offset(self.rows.scene):
                     shares.append({'offset': coefficients[0]})
         return shares if carries_load else []
 
-    def look(self, keys: Sequence[Key]) -> Look:
+    def look(self, terms: Sequence[Term]) -> Look:
         """Return the residual of a fit in the form from which effects propose constants."""
         part, scene = self.rows.at_rows, self.rows.scene
         velocity = np.asarray(part.velocity)
         return Look(scene, part.position, velocity,
-                    np.tanh(velocity / scene.transition), self.residual(keys),
-                    self.rows.length * self.rows.samples.sample_time, self.loads(keys))
+                    np.tanh(velocity / scene.transition), self.residual(terms),
+                    self.rows.length * self.rows.samples.sample_time, self.loads(terms))
 
 
 def _signs_of(term: Term, count: int) -> list[int]:
@@ -286,9 +281,9 @@ def _signs_of(term: Term, count: int) -> list[int]:
     return wanted + [0] * (count - len(wanted))
 
 
-def proposals(table: Table, keys: Sequence[Key]) -> list[Term]:
+def proposals(table: Table, terms: Sequence[Term]) -> list[Term]:
     """Return candidate terms to add to a fit, of effects whose signals were recorded and varied."""
-    rows, look = table.rows, table.look(keys)
+    rows, look = table.rows, table.look(terms)
     terms = [
         Term(kind, constants) for kind in EFFECTS.values()
         if all(getattr(rows.samples, signal) is not None for signal in kind.needs)

@@ -201,14 +201,13 @@ def ambiguities(fit: Fit) -> list[dict[str, Any]]:
         if first != second:
             entries.setdefault(frozenset((first, second)), {
                 'between': [first, second], 'why': why, 'experiment': experiment(first, second)})
-    terms = fit.table.terms
-    for key in fit.keys[fit.given:]:
-        for name, share in fit.stability.alternatives.get(key, ()):
-            add(terms[key].kind.variable, EFFECTS[name].variable,
+    for term in fit.terms[fit.given:]:
+        for name, share in fit.stability.alternatives.get(term, ()):
+            add(term.kind.variable, EFFECTS[name].variable,
                 f'{100 * share:.0f} % of the searches repeated on parts of the recording choose '
-                f"'{name}' instead of '{key.effect}'")
+                f"'{name}' instead of '{term.kind.name}'")
     samples = fit.rows.at_rows
-    variables = {terms[key].kind.variable for key in fit.keys}
+    variables = {term.kind.variable for term in fit.terms}
     if samples.temperature is not None and variables & {'time', 'temperature'}:
         correlation = rank_correlation(samples.time, samples.temperature)
         if correlation > thresholds.WARMED_WITH_TIME:
@@ -233,8 +232,8 @@ def friction_would_push(rows: Rows) -> bool:
     response, something that was not recorded moves the joint, or a signal has the wrong sign.
     """
     table = Table(rows, 2.0 / rows.scene.transition)
-    keys = table.add([term for term in proposals(table, []) if term.kind.physics])
-    columns = table.indices(keys, derivatives=False)
+    terms = table.add([term for term in proposals(table, []) if term.kind.physics])
+    columns = table.indices(terms, derivatives=False)
     free = replace(table.sums, signs=np.zeros_like(table.sums.signs))
     bounded, unbounded = (float(sums.left_out(columns, table.block).sum())
                           for sums in (table.sums, free))
@@ -282,7 +281,7 @@ def findings(fit: Fit, raw: Samples, after: dict[str, Any], growth: dict[str, fl
     yield from notes_on_coverage(rows.samples, rows.scene)
     # The fit's error comes from block sums, that of the model from `predict` on the recording. Rows
     # average noise out, and samples outside all rows may have larger errors.
-    fitted = math.hypot(rms(fit.table.residual(fit.keys, derivatives=False)),
+    fitted = math.hypot(rms(fit.table.residual(fit.terms, derivatives=False)),
                         noise_floor(rows, rows.target) if rows.length > 1 else 0.0)
     if after['fit_rmse'] > thresholds.WRITTEN_ERROR * max(fitted, held_out):
         yield finding('written', error=after['fit_rmse'], fitted=fitted)

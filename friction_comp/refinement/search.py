@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.effect_columns import Key, Table
+from friction_comp.refinement.effect_columns import Table, Term
 
 
 def total(errors: Sequence[np.ndarray]) -> float:
@@ -65,7 +65,7 @@ class Search:
     block is in the fitted sample as often as they say, and those with weight 0 are held out.
     """
 
-    def __init__(self, table: Table, candidates: list[Key], fixed: Sequence[Key] = (),
+    def __init__(self, table: Table, candidates: list[Term], fixed: Sequence[Term] = (),
                  weights: np.ndarray | None = None) -> None:
         self.table, self.candidates, self.fixed = table, candidates, fixed
         self._resampled = weights is not None
@@ -74,13 +74,13 @@ class Search:
         # A resampled sample holds out too few blocks to test their mean.
         self._standard_errors = 1.0 if self._resampled else float(thresholds.STANDARD_ERRORS)
 
-    def improve(self, keys: list[Key]) -> list[Key]:
+    def improve(self, terms: list[Term]) -> list[Term]:
         """Return terms, after one was added, with better constants; may replace `candidates`."""
-        return keys
+        return terms
 
-    def errors(self, keys: Sequence[Key]) -> list[np.ndarray]:
+    def errors(self, terms: Sequence[Term]) -> list[np.ndarray]:
         """Return the squared errors of held-out blocks, and of held-out regions where there are."""
-        table, sums, columns = self.table, self.table.sums, self.table.indices(keys)
+        table, sums, columns = self.table, self.table.sums, self.table.indices(terms)
         if self._resampled:
             coefficients = sums.fits(columns, self._weights[None])
             errors = sums.squares(columns, np.repeat(coefficients, len(self._weights), axis=0))
@@ -88,9 +88,9 @@ class Search:
         blocks = np.bincount(table.block, table.left_out(columns))
         return [blocks, sums.left_out(columns, table.region)] if self._regions else [blocks]
 
-    def error(self, keys: Sequence[Key]) -> float:
+    def error(self, terms: Sequence[Term]) -> float:
         """Return the sum of the held-out squared errors of a fit of some terms."""
-        return total(self.errors(keys))
+        return total(self.errors(terms))
 
     def improves(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
                  share: float = 1.0) -> bool:
@@ -109,104 +109,105 @@ class Search:
                 return False
         return True
 
-    def complete(self, keys: Sequence[Key]) -> list[Key]:
+    def complete(self, terms: Sequence[Term]) -> list[Term]:
         """Return terms together with the joint's own terms that groups of other joints need.
 
         An inertia or a weight that depends on other joints also has a part of the joint alone.
         Without that part, the group would have to represent both, and fail in other postures.
         """
-        groups = [key.group for key in keys if key.group]
+        groups = [term.group for term in terms if term.group]
         needed = {'gravity' if group.kind == 'weight' else 'inertia' for group in groups}
-        needed -= {key.effect for key in keys if not key.group}
-        return [*keys, *(key for key in self.table.terms if not key.group and key.effect in needed)]
+        needed -= {term.kind.name for term in terms if not term.group}
+        return [*terms, *(term for term in self.table.columns_of
+                          if not term.group and term.kind.name in needed)]
 
-    def separable(self, keys: Sequence[Key]) -> list[Key]:
+    def separable(self, terms: Sequence[Term]) -> list[Term]:
         """Return the terms without collinear ones, the last removed first.
 
         Over a short range a spring looks like a weight, and at one speed curvature like an offset:
         such terms get large coefficients that cancel, and mislead wherever the joint has not been.
         """
-        keys = list(keys)
+        terms = list(terms)
         while True:
-            columns = self.table.indices(keys, derivatives=False)
+            columns = self.table.indices(terms, derivatives=False)
             share = dict(zip(columns, self.table.sums.own_share(columns)))
-            collinear = [key for key in keys if key not in self.fixed and max(
-                share[column] for column in self.table.columns_of[key]) < thresholds.OWN_SHARE]
+            collinear = [term for term in terms if term not in self.fixed and max(
+                share[column] for column in self.table.columns_of[term]) < thresholds.OWN_SHARE]
             if not collinear:
-                return keys
-            keys.remove(collinear[-1])
+                return terms
+            terms.remove(collinear[-1])
 
-    def shortlist(self, keys: Sequence[Key]) -> list[Key]:
+    def shortlist(self, terms: Sequence[Term]) -> list[Term]:
         """Return the best candidates, one of each effect, by the error that is fitted."""
-        counts = Counter(key.effect for key in keys)
-        allowed = [key for key in self.candidates if key not in keys and (
-            key.group or counts[key.effect] < self.table.terms[key].kind.most)]
+        counts = Counter(term.kind for term in terms)
+        allowed = [term for term in self.candidates if term not in terms and (
+            term.group or counts[term.kind] < term.kind.most)]
         if not allowed:
             return []
         sums = np.tensordot(self._weights, self.table.sums.gram, 1)
-        reductions = gains(sums, self.table.indices(keys),
-                           [self.table.columns_of[key] for key in allowed], self.table.sums.signs)
-        best: dict[Any, Key] = {}
+        reductions = gains(sums, self.table.indices(terms),
+                           [self.table.columns_of[term] for term in allowed], self.table.sums.signs)
+        best: dict[Any, Term] = {}
         for index in np.argsort(-reductions, kind='stable'):
-            key = allowed[index]
+            term = allowed[index]
             if reductions[index] > 0.0:
-                best.setdefault((key.effect, key.group), key)
+                best.setdefault((term.kind, term.group), term)
         return list(best.values())[:int(thresholds.SHORTLIST)]
 
-    def forward(self, keys: Sequence[Key]) -> list[Key]:
+    def forward(self, terms: Sequence[Term]) -> list[Term]:
         """Add terms while one is an improvement, and remove those that became superfluous."""
-        keys = list(keys)
-        before = self.errors(keys)
-        while len(keys) < thresholds.MOST_EFFECTS:
+        terms = list(terms)
+        before = self.errors(terms)
+        while len(terms) < thresholds.MOST_EFFECTS:
             trials = []
-            for key in self.shortlist(keys):
-                after = self.errors(self.complete([*keys, key]))
+            for term in self.shortlist(terms):
+                after = self.errors(self.complete([*terms, term]))
                 if (self.improves(before, after)
-                        and len(self.separable([*keys, key])) > len(keys)):
-                    trials.append((total(after), key))
+                        and len(self.separable([*terms, term])) > len(terms)):
+                    trials.append((total(after), term))
             if not trials:
                 break
             transition = self.table.transition
-            grown = self.complete([*keys, min(trials, key=lambda trial: trial[0])[1]])
+            grown = self.complete([*terms, min(trials, key=lambda trial: trial[0])[1]])
             grown = self.backward(self.improve(grown))
             now = self.errors(grown)
             if not total(now) < total(before):
                 self.table.set_transition(*transition)
                 break
-            keys, before = grown, now
-        return keys
+            terms, before = grown, now
+        return terms
 
-    def backward(self, keys: Sequence[Key]) -> list[Key]:
+    def backward(self, terms: Sequence[Term]) -> list[Term]:
         """Remove terms that are no improvement, the least useful first."""
-        keys = self.complete(keys)
+        terms = self.complete(terms)
         while True:
-            full = self.errors(keys)
-            trials: list[tuple[float, Key]] = []
-            for key in keys:
-                rest = [other for other in keys if other != key]
-                if key in self.fixed or key in self.complete(rest):
+            full = self.errors(terms)
+            trials: list[tuple[float, Term]] = []
+            for term in terms:
+                rest = [other for other in terms if other != term]
+                if term in self.fixed or term in self.complete(rest):
                     continue
                 without = self.errors(rest)
-                stays = 1.0 if key.group else thresholds.STAYS
+                stays = 1.0 if term.group else thresholds.STAYS
                 if not self.improves(without, full, stays):
-                    trials.append((total(without), key))
+                    trials.append((total(without), term))
             if not trials:
-                return keys
-            keys.remove(min(trials, key=lambda trial: trial[0])[1])
+                return terms
+            terms.remove(min(trials, key=lambda trial: trial[0])[1])
 
-    def exchange(self, keys: Sequence[Key]) -> list[Key]:
+    def exchange(self, terms: Sequence[Term]) -> list[Term]:
         """Replace terms by other effects where that lowers the error."""
-        keys = list(keys)
-        for key in list(keys):
-            if key in self.fixed:
+        terms = list(terms)
+        for term in list(terms):
+            if term in self.fixed:
                 continue
-            rest = [other for other in keys if other != key]
-            limit = self.error(keys) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
+            rest = [other for other in terms if other != term]
+            limit = self.error(terms) * (1.0 - thresholds.STAYS * thresholds.LEAST_SHARE)
             trials = [(self.error([*rest, other]), other)
                       for other in self.shortlist(rest)
-                      if (other.effect, other.group) != (key.effect, key.group)
+                      if (other.kind, other.group) != (term.kind, term.group)
                       and len(self.separable([*rest, other])) > len(rest)]
-            error, other = min(trials, default=(math.inf, key), key=lambda trial: trial[0])
+            error, other = min(trials, default=(math.inf, term), key=lambda trial: trial[0])
             if error < limit:
-                keys[keys.index(key)] = other
-        return keys
+                terms[terms.index(term)] = other
+        return terms
