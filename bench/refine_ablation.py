@@ -98,7 +98,7 @@ def other_settings(without):
 
 def constants_of_the_grid():
     """Leave constants where the grid has them."""
-    from friction_comp.refinement.constants import _with_current_loads
+    from friction_comp.refinement.search import _with_current_loads
 
     everywhere('adjust_constants', lambda table, terms, rounds=3, only=None: _with_current_loads(
         table, list(terms)))

@@ -8,11 +8,10 @@ from test_prepare import swings
 
 from friction_comp.drive import Drive
 from friction_comp.model.effects import EFFECTS
-from friction_comp.refinement.constants import adjust_constants
 from friction_comp.refinement.effect_columns import base_columns, proposals, Table, Term
 from friction_comp.refinement.naming import intervals, repeat_search, Stability
 from friction_comp.refinement.prepare import prepare
-from friction_comp.refinement.search import Search, total
+from friction_comp.refinement.search import adjust_constants, Search, total
 from friction_comp.refinement.thresholds import table as thresholds
 
 COGGING = {'frequency': 14.0, 'growth': 0.0, 'speed': 1.0, 'transition': 0.01}

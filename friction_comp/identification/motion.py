@@ -50,6 +50,7 @@ class Motion(ABC):
     """A joint's movements as generators that yield currents in A and are handed samples."""
 
     def __init__(self, goal: MotionGoal, drive: Drive) -> None:
+        goal.check(drive)
         self.goal, self.drive = goal, drive
         # Must know the measured current to be the commanded one before the first push.
         self.supervision = Supervision(goal, drive)

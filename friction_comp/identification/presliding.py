@@ -190,17 +190,16 @@ def _below_hull(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return the largest depth below the concave hull, and its distance from the hull's corner."""
     corners = [0]
     for k in range(1, len(x)):
-        while len(corners) > 1 and _rises(x, y, corners[-2], corners[-1], k):
+        while len(corners) > 1:
+            i, j = corners[-2:]
+            if (y[j] - y[i]) * (x[k] - x[j]) > (y[k] - y[j]) * (x[j] - x[i]):
+                break
             corners.pop()
         corners.append(k)
     gap = np.interp(x, x[corners], y[corners]) - y
     lowest = int(np.argmax(gap))
     before = corners[int(np.searchsorted(corners, lowest, side='right')) - 1]
     return float(gap[lowest] / np.max(y)), float(x[lowest] - x[before])
-
-
-def _rises(x: np.ndarray, y: np.ndarray, i: int, j: int, k: int) -> bool:
-    return bool((y[j] - y[i]) * (x[k] - x[j]) <= (y[k] - y[j]) * (x[j] - x[i]))
 
 
 def crossed_backlash(ramps: Sequence[RampFriction], directions: Sequence[int],

@@ -84,7 +84,12 @@ def evaluate_ramps(ramps: Sequence[Ramp], stopping: Sequence[Ramp], slope: float
     both = [(ramp, slide_begin(*_measured(ramp), ramp.direction, resolution), friction_of(ramp))
             for ramp in ramps]
     known = [(ramp, begin, peak) for ramp, begin, peak in both if begin and peak]
-    warnings = _lost(len(ramps) - len(known), len(ramps))
+    count, lost = len(ramps), len(ramps) - len(known)
+    if lost > _MOST_LOST * count:
+        raise IdentificationError(
+            f'{lost} of {count} ramps show no clear breakaway: the joint creeps; '
+            'ask for a steeper ramp_slope')
+    warnings = [f'{lost} of {count} ramps show no clear breakaway'] if lost else []
     kept, peaks = [ramp for ramp, _, _ in known], [peak for _, _, peak in known]
     directions = [ramp.direction for ramp in kept]
     begins = [begin for _, begin, _ in known]
@@ -111,14 +116,6 @@ def _measured(ramp: Ramp) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return time, position and current of the samples whose current was measured."""
     time, position, current = ramp.samples[np.isfinite(ramp.samples[:, 2])].T
     return time, position, current
-
-
-def _lost(lost: int, count: int) -> list[str]:
-    if lost > _MOST_LOST * count:
-        raise IdentificationError(
-            f'{lost} of {count} ramps show no clear breakaway: the joint creeps; '
-            'ask for a steeper ramp_slope')
-    return [f'{lost} of {count} ramps show no clear breakaway'] if lost else []
 
 
 def _lower_bound(shares: Sequence[float]) -> float:

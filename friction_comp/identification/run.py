@@ -266,7 +266,6 @@ class IdentificationRun(SupervisedRun):
     _script: Script
 
     def __init__(self, goal: IdentificationGoal, drive: Drive) -> None:
-        goal.check(drive)
         super().__init__(Script(goal, drive))
         self.goal = goal
         self.warnings: list[str] = []

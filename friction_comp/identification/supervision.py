@@ -88,7 +88,11 @@ class Supervision:
         if math.isfinite(current):
             self._currents.take(time, min(step, _STEP), command, current)
             self._compare_currents()
-        self._compare_ways(step, time, position, velocity)
+        # The position goes where the velocity leads.
+        if velocity is None or not math.isfinite(velocity) or step > _STEP:
+            self._ways.interrupt()
+        elif fault := self._ways.take(time, position, velocity):
+            raise IdentificationError(fault)
         if friction is not None and math.isfinite(acceleration):
             self._expect_motion(step, time, position, command, friction, acceleration)
 
@@ -137,17 +141,6 @@ class Supervision:
             return []
         return [f'the measured current is {gain:.2f} times the commanded one: torque constant, '
                 'gear ratio or current controller are not quite as the model file has them']
-
-    # The position goes where the velocity leads.
-
-    def _compare_ways(self, step: float, time: float, position: float,
-                      velocity: float | None) -> None:
-        if velocity is None or not math.isfinite(velocity) or step > _STEP:
-            self._ways.interrupt()
-            return
-        fault = self._ways.take(time, position, velocity)
-        if fault:
-            raise IdentificationError(fault)
 
     # A current well above friction must accelerate the joint.
 

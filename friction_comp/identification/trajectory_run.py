@@ -114,5 +114,4 @@ class TrajectoryRun(SupervisedRun):
     """One trajectory, from standstill to zero current; see `SupervisedRun`."""
 
     def __init__(self, goal: TrajectoryGoal, drive: Drive) -> None:
-        goal.check(drive)
         super().__init__(FollowTrajectory(goal, drive))

@@ -18,7 +18,6 @@ from friction_comp.model.effects import EFFECTS
 from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.constants import adjust_constants
 from friction_comp.refinement.effect_columns import (
     base_columns,
     neighbourhood,
@@ -30,7 +29,7 @@ from friction_comp.refinement.effect_columns import (
 from friction_comp.refinement.naming import Intervals, Stability
 from friction_comp.refinement.prepare import blocks_of_samples, prepare, Rows, with_settings
 from friction_comp.refinement.recorded_motion import differentiations, plain_columns
-from friction_comp.refinement.search import Search
+from friction_comp.refinement.search import adjust_constants, Search
 from friction_comp.refinement.sums import held_out
 from friction_comp.samples import Samples
 

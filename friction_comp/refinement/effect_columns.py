@@ -59,10 +59,7 @@ class Term:
         return self.kind.matrix(rows.samples, self.constants)
 
     def same_effect(self, other: Term, span: float) -> bool:
-        """Return whether another term is the same effect with similar constants.
-
-        `span` is the range of position, rad.
-        """
+        """Return whether another term is the same effect, its constants similar over `span` rad."""
         if self.kind is not other.kind or self.group != other.group:
             return False
         if self.kind.most == 1:
@@ -195,9 +192,9 @@ class Table:
         columns = range(len(signs))
         return float(sums.squares(columns, sums.fit(columns)[None])[0])
 
-    def coefficients(self, terms: Sequence[Term], derivatives: bool = False) -> dict[int, float]:
+    def coefficients(self, terms: Sequence[Term]) -> dict[int, float]:
         """Return the coefficient of each column index, fitted to all blocks."""
-        indices = self.indices(terms, derivatives)
+        indices = self.indices(terms, derivatives=False)
         return dict(zip(indices, map(float, self.sums.fit(indices))))
 
     def draw_blocks(self, rng: np.random.Generator) -> np.ndarray:

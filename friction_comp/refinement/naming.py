@@ -23,9 +23,8 @@ import numpy as np
 from scipy import stats
 
 from friction_comp.refinement import thresholds
-from friction_comp.refinement.constants import free_constants, slopes, unit_of
 from friction_comp.refinement.effect_columns import Table, Term
-from friction_comp.refinement.search import Search
+from friction_comp.refinement.search import free_constants, Search, slopes, unit_of
 from friction_comp.refinement.sums import BlockSums
 from friction_comp.statistics import robust_std
 
@@ -47,8 +46,9 @@ class Stability:
 
     def renamed(self, names: dict[Term, Term]) -> Stability:
         """Return the same results under the new names of terms whose constants have changed."""
-        return Stability(*({names.get(term, term): value for term, value in results.items()}
-                           for results in (self.chosen, self.alternatives)))
+        return Stability(
+            {names.get(term, term): share for term, share in self.chosen.items()},
+            {names.get(term, term): others for term, others in self.alternatives.items()})
 
     def named(self, term: Term) -> bool:
         """Return whether a term is chosen often enough to be named."""

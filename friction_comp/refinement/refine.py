@@ -19,13 +19,13 @@ from friction_comp.model.friction_model import FrictionModel
 from friction_comp.model.sigmoid import Sigmoid
 from friction_comp.refinement import thresholds
 from friction_comp.refinement.attempt import find_best_fit, Fit, fit_eq6_alone, Question
-from friction_comp.refinement.constants import adjust_constants, at_limit
 from friction_comp.refinement.effect_columns import base_columns, MOST_SHIFT, PLAIN, Table, Term
 from friction_comp.refinement.judge import rms
 from friction_comp.refinement.naming import Elsewhere, intervals, repeat_search
 from friction_comp.refinement.prepare import join
 from friction_comp.refinement.recorded_motion import settings_for_arm
 from friction_comp.refinement.report import report_of
+from friction_comp.refinement.search import adjust_constants, at_limit
 from friction_comp.samples import Samples
 
 _STEEPNESSES = 16
