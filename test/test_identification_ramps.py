@@ -10,7 +10,7 @@ import pytest
 
 from friction_comp.identification.excitation import at_position
 from friction_comp.identification.goal import IdentificationError
-from friction_comp.identification.inertia import acceleration_of_cycle, local_parabolas
+from friction_comp.identification.kinetic import acceleration_of_cycle, local_parabolas
 from friction_comp.identification.presliding import (
     combined_presliding,
     common_stiffness,

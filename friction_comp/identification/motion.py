@@ -18,8 +18,7 @@ from typing import NoReturn
 from friction_comp.drive import Drive
 from friction_comp.identification.excitation import at_travel
 from friction_comp.identification.goal import IdentificationError, MotionGoal
-from friction_comp.identification.inertia import acceleration_of_push
-from friction_comp.identification.kinetic import KineticPoint
+from friction_comp.identification.kinetic import acceleration_of_push, KineticPoint
 from friction_comp.identification.supervision import Sample, Supervision
 from friction_comp.identification.velocity_control import (
     BANDWIDTH,

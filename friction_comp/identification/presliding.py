@@ -22,7 +22,7 @@ import math
 
 import numpy as np
 
-from friction_comp.identification.inertia import local_parabolas
+from friction_comp.identification.kinetic import local_parabolas
 from friction_comp.statistics import noise_level
 
 # rad/s above which a joint has left presliding; later samples are not breakaway.

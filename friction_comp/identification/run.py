@@ -25,8 +25,8 @@ from friction_comp.identification.goal import (
     IdentificationGoal,
     IdentificationResult,
 )
-from friction_comp.identification.inertia import acceleration_of_cycle
 from friction_comp.identification.kinetic import (
+    acceleration_of_cycle,
     constant_velocity_currents,
     KineticPoint,
     merge_points,
