@@ -56,8 +56,9 @@ def test_the_transition_goes_where_friction_changes_its_sign():
     shifted = 0.5 * np.tanh((samples.velocity - 0.006) / 0.05) + 0.2 * samples.velocity
     found = table_of(samples.with_(current=shifted))
     found.fit_transition([], rounds=12)
-    assert found.shift == pytest.approx(0.006, abs=0.002)
-    assert found.steepness == pytest.approx(2.0 / 0.05, rel=0.05)
+    steepness, shift = found.transition
+    assert shift == pytest.approx(0.006, abs=0.002)
+    assert steepness == pytest.approx(2.0 / 0.05, rel=0.05)
 
 
 def test_a_search_names_what_is_there_and_no_more(rippled):

@@ -93,12 +93,12 @@ class Table:
     """Columns of terms on the rows of a recording, shape (P, R), and their sums over cells.
 
     A cell holds the rows of one block and one region of posture: `block` and `region` tell which,
-    for each cell. `steepness` and `shift` are those of the transition of Eq. 6, s/rad and rad/s.
+    for each cell.
     """
 
     def __init__(self, rows: Rows, steepness: float, shift: float = 0.0) -> None:
         self.rows, self.target = rows, rows.averaged(rows.target)
-        self.steepness, self.shift = steepness, shift
+        self.transition = steepness, shift  # of Eq. 6, s/rad and rad/s
         self.columns_of: dict[Term, list[int]] = {}  # indices of the columns of each term added
         cells, cell = np.unique(
             rows.block * (int(rows.region.max()) + 1) + rows.region, return_inverse=True)
@@ -239,15 +239,10 @@ class Table:
                 break
         self.set_transition(*current)
 
-    @property
-    def transition(self) -> tuple[float, float]:
-        """The steepness and the shift of Eq. 6."""
-        return self.steepness, self.shift
-
     def set_transition(self, steepness: float, shift: float) -> None:
         """Set the steepness and the shift of Eq. 6 and recompute its columns."""
         if (steepness, shift) != self.transition:
-            self.steepness, self.shift = steepness, shift
+            self.transition = steepness, shift
             self.columns[:BASE] = self._base(steepness, shift)
             self._update_sums(slice(0, BASE))
 

@@ -174,8 +174,7 @@ def model_of(fit: Fit, question: Question) -> FrictionModel:
     table, rows, settings = fit.table, fit.rows, fit.settings
     coefficients = table.coefficients(fit.terms)
     offset, coulomb, viscous = (coefficients[column] for column in range(PLAIN))
-    sigmoid = Sigmoid(upper=offset + coulomb, lower=offset - coulomb, steepness=table.steepness,
-                      shift=table.shift, viscous=viscous)
+    sigmoid = Sigmoid(offset + coulomb, offset - coulomb, *table.transition, viscous)
     moving = rows.samples.take(rows.usable)
     effects: list[Effect] = []
     groups, gains = [], []
