@@ -50,8 +50,6 @@ RULES = {
     'slip': {PARAMETERS + 'LOWERED': 1.0},
     'early slip': {PARAMETERS + 'EARLY': 1.0},
     'least trust': {PARAMETERS + 'LEAST_TRUST': 0.0},
-    'earliest': {OPERATOR + 'EARLIEST': 0.0},
-    'early time': {OPERATOR + 'EARLY_TIME': math.inf},
     'taken back beyond the identified speeds': {OPERATOR + 'TAKEN_TIME': math.inf},
     'changes of the announcement': {OPERATOR + 'MOST_CHANGES': math.inf},
     'fade': {PARAMETERS + 'FADE': 1e6},

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gears of bench/independent_gear obey the physics they claim, so their verdicts count."""
 
+import importlib
 from pathlib import Path
 import sys
 
@@ -196,6 +197,23 @@ def test_a_joint_left_alone_stays_and_a_firm_person_is_stable():
         push(plant, lambda time: np.zeros(len(gears)), 2.0)
         assert np.all(np.abs(plant.states['link_velocity']) < 1e-3)
         assert np.all(np.abs(plant.states['link']) < 2e-3)
+
+
+@pytest.mark.parametrize('name', ['independent_gear', 'mujoco_gear'])
+def test_who_holds_a_joint_from_the_beginning_takes_it_where_it_is(name):
+    """Else persons would pull joints, and let go of those that they are to push, before time."""
+    if name == 'mujoco_gear':
+        pytest.importorskip('mujoco', reason='MuJoCo is not in this environment')
+    other = importlib.import_module(f'{name}.world')
+    gears = np.concatenate([other.draw_gears(kind, 1, EVEN) for kind in other.KINDS])
+    persons = draw_persons([FIRM] * len(gears), gears['static'], EVEN)
+    persons['push_travel'] = 0.03
+    persons['push'][::2], persons['start'] = 1.0, 5.0
+    plant = other.Plant(gears, persons, EVEN)
+    begin = plant.states['link'].copy()
+    push(plant, lambda time: np.zeros(len(gears)), 0.3)
+    assert np.all(np.abs(plant.states['link'] - begin) < 2e-3)
+    assert not plant.states['let_go'].any()
 
 
 def test_draws_are_the_same_again_and_halves_differ():

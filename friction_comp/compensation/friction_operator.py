@@ -22,10 +22,6 @@ from friction_comp.compensation.guards import in_doubt, soft_end
 from friction_comp.compensation.records import FREE, HELD, LEADING
 from friction_comp.compiling import njit
 
-EARLIEST, EARLY_TIME = 0.75, 0.16
-"""A slip is early above this share of the preload and within this time in s of leading. Below
-this share, a person moved the joint; later, the push of a person has grown to the last tenth of
-friction, or the preload waited for an oscillating gear."""
 TAKEN_TIME = 0.5
 """s in which trust falls from one to zero above the identified speeds."""
 MOST_CHANGES, CHANGE_TIME = 2.5, 1.0
@@ -82,7 +78,9 @@ def lead(p: Any, s: Any, aim: float) -> None:
         moved = s.position - s.lead_position
         if abs(moved) > p.slip:
             if moved * aim > 0.0:
-                early = abs(s.ramp) > EARLIEST and s.since < EARLY_TIME
+                # The law moves the joint at about the speed above which z waits. The push of a
+                # person grows more slowly.
+                early = s.since < p.lead_time + 0.5 * p.slip / p.lead_speed
                 _slipped(p, s, p.early * abs(s.ramp) if early else p.lowered)
                 s.rest_position = s.lead_position
             s.mode, s.still_time, s.still_position = FREE, 0.0, s.position
