@@ -50,8 +50,8 @@ class ArmResult:
                 'held_out_rmse_without': fit.without[k], 'held_out_rmse': fit.held_out[k],
                 **by_name(tree.parameters[k].tolist()), 'mass_urdf': fit.start.parameters[k, 0],
                 'intervals': {'current_per_torque': bounds.scales[k].tolist(),
-                              **by_name(np.where(np.isfinite(bounds.parameters[k]),
-                                                 bounds.parameters[k], None).tolist())},
+                              **by_name([[end if np.isfinite(end) else None for end in ends]
+                                         for ends in bounds.parameters[k].tolist()])},
                 'told_by_recording': by_name(bounds.told[k].tolist()),
             } for k, name in enumerate(tree.joints)],
             'notes': list(self.notes)}
